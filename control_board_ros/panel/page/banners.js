@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Banners: faults with their way out, requests to take over, a lost connection.
+// Banners: faults and their recovery, takeover requests, a lost connection.
 
 import { h, setText } from "./dom.js";
 import { frameCharts } from "./frame.js";
@@ -7,7 +7,7 @@ import { frameCharts } from "./frame.js";
 // The code of an emergency stop.
 const STOPPED = 24;
 
-// What to do before a fault is cleared, by its code.
+// Next step before a fault is cleared, by its code.
 const ADVICE = {
   0: "Release the emergency stop.", 1: "Look for what blocks the joint or overloads its motor.",
   2: "Let the motor cool: it worked above its continuous current.", 8: "Check the torque sensor and its cable.",
@@ -43,15 +43,15 @@ function callAttention() {
   }
 }
 
-/** Give an element these children, moving and replacing none that stays: a finger may be on it. */
+/** Set the children of an element without replacing those that stay: a finger may be on one. */
 function keepChildren(element, children) {
   for (const child of [...element.children]) if (!children.includes(child)) child.remove();
   children.forEach((child, k) => { if (element.children[k] !== child) element.insertBefore(child, element.children[k] ?? null); });
 }
 
 /**
- * The banners. One that is there stays the same element as long as it says the same thing:
- * its buttons stay under the finger, its countdown goes on, and it calls for attention once.
+ * The banners. A banner keeps its element while its content is the same: its buttons stay under
+ * the finger, its countdown continues, and it signals once.
  */
 export class Banners {
   constructor(element, panel) {
@@ -79,7 +79,7 @@ export class Banners {
     this.tick();
   }
 
-  /** A request to take over, from its receipt to its answer. */
+  /** A takeover request, until its answer. */
   begin(asking) {
     const { browsers, seconds } = this.panel.model.operator;
     this.asked = asking;
@@ -115,7 +115,7 @@ export class Banners {
       h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause."), " ", button, frame) };
   }
 
-  /** The freeze frame of a fault, or no longer. */
+  /** Show or hide the freeze frame of a fault. */
   async showFrame(board, joint, fault, button, frame) {
     if (frame.hidden) {
       const answer = await this.panel.request("frame", { board: board.name, joint: fault.name });
@@ -126,13 +126,13 @@ export class Banners {
     button.setAttribute("aria-expanded", String(!frame.hidden));
   }
 
-  /** Every joint of every board stays without power until it is recovered. */
+  /** Release the emergency stop: every joint stays without power until recovered. */
   async releaseStop() {
     const text = "Release the emergency stop of every board? The joints stay without power until they are recovered.";
     if (await this.panel.questions.ask(text, "Release", { safe: true })) this.panel.request("estop", { on: false });
   }
 
-  /** What was in a fault goes back to its mode before, all joints of a board or none; what must wait says so. */
+  /** Recover the faulted joints of each board, all or none, to their previous modes; some must wait. */
   async recoverAll() {
     for (const board of new Set(this.faults.map((entry) => entry.board))) {
       const joints = this.faults.filter((entry) => entry.board === board).map((entry) => entry.fault.name);

@@ -51,7 +51,7 @@ export class Card {
     this.refresh();
   }
 
-  /** Whether a position may be sent: a long way asks for confirmation, with the ghost at its end. */
+  /** Whether a position may be sent: a long way requires confirmation, with the ghost at its end. */
   async mayGo(value, kind) {
     const { joint, panel } = this;
     const from = joint.state?.position ?? value;
@@ -77,7 +77,7 @@ export class Card {
     return Number.isFinite(time) ? `${time.toFixed(1)} s` : "at its set speed";
   }
 
-  /** After a change of modes, limits, units or of the operator. */
+  /** Update after a change of modes, limits, units or operator. */
   refresh() {
     const { joint } = this;
     this.element.dataset.mode = joint.mode;
@@ -134,7 +134,7 @@ export class Card {
     });
   }
 
-  /** Show all of the joint, or close it again. */
+  /** Show or hide the details. */
   expand(open) {
     if (open !== this.body.hidden) return;
     this.body.hidden = !open;
@@ -150,10 +150,10 @@ export class Card {
     }
   }
 
-  /** With every frame: the marks. */
+  /** Update the marks: with every frame. */
   draw() { for (const slider of this.sliders) slider.draw(); }
 
-  /** A few times a second: the numbers. */
+  /** Update the numbers: a few times a second. */
   write() {
     const { joint } = this;
     for (const { signal, element, shown, unit } of [this.position, ...this.values]) {
@@ -178,7 +178,7 @@ export class Card {
     }
   }
 
-  /** Cancel what was started at this card. */
+  /** Cancel inputs in progress. */
   drop() { for (const slider of this.sliders) slider.drop(); }
 
   close() { for (const slider of this.sliders) slider.close?.(); }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads a BoardState as it came over the wire: CDR, 8-byte numbers aligned to 8 bytes.
+// Reads a serialized BoardState: CDR, 8-byte numbers aligned to 8 bytes.
 
 const FLOATS_BEFORE = ["position", "velocity", "torque", "position_reference",
   "velocity_reference", "torque_reference", "output", "current"];
@@ -9,7 +9,7 @@ const FLOATS_AFTER = ["motor_position", "motor_velocity", "acceleration"];
 const text = new TextDecoder();
 const MOST = 120; // characters of a name
 
-/** A name as the server shows it (control_board_ros/text.py): characters that are none to be shown are replaced. */
+/** A name as shown by the server (control_board_ros/text.py): unprintable characters are replaced. */
 function clean(name) {
   const letters = [...name];
   const shown = letters.slice(0, MOST).join("").replace(/[\t\n\v\f\r\x85\u2028\u2029]/g, " ").replace(/[\p{Cc}\p{Cf}\p{Cs}\p{Co}\p{Cn}]/gu, "\ufffd");
@@ -18,7 +18,7 @@ function clean(name) {
 
 class Reader {
   constructor(buffer, start, length) {
-    // Alignment counts from behind the four bytes of the encoding.
+    // Alignment counts from the end of the four bytes of the encoding.
     this.view = new DataView(buffer, start + 4, length - 4);
     this.little = (new Uint8Array(buffer)[start + 1] & 1) === 1;
     this.at = 0;
@@ -26,7 +26,7 @@ class Reader {
   align(size) { this.at = Math.ceil(this.at / size) * size; }
   uint32() { this.align(4); const v = this.view.getUint32(this.at, this.little); this.at += 4; return v; }
   int32() { this.align(4); const v = this.view.getInt32(this.at, this.little); this.at += 4; return v; }
-  /** The count of elements of a size, bytes; 0 where the message is shorter. */
+  /** Number of elements of a size, bytes; 0 if the message is shorter. */
   count(size) {
     const n = this.uint32();
     if (n * size > this.view.byteLength - this.at) throw new RangeError("more than the message holds");
@@ -61,7 +61,7 @@ class Reader {
   }
 }
 
-/** Frames of boards, one behind the other: number and length (4 bytes each), then the message. */
+/** Concatenated frames of boards: number and length (4 bytes each), then the message. */
 export function readFrames(buffer) {
   const view = new DataView(buffer);
   const frames = [];

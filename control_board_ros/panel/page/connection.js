@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The WebSocket: requests with numbers and their answers, messages, frames; it comes back by itself.
+// The WebSocket: requests with numbers and their answers, messages, frames; reconnects by itself.
 
 import { readFrames } from "./cdr.js";
 
@@ -48,7 +48,7 @@ export class Connection extends EventTarget {
     this.emit(message.is, message);
   }
 
-  /** Send a request; a promise of its answer. The promise has the request's id. */
+  /** Send a request; returns a promise of its answer, with the request's id. */
   ask(what, fields = {}, progress = null) {
     const id = this.next++;
     const answer = new Promise((done) => {

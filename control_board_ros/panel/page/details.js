@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a joint has beside its state: speeds, impedance, gains, calibration.
+// Details of a joint: speeds, impedance, gains, calibration.
 
 import { h, setText } from "./dom.js";
 import { LABELS, number, parse, quantity, unitOf } from "./units.js";
@@ -7,11 +7,11 @@ import { LABELS, number, parse, quantity, unitOf } from "./units.js";
 const TITLES = { speed: "Reference speed", acceleration: "Reference acceleration", stiffness: "Stiffness", damping: "Damping" };
 const GAINS = ["kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"];
 const CONTROLLERS = { position: "Position PID", direct: "Direct PID", torque: "Torque PID", current: "Current PID" };
-// Of the motor, where it is measured; its current, output and temperature stand on the card.
+// Measurements of the motor, beside current, output and temperature on the card.
 const MOTOR = ["motor_position", "motor_velocity", "acceleration", "supply_voltage"];
 const plain = (value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(6))));
 
-/** A group of numbers that are applied together: the value in force, the one wanted. */
+/** A group of numbers applied together: values in force and wanted. */
 class Group {
   constructor(title, fields, panel, apply) {
     Object.assign(this, { fields, panel });
@@ -104,7 +104,7 @@ export class Details {
     this.load();
   }
 
-  /** A few times a second: what is measured of the motor. */
+  /** Update the motor's measurements: a few times a second. */
   write() {
     for (const { signal, shown, element } of this.motor) {
       const value = this.joint.state?.[signal];
@@ -142,7 +142,7 @@ export class Details {
     group.fill(values);
   }
 
-  /** A step or a chirp: asked about, recorded, and its report opened. */
+  /** A step or a chirp: confirmed, recorded, its report opened. */
   async measure(verb, words) {
     const { joint, panel } = this;
     const size = parse(this.size.value, "position", joint.sliding);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Making elements. Text is always set as text: names come from other machines.
+// Creates elements. Text is always set as text: names are of other machines.
 
 /** An element: h("button", {class: "a", onclick: f, "aria-label": "b"}, "text", child). */
 export function h(tag, attributes = {}, ...children) {
@@ -23,7 +23,7 @@ const SHAPES = {
   left: "M15 6l-6 6 6 6", right: "M9 6l6 6-6 6", fit: "M4 9V4h5M20 9V4h-5M4 15v5h5M20 15v5h-5", ghost: "M5 12a7 7 0 0 1 14 0v8l-3-2-2 2-2-2-2 2-2-2-3 2z",
 };
 
-/** A small drawing, for eyes only. */
+/** An icon, hidden from screen readers. */
 export function icon(name) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("viewBox", "0 0 24 24");
@@ -35,14 +35,14 @@ export function icon(name) {
   return svg;
 }
 
-/** New children; who was there with the keyboard is then on the chosen one. */
+/** Replace the children; a keyboard focus among them moves to the chosen one. */
 export function redraw(element, chosen, children) {
   const inside = element.contains(document.activeElement);
   element.replaceChildren(...children);
   if (inside) element.querySelector(chosen)?.focus();
 }
 
-/** A choice of a few, as one control: radio buttons that look like a bar. */
+/** A choice as one control: radio buttons that look like a bar. */
 export function segmented(element, label, options, chosen, choose) {
   redraw(element, "[aria-checked=true]", Object.entries(options).map(([value, text]) => h("button", {
     type: "button", role: "radio", "aria-checked": String(value === chosen), "aria-label": `${label}: ${text}`,
@@ -52,8 +52,8 @@ export function segmented(element, label, options, chosen, choose) {
 }
 
 /**
- * A menu that acts by the mouse or by Enter. Arrow keys and letters walk through it and choose
- * nothing yet; left so, it shows again what is so.
+ * A menu that acts by the mouse or by Enter. Arrow keys and letters only browse; left without
+ * Enter, it shows the value in force again.
  */
 export function chooseOnce(select, choose, current) {
   let walking = false;
@@ -79,7 +79,7 @@ export function chooseOnce(select, choose, current) {
   select.addEventListener("blur", () => { if (walking) leave(); });
 }
 
-/** Set text only where it differs: what stays costs nothing. */
+/** Set a text only if it differs. */
 export function setText(element, text) {
   if (element.shown !== text) { element.shown = text; element.textContent = text; }
 }

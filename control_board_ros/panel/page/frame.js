@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The freeze frame of a fault: what was measured and followed around it, as small charts.
+// The freeze frame of a fault: measurements and references around it, as small charts.
 
 import { h } from "./dom.js";
 import { unitOf } from "./units.js";
 
 const WIDTH = 240, HEIGHT = 64;
-// Title, what was measured, what was followed.
+// Title, measured signal, reference.
 const CHARTS = [
   ["Position", "position", "position_reference"], ["Torque", "torque", "torque_reference"],
   ["Current", "current", null], ["Output", "output", null],
@@ -37,7 +37,7 @@ function chart([title, measured, followed], rows, sliding) {
   return h("figure", {}, svg, h("figcaption", {}, `${title} ${(factor * low).toPrecision(3)} to ${(factor * high).toPrecision(3)} ${unit}`));
 }
 
-/** The charts of a freeze frame; the upright line is the fault, dashed is what was followed. */
+/** The charts of a freeze frame; vertical line: the fault, dashed: the reference. */
 export function frameCharts(rows, sliding) {
   const from = rows.time[0].toFixed(1), to = rows.time.at(-1).toFixed(1);
   return h("div", { class: "frame", role: "group", "aria-label": `From ${from} s to ${to} s around the fault` },

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dragging a joint in the 3D view sets its target: as its slider would, with the same limits and questions.
+// Dragging a joint in the 3D view sets its target, with the limits and questions of its slider.
 
 import * as THREE from "three";
 import { PositionSlider } from "./sliders.js";
@@ -9,7 +9,7 @@ const NEAR = 0.02; // share of the distance to the eye: a point as near to the a
 const TURN = 0.01; // rad for each px then
 const LOOK = 80; // ms between looks at what is under the pointer
 
-/** The nearest joint above a part that moves it, fixed ones left out. */
+/** The nearest joint that moves a part; not a fixed one. */
 function jointOf(part) {
   for (let above = part; above; above = above.parent) if (above.isURDFJoint && above.jointType !== "fixed") return above;
   return null;
@@ -42,7 +42,7 @@ export class Grasp {
     return this.ray.ray;
   }
 
-  /** What is under the pointer: the joint in the robot, its slider, the point; null where nothing is to be dragged. */
+  /** Joint, slider and point under the pointer; null where nothing can be dragged. */
   find(event) {
     const { view } = this;
     if (!this.on || !view.robot) return null;
@@ -60,7 +60,7 @@ export class Grasp {
     this.mark(this.find(event));
   }
 
-  /** Show which joint would be dragged. */
+  /** Highlight the joint under the pointer. */
   mark(found) {
     const name = found?.joint.name ?? null;
     if (name === this.over) return;
@@ -94,7 +94,7 @@ export class Grasp {
     this.view.drawn = 0;
   }
 
-  /** How far the joint goes with the pointer, rad or m. */
+  /** Displacement of the joint by the pointer, rad or m. */
   way(event) {
     const { joint, origin, axis, point } = this.held;
     if (joint.jointType === "prismatic") return this.along(event);
@@ -109,7 +109,7 @@ export class Grasp {
     return Math.atan2(from.clone().cross(to).dot(axis), from.dot(to));
   }
 
-  /** An axis that is seen from the side, or that is held itself: across it on the screen turns it. */
+  /** An axis seen from the side, or grasped itself: motion across it on the screen turns it. */
   bySide(event) {
     const { camera } = this.view;
     const across = this.held.axis.clone().cross(camera.getWorldDirection(new THREE.Vector3())).normalize();
@@ -118,7 +118,7 @@ export class Grasp {
     return -TURN * (across.dot(right) * (event.clientX - this.held.x) - across.dot(up) * (event.clientY - this.held.y));
   }
 
-  /** A joint that slides: the nearest point of its axis to the line of sight. */
+  /** A sliding joint: the nearest point of its axis to the line of sight. */
   along(event) {
     const { point, axis } = this.held;
     const ray = this.aim(event);
@@ -128,7 +128,7 @@ export class Grasp {
     return apart < 1e-3 ? 0 : (axis.dot(between) - cross * ray.direction.dot(between)) / apart;
   }
 
-  /** Let go: what the slider would do, for a way that a tap on its track has chosen. */
+  /** Released: as a tap on the track of the slider. */
   release(event) {
     event.stopPropagation();
     const { slider } = this.held;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How joints are laid out: as cards, as a table with a line for each, as a phone's list of which one is open.
+// Layout of joints: cards, a table with a line for each, or a phone's list with one open.
 
 import { h, segmented } from "./dom.js";
 
@@ -18,7 +18,7 @@ export class Layout {
 
   get kept() { return this.panel.cards.length > MANY ? "view of many" : "view"; }
 
-  /** What is chosen, or fits: cards, table or list. */
+  /** The layout, chosen or fitting: cards, table or list. */
   get view() {
     if (narrow.matches) return "list";
     return localStorage.getItem(this.kept) ?? (this.panel.cards.length > MANY ? "table" : "cards");
@@ -37,7 +37,7 @@ export class Layout {
     });
   }
 
-  /** A joint is opened: in a list, the others close. */
+  /** Open a joint; in a list, close the others. */
   opened(card) {
     if (this.view === "list") for (const other of this.panel.cards) if (other !== card) other.expand(false);
   }

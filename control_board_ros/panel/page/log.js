@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was done, by whom, as lines to copy.
+// The log of actions: by whom, as lines to copy.
 
 import { h, icon, segmented, toast } from "./dom.js";
 
@@ -10,7 +10,7 @@ async function copy(text) {
   try {
     await navigator.clipboard.writeText(text);
   } catch {
-    // Without https, browsers of other machines have no clipboard for pages: the old way.
+    // Without https, pages of other machines have no clipboard API.
     const area = h("textarea", { class: "offscreen", "aria-hidden": "true" });
     area.value = text;
     document.body.append(area);
@@ -22,7 +22,7 @@ async function copy(text) {
 }
 
 
-/** The lines of entries that were done, oldest first, as a program of the world. */
+/** The lines of successful entries, oldest first, as a program of the world. */
 function script(entries, world) {
   const done = entries.filter((entry) => entry.lines?.[world] && entry.ok !== false);
   const board = (name) => `board = ControlBoardClient(node, ${JSON.stringify(name)})`;
@@ -62,7 +62,7 @@ export class Log {
     if (!this.entries.length) this.list.replaceChildren(h("li", { class: "hint" }, "Everything that is done shows here, as lines to copy."));
   }
 
-  /** What was done before this page came. */
+  /** Entries before this page was opened. */
   begin(entries) {
     this.entries = [];
     for (const entry of entries) this.take(entry);
@@ -77,7 +77,7 @@ export class Log {
     this.all.disabled = false;
   }
 
-  /** Keep an entry; whether it replaces the one before it: positions of one slider, sent live. */
+  /** Keep an entry; returns whether it replaces the one before: positions of one slider, sent live. */
   take(entry) {
     const last = this.entries[0];
     const again = last && entry.live && last.live && entry.ok && last.ok && last.what === entry.what

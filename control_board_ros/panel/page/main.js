@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: tabs of boards, cards of joints, and what is shared by all of them.
+// The page: tabs of boards, cards of joints, and shared controls.
 
 import { Banners } from "./banners.js";
 import { Card } from "./card.js";
@@ -76,11 +76,11 @@ class Panel {
     this.opening = setTimeout(() => this.openView(), VIEW_AFTER);
   }
 
-  // Asking
+  // Requests
 
   ask(what, fields, progress) { return connection.ask(what, fields, progress); }
 
-  /** A request whose refusal is shown in any case. */
+  /** A request; a refusal is always shown. */
   request(what, fields, progress) {
     const asked = connection.ask(what, fields, progress);
     return Object.assign(asked.then((answer) => {
@@ -96,7 +96,7 @@ class Panel {
 
   release(fields) { connection.ask("release", fields); }
 
-  /** Every joint of every board; what was started before is void. Success is what the boards answered. */
+  /** STOP every joint of every board; voids inputs in progress. Success is the boards' answer. */
   stop() {
     this.poses.end();
     this.drop();
@@ -111,7 +111,7 @@ class Panel {
     });
   }
 
-  /** The power of every joint of every board, at once, without confirmation. */
+  /** Disable every joint of every board at once, without confirmation. */
   emergencyStop() {
     this.poses.end();
     this.drop();
@@ -122,7 +122,7 @@ class Panel {
     });
   }
 
-  /** Positions that are being chosen are void, held controls end, questions are answered with no. */
+  /** Void positions being chosen, release held controls, answer questions with no. */
   drop() {
     this.drops += 1;
     this.questions.end(false);
@@ -134,7 +134,7 @@ class Panel {
     connection.ask("targets", { board: board.name }).then((answer) => { if (answer.ok) model.setTargets(board, answer.targets); });
   }
 
-  /** Controls that command are for the operator of a board that lives; the others see them. */
+  /** Enable controls that command for the operator of an answering board. */
   permit(element) {
     const dead = !model.mayOperate || element.closest(".silent") !== null;
     for (const control of element.querySelectorAll(".command")) {
@@ -260,7 +260,7 @@ class Panel {
     });
   }
 
-  /** The first state is on the screen: now there is time for the view in 3D. */
+  /** Load the 3D view after the first state is shown. */
   begun() {
     this.seen = performance.mark("first state shown");
     this.openView();

@@ -10,13 +10,13 @@ const SIGNALS = ["position", "velocity", "torque", "position_reference", "veloci
 const SILENT = 800; // ms without a state after which a board counts as gone
 const DRAWN = 150; // ms that a frame of the page counts for at most
 
-/** One joint, with what is known of it. */
+/** One joint: limits, modes, state, target. */
 class Joint {
   constructor(board, index, name, short) {
     Object.assign(this, { board, index, name, short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
       state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null, hasBrake: false });
   }
-  /** The target of the running move, of any program; null where none runs, or it is unknown yet. */
+  /** The target of the active move, of any program; null without a move, or if unknown. */
   get goal() { return this.state && !this.state.motion_done ? this.target : null; }
   get sliding() { return this.kind === "prismatic"; }
   get lower() { return this.limits.lower ?? -Math.PI; }
@@ -26,18 +26,18 @@ class Joint {
 
 class Board {
   constructor(name, number) {
-    Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], heard: 0, interval: 0, quiet: 0 });
+    Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], received: 0, interval: 0, quiet: 0 });
   }
-  /** A state came, ms of the page. */
-  hear(now) {
-    if (this.heard) this.interval += 0.1 * (Math.min(now - this.heard, 1000) - this.interval);
-    this.heard = now;
+  /** A state is received at a time of the page, ms. */
+  receive(now) {
+    if (this.received) this.interval += 0.1 * (Math.min(now - this.received, 1000) - this.interval);
+    this.received = now;
     this.quiet = 0;
   }
-  /** Seconds without a state, where that is long for a board that lives; else 0. */
+  /** Seconds without a state if longer than usual; else 0. */
   get silence() {
-    if (!this.heard || this.quiet <= Math.max(SILENT, 4 * this.interval)) return 0;
-    return (performance.now() - this.heard) / 1000;
+    if (!this.received || this.quiet <= Math.max(SILENT, 4 * this.interval)) return 0;
+    return (performance.now() - this.received) / 1000;
   }
   get space() { return this.name.slice(0, this.name.lastIndexOf("/")); }
   get title() { return this.name.replace(/^\//, ""); }
@@ -74,7 +74,7 @@ export class Model extends EventTarget {
 
   get mayOperate() { return this.you !== null && this.you === this.operator.holder; }
 
-  /** The page has drawn for these ms: messages wait meanwhile, which is no board's silence. */
+  /** The page has drawn for these ms: messages were queued, which is no board's silence. */
   pass(ms) { for (const board of this.boards.values()) board.quiet += Math.min(ms, DRAWN); }
 
   withBoard(name, change) {
@@ -147,7 +147,7 @@ export class Model extends EventTarget {
     let begun = false;
     for (const shown of [board, ...this.partsOf(board)]) {
       shown.stamp = state.stamp;
-      shown.hear(performance.now());
+      shown.receive(performance.now());
       for (const joint of shown.joints) {
         const now = states[places.get(joint.name)];
         if (!now) continue; // its state names others than its modes do
@@ -163,7 +163,7 @@ export class Model extends EventTarget {
     if (begun) this.emit("move", board);
   }
 
-  /** The boards that a robot's own board repeats, all of them; none of any other board. */
+  /** The parts of a robot's own board; none of any other board. */
   partsOf(whole) {
     if (whole.joints.length < 2) return [];
     const names = new Set(whole.joints.map((joint) => joint.name));
@@ -172,7 +172,7 @@ export class Model extends EventTarget {
     return parts.reduce((sum, part) => sum + part.joints.length, 0) === names.size ? parts : [];
   }
 
-  /** The boards to watch in order to see these: a robot's own, where all its parts are among them. */
+  /** The boards to watch for these: a robot's own instead of all its parts. */
   sources(boards) {
     let left = [...boards];
     const found = [];
@@ -185,7 +185,7 @@ export class Model extends EventTarget {
     return [...found, ...left];
   }
 
-  /** Boards as the robot has its parts, its own board behind them; others by name. */
+  /** Boards in order: parts as in the robot, then its own board; others by name. */
   inOrder(boards) {
     const wholes = [...this.boards.values()].filter((board) => this.partsOf(board).length);
     const place = (board) => {
@@ -196,13 +196,13 @@ export class Model extends EventTarget {
     return [...boards].sort((a, b) => a.space.localeCompare(b.space) || place(a) - place(b) || a.name.localeCompare(b.name));
   }
 
-  /** A board's name, without what all boards begin with. */
+  /** A board's name without the common beginning of all. */
   titleOf(board) {
     const one = [...this.boards.values()].every((other) => other.space === board.space);
     return one && this.boards.size > 1 ? board.name.slice(board.space.length + 1) : board.title;
   }
 
-  /** Boards that are no sum of others: a robot's own node repeats its parts. */
+  /** Boards without robots' own, which repeat their parts. */
   get parts() {
     const boards = [...this.boards.values()];
     return boards.filter((board) => {

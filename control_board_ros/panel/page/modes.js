@@ -3,7 +3,7 @@
 
 import { quantity } from "./units.js";
 
-/** A table of words: a code of a stranger, "constructor" or "__proto__", finds nothing in it. */
+/** A table of words; foreign codes such as "constructor" or "__proto__" find nothing in it. */
 const table = (words) => Object.assign(Object.create(null), words);
 
 export const MODES = table({
@@ -12,7 +12,7 @@ export const MODES = table({
 });
 export const INTERACTIONS = table({ stif: "Stiff", comp: "Compliant" });
 
-/** What a mode accepts: position (a slider that sends), or a hold (acts while held). */
+/** The references a mode accepts: position (a slider that sends), or a hold (acts while held). */
 export const TAKES = table({
   pos: ["position"], posd: ["direct"], mix: ["position", "velocity"], vel: ["velocity"],
   torq: ["torque"], open: ["output"], veld: ["veldirect"], icur: ["current"],
@@ -38,7 +38,7 @@ const FREE = table({
   icur: (load) => `In current control nothing holds its place: it carries ${load}, and runs when its load changes.`,
 });
 
-/** What a change of mode lets go of: a sentence, or nothing where the joint stays. */
+/** The effect of a change of mode on a loaded joint: a sentence; empty if it stays. */
 export function whatFalls(joint, mode) {
   const { state } = joint;
   if (mode === "idl" && joint.hasBrake) return "";
@@ -47,7 +47,7 @@ export function whatFalls(joint, mode) {
   return FREE[mode](quantity(state.torque, "torque", joint.sliding));
 }
 
-/** Why a joint does not move now, or that a move is under way; empty where there is nothing to say. */
+/** Why a joint does not move, or that a move is active; empty otherwise. */
 export function whyStill(joint) {
   const { mode, state } = joint;
   if (!state) return "Waiting for its state.";

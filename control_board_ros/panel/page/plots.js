@@ -8,7 +8,7 @@ const WINDOWS = { 5: "5 s", 20: "20 s", 60: "60 s" };
 const HEIGHT = 150; // px
 const MOST = 12; // signals
 const BESIDE = { position: "position_reference", velocity: "velocity_reference", torque: "torque_reference" }; // drawn with it, dashed
-// Modes in which there is such a reference: else there is none to draw.
+// Modes with such a reference; in others none is drawn.
 const FOLLOWS = {
   position: (mode) => ["pos", "posd", "mix", "vel", "veld"].includes(mode),
   velocity: (mode) => ["pos", "mix", "vel", "veld"].includes(mode),
@@ -16,7 +16,7 @@ const FOLLOWS = {
 };
 const COLOURS = ["#4c9be8", "#e8964c", "#5cba7d", "#d8636f", "#a884e0", "#c9b23e", "#45b5bd", "#d77fb8", "#8f9aa8", "#b08357", "#6f86f0", "#7fae3c"];
 
-// The span that a chart has at least, by unit: noise stays small.
+// Minimum span of a chart, by unit: noise stays small.
 const LEAST = { "°": 2, rad: 0.02, "°/s": 2, "rad/s": 0.05, mm: 2, "mm/s": 2, "N·m": 1, N: 1, "%": 2, A: 0.2, "°C": 2 };
 
 function wide(low, high, least) {
@@ -54,13 +54,13 @@ export class Plots {
     if (signal) for (const { joint } of this.panel.cards.slice(0, MOST)) if (!this.find(joint, signal)) this.add(joint, signal);
   }
 
-  /** The boards whose signals are plotted, shown or not: they are received, too. */
+  /** The boards whose signals are plotted, also hidden ones: their states are received. */
   get boards() {
     const { model } = this.panel;
     return [...new Set(this.signals.map((s) => model.boards.get(s.board)))].filter(Boolean);
   }
 
-  /** A joint and a signal for people; with the board, where there are several. */
+  /** A joint and a signal for display; with the board if several are plotted. */
   nameOf(s) {
     const { model } = this.panel;
     const board = model.boards.get(s.board);
@@ -94,7 +94,7 @@ export class Plots {
     this.pauseButton.setAttribute("aria-pressed", String(paused));
   }
 
-  /** With each state of a board. */
+  /** Add a state of a board. */
   take(board) {
     if (this.paused) return;
     for (const s of this.signals) {
@@ -178,7 +178,7 @@ export class Plots {
     }
   }
 
-  /** What is on the screen of a signal: times before its board's last state, s; its values, and those of its reference. */
+  /** The visible part of a signal: times before its board's last state, s; its values, and its reference's. */
   seen(s) {
     const now = Math.max(...this.signals.filter((other) => other.board === s.board).map((other) => other.times.at(-1) ?? -Infinity));
     const found = s.times.findIndex((t) => t >= now - this.window);
@@ -208,7 +208,7 @@ export class Plots {
     whole.toBlob((picture) => download("plots.png", picture));
   }
 
-  /** What is seen, in the boards' units: rad, rad/s, N·m, %, A, °C; time 0 is a board's last state. */
+  /** The visible part as CSV: rad, rad/s, N·m, %, A, °C; time 0 is a board's last state. */
   saveTable() {
     const names = [];
     const columns = [];
@@ -227,7 +227,7 @@ export class Plots {
   }
 }
 
-/** The curves of a chart: each signal, and behind it its reference where it has one. */
+/** The curves of a chart: each signal, followed by its reference, if any. */
 function curves(signals) {
   return signals.flatMap((s) => (s.beside ? [{ s, reference: false }, { s, reference: true }] : [{ s, reference: false }]));
 }

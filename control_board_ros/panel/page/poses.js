@@ -10,7 +10,7 @@ export class Poses {
     element.hidden = true;
   }
 
-  /** The board shown; of all joints, the robot's own node, where there is one. */
+  /** The board shown; for all joints, the robot's own node if any. */
   get board() {
     const shown = this.panel.shownBoards();
     if (shown.length === 1) return shown[0];

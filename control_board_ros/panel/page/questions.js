@@ -7,7 +7,7 @@ export class Questions {
   constructor(element, panel) {
     Object.assign(this, { element, panel, open: null });
     element.hidden = true;
-    // The key that brought the question up, still held, answers nothing.
+    // The key that opened the question, still held, does not answer it.
     element.addEventListener("keydown", (event) => { if (event.repeat) event.preventDefault(); });
   }
 
@@ -30,7 +30,7 @@ export class Questions {
     });
   }
 
-  /** Answer what is open. */
+  /** Answer the open question. */
   end(value) {
     const { open } = this;
     this.open = null;

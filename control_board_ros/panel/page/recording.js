@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recording what is shown, notes in it, and the reports that came of it.
+// Recordings of the boards shown, notes in them, and their reports.
 
 import { h, redraw, setText } from "./dom.js";
 
-/** The link of a report; it has an origin of its own. */
+/** The link of a report, which has an opaque origin. */
 export const reportOf = (name) => `report/${encodeURIComponent(name)}`;
 
 export class Recording {
@@ -34,7 +34,7 @@ export class Recording {
 
   permit() { this.panel.permit(this.element); }
 
-  /** How long it has been recording. */
+  /** The duration of the recording. */
   tick() {
     const { running, since } = this.state;
     setText(this.time, running ? `${Math.max(Date.now() / 1000 - since, 0).toFixed(0)} s` : "");
@@ -47,7 +47,7 @@ export class Recording {
     if (answer.ok && answer.report) this.open(answer.report);
   }
 
-  /** Open a report; where the browser lets no window open by itself, its link is there. */
+  /** Open a report; its link remains if the browser blocks the window. */
   open(name) { window.open(reportOf(name), "_blank", "noopener"); }
 
   async write() {

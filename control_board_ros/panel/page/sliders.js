@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sliders: one that sends a position when it is let go, and one that acts only while it is held.
+// Sliders: one sends a position on release, one acts only while held.
 
 import { h, icon, toast } from "./dom.js";
 import { inDegrees, number, parse, quantity, unitOf } from "./units.js";
 
 const LIVE_EVERY = 50; // ms between positions in live mode
-const CONFIRM_EVERY = 60; // ms between words that a control is still held
-const SENT = 1200; // ms that a value which was sent shows, until the board's target does
-const HANDLE = 16; // px across the handle of a slider; what is pressed further away is the track
-const TOUCH_DELAY = 150; // ms that a finger rests on a button before it acts: scrolling is no press
-const SLIP = 8; // px that it may move meanwhile
+const CONFIRM_EVERY = 60; // ms between confirmations of a held control
+const SENT = 1200; // ms that a sent value is shown at most, until the board's target
+const HANDLE = 16; // px, width of a slider's handle; beside it is the track
+const TOUCH_DELAY = 150; // ms that a finger rests on a button before it acts: not for scrolling
+const SLIP = 8; // px that it may move in this time
 
 const percent = (value, lower, upper) => `${(100 * Math.min(Math.max((value - lower) / (upper - lower), 0), 1)).toFixed(2)}%`;
 
@@ -19,7 +19,7 @@ function range(label, lower, upper, step) {
   return input;
 }
 
-/** A handle that a finger drags; cancelled by scrolling, by the system, by leaving the page. */
+/** A handle for a finger; cancelled by scrolling, by the system, by leaving the page. */
 function dragHandle(handle, input, { begin, move, end, cancel }) {
   let finger = null;
   const value = (event) => {
@@ -84,14 +84,14 @@ export class PositionSlider {
     this.upper.textContent = joint.endless ? "∞" : number(joint.upper, "position", joint.sliding).replace(/\.0$/, "");
   }
 
-  /** Where the handle is on the screen, px. */
+  /** Position of the handle on the screen, px. */
   handleAt() {
     const box = this.input.getBoundingClientRect();
     const { lower, upper } = this.joint;
     return box.left + HANDLE / 2 + (box.width - HANDLE) * Math.min(Math.max((this.shown - lower) / (upper - lower), 0), 1);
   }
 
-  /** A pointer or a key begins anew; whether it has the handle. */
+  /** Begin a pointer's or key's input, on the handle or not. */
   begin(onHandle) { Object.assign(this, { onHandle, voided: false }); }
 
   moved() {
@@ -104,7 +104,7 @@ export class PositionSlider {
     if (this.isLive() && performance.now() - this.sentAt > LIVE_EVERY) this.give(value, true);
   }
 
-  /** Let go: a long way that a drag of the handle did not show asks first. */
+  /** Released: a long way that no drag of the handle has shown is confirmed first. */
   released() {
     this.dragging = false;
     this.joint.proposed = null;
@@ -146,10 +146,10 @@ export class PositionSlider {
     this.send(value, live);
   }
 
-  /** Cancel what was started here: nothing is sent, and the board's target shows again. */
+  /** Cancel the input: nothing is sent, and the board's target is shown again. */
   drop() {
     this.dragging = false;
-    this.voided = true; // also what a pointer that is still down goes on to choose
+    this.voided = true; // also of a pointer that is still down
     this.sentAt = -Infinity;
     this.joint.proposed = null;
     this.draw();
@@ -175,7 +175,7 @@ export class PositionSlider {
   }
 }
 
-/** A slider that acts while it is held, and two buttons that do the same. */
+/** A slider that acts while held, and two buttons likewise. */
 export class HoldSlider {
   constructor(joint, kind, { hold, release }) {
     Object.assign(this, { joint, kind, hold, release, timer: 0, value: 0 });
@@ -245,7 +245,7 @@ export class HoldSlider {
     return button;
   }
 
-  /** A mouse acts at once; a finger once it rests: one that scrolls the page commands nothing. */
+  /** A mouse acts at once, a finger once it rests: scrolling commands nothing. */
   press(event, button, start) {
     if (event.pointerType !== "touch") { button.setPointerCapture(event.pointerId); start(); return; }
     const rests = setTimeout(() => { settled(); button.setPointerCapture(event.pointerId); start(); }, TOUCH_DELAY);
@@ -273,7 +273,7 @@ export class HoldSlider {
     if (!event.repeat) this.begin(this.rest() + direction * this.typed(), this.input);
   }
 
-  /** A control is held; it is the one that lets go, too: another one only loses its focus. */
+  /** Hold a control; only this one releases it, not another one's loss of focus. */
   begin(value, control) {
     this.control = control;
     this.value = Math.min(Math.max(value, -this.limit), this.limit);
@@ -284,7 +284,7 @@ export class HoldSlider {
     this.timer = setInterval(() => this.hold(this.value), CONFIRM_EVERY);
   }
 
-  /** The control lets go; without one, whatever is held does. */
+  /** Release the control; without one, any held control. */
   end(control = this.control) {
     if ([this.input, this.handle, this.control].includes(control)) this.pressed = false;
     if (control !== this.control) return;
@@ -296,7 +296,7 @@ export class HoldSlider {
     this.input.value = String(this.rest());
   }
 
-  /** What is held ends: STOP. */
+  /** End held controls: STOP. */
   drop() { this.end(); }
 
   draw() {

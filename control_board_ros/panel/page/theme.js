@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dark or light: as the system, also when it changes; otherwise as chosen.
+// Dark or light: as the system, also after its changes, or as chosen.
 
 import { icon } from "./dom.js";
 
 const light = matchMedia("(prefers-color-scheme: light)");
 
-/** Draw the page in its colours now, and with each change; the button chooses the other ones. */
+/** Apply the theme now and after each change; the button chooses the other one. */
 export function followTheme(button, changed) {
   const draw = () => {
     const system = light.matches ? "light" : "dark";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Quantities for people: degrees or radians, millimetres, and the rest as the board has it.
+// Quantities for display: degrees or radians, millimetres, others in the board's units.
 
 const DEGREE = Math.PI / 180;
 let degrees = (localStorage.getItem("unit") ?? "deg") === "deg";
@@ -53,10 +53,10 @@ export function quantity(value, signal, sliding) {
   return `${number(value, signal, sliding)}${gap}${unit}`;
 }
 
-// Units that positions, speeds and accelerations may be typed in, in the board's.
+// Accepted units of positions, speeds and accelerations, as factors to the board's.
 const GIVEN = { rad: new Map([["deg", DEGREE], ["°", DEGREE], ["rad", 1]]), m: new Map([["mm", 0.001], ["cm", 0.01], ["m", 1]]) };
 
-/** A typed value, in the board's unit; null where it is no number. "90deg" and "1.5rad", too. */
+/** A typed value in the board's unit, also "90deg" and "1.5rad"; null if invalid. */
 export function parse(text, signal, sliding) {
   const found = /^\s*([-+−]?\d*[.,]?\d+(?:e[-+]?\d+)?)\s*(.*?)\s*$/i.exec(text);
   if (!found) return null;
@@ -70,7 +70,7 @@ export function parse(text, signal, sliding) {
   return scale === undefined ? null : value * scale;
 }
 
-/** Names without what all of them begin with: lbr_iiwa_joint_1 → joint_1. */
+/** Names without their common beginning: lbr_iiwa_joint_1 → joint_1. */
 export function shortNames(names) {
   if (names.length < 2) return [...names];
   let front = names.reduce((a, b) => { let k = 0; while (k < a.length && a[k] === b[k]) k++; return a.slice(0, k); });

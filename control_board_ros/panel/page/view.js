@@ -23,7 +23,7 @@ function jointsAbove(part) {
   return names;
 }
 
-/** Where a joint is wanted: as proposed, where it follows, or where it is. */
+/** The wanted position of a joint: proposed, else its reference in modes that follow one, else measured. */
 function wantedOf(joint) {
   return joint.proposed ?? (FOLLOWING.includes(joint.mode) ? joint.state.position_reference : joint.state.position);
 }
@@ -79,7 +79,7 @@ export class View {
     this.dragButton.setAttribute("aria-pressed", String(this.grasp.on));
   }
 
-  /** The arrow keys turn the view, + and − go nearer and further. */
+  /** Arrow keys turn the view, + and − zoom. */
   turn(event) {
     const way = this.camera.position.clone().sub(this.controls.target);
     const round = { ArrowLeft: -0.1, ArrowRight: 0.1 }[event.key];
@@ -154,14 +154,14 @@ export class View {
     this.fit();
   }
 
-  /** A description that cannot be drawn is left out; the rest of the page goes on. */
+  /** Omit a description that cannot be drawn; the rest of the page works. */
   fail(error) {
     for (const robot of [this.robot, this.ghost]) if (robot) this.scene.remove(robot);
     this.robot = this.ghost = null;
     this.note.textContent = `The robot's description cannot be drawn: ${String(error.message).slice(0, 200)}`;
   }
 
-  /** A material for each link of a joint, which its torque colours. */
+  /** A material per joint, coloured by its torque. */
   paint(robot) {
     this.colours.clear();
     for (const [name, joint] of Object.entries(robot.joints)) {
@@ -207,7 +207,7 @@ export class View {
     this.drawn = 0;
   }
 
-  /** Fit again where a joint has left the picture, unless the view was turned by hand. */
+  /** Fit the view again if a joint has left it, unless turned by hand. */
   keepInside() {
     const now = performance.now();
     if (!this.placed || this.grasp.held || now - this.checked < CHECK) return;
@@ -244,7 +244,7 @@ export class View {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Joints of the description that a board moves: where they are, where they are wanted, by which axis. */
+  /** Joints of the description moved by a board: measured and wanted position, axis. */
   places(board) {
     const rows = board.joints.map((joint, k) => [joint.name, [[k, 1]]]);
     const places = [];
