@@ -35,7 +35,7 @@ MESSAGE, CALL, ANSWER = 0x01, 0x02, 0x03
 
 
 class Foxglove:
-    """What Foxglove does with a connection: subscribe, ask, publish, and keep what comes."""
+    """Foxglove's side of a connection: subscribes, requests, publishes, keeps the messages."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self._connection = connection
@@ -48,7 +48,7 @@ class Foxglove:
         self.until(lambda: self.info and "/tf" in self.channels)
 
     def until(self, good: Callable[[], Any]) -> Any:
-        """Take what comes until something is so."""
+        """Receive messages until a condition is true."""
         deadline = time.monotonic() + TIMEOUT
         while not (found := good()):
             assert time.monotonic() < deadline, (sorted(self.channels), self._texts[-3:])
@@ -62,20 +62,20 @@ class Foxglove:
         if isinstance(raw, bytes):
             self._binaries.append(raw)
             return
-        told = json.loads(raw)
-        if told["op"] == "serverInfo":
-            self.info = told
-        elif told["op"] == "advertise":
-            self.channels |= {one["topic"]: one for one in told["channels"]}
-        elif told["op"] == "advertiseServices":
-            self.services |= {one["name"]: one for one in told["services"]}
-        self._texts.append(told)
+        message = json.loads(raw)
+        if message["op"] == "serverInfo":
+            self.info = message
+        elif message["op"] == "advertise":
+            self.channels |= {one["topic"]: one for one in message["channels"]}
+        elif message["op"] == "advertiseServices":
+            self.services |= {one["name"]: one for one in message["services"]}
+        self._texts.append(message)
 
-    def send(self, **told: Any) -> None:
-        self._connection.send(json.dumps(told))
+    def send(self, **fields: Any) -> None:
+        self._connection.send(json.dumps(fields))
 
     def message(self, topic: str, kind: Any, good: Callable[[Any], bool] = lambda _: True) -> Any:
-        """A message of a topic that is good, from now on."""
+        """The next message of a topic that fulfils a condition."""
         if topic not in self._subscribed:
             self._subscribed[topic] = number = len(self._subscribed) + 1
             channel = self.channels[topic]["id"]
@@ -111,10 +111,10 @@ class Foxglove:
         self._binaries.clear()
         return self.until(answer)
 
-    def parameters(self, **told: Any) -> dict[str, Any]:
-        """What the server says of parameters."""
+    def parameters(self, **fields: Any) -> dict[str, Any]:
+        """The server's answer about parameters."""
         self._texts.clear()
-        self.send(**told, id="asked")
+        self.send(**fields, id="asked")
         answer = self.until(
             lambda: next((t for t in self._texts if t["op"] == "parameterValues"), None)
         )
@@ -133,8 +133,8 @@ def process(board: BoardProcess) -> Iterator[tuple[str, int]]:
     command += [str(board.domain), "foxglove", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None
-        told = json.loads(running.stdout.readline())
-        yield told["address"], running.pid
+        printed = json.loads(running.stdout.readline())
+        yield printed["address"], running.pid
         running.terminate()
         assert running.wait(TIMEOUT) in (0, -15, 130, 143)
 

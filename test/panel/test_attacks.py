@@ -24,7 +24,7 @@ def shared() -> Iterator[Panel]:
 
 @pytest.fixture
 def panel(shared: Panel) -> Iterator[Panel]:
-    """The panel, with nobody connected and nothing asked of its board."""
+    """The panel without browsers, and without requests to its board."""
     board = shared.board()
     board.calls.made.clear()
     board.calls.refused = ""
@@ -144,7 +144,7 @@ def test_a_flood_ends_the_connection(panel: Panel) -> None:
 
     with pytest.raises(ConnectionClosed):
         flood()
-    answers = [message for message in browser.told if message["is"] == "answer"]
+    answers = [message for message in browser.kept if message["is"] == "answer"]
     assert len(answers) <= security.BURST + security.RATE * GUARD
     other = panel.browser()
     assert other.ask("watch", boards=["/b"])["ok"]
@@ -184,7 +184,7 @@ def test_so_many_browsers_and_no_more(panel: Panel) -> None:
     ],
 )
 def test_what_is_no_request(panel: Panel, message: str) -> None:
-    """It gets one line, and nothing reaches the board."""
+    """The answer is one line, and nothing reaches the board."""
     browser = panel.browser()
     browser.socket.send(message)
     answer = browser.read("answer")
@@ -232,7 +232,7 @@ COMMANDS: list[dict[str, object]] = [
 
 
 def test_read_only_commands_nothing() -> None:
-    """Nobody becomes the operator, and nothing reaches the board, not even STOP."""
+    """There is no operator, and nothing reaches the board, not even STOP."""
     with panel_of(StandIn("/b", 0, ["pos"]), read_only=True) as panel:
         browser = panel.browser()
         assert browser.read("hello")["read_only"] is True

@@ -24,7 +24,7 @@ def mode_of(client: ControlBoardClient, joint: str) -> str:
 
 
 def choose(page: Any, client: ControlBoardClient, joint: str, mode: str) -> None:
-    """Choose a mode in the page; the board then has it, and the page knows."""
+    """Choose a mode in the page; board and page then have it."""
     page.get_by_label(f"Control mode of {joint}", exact=True).select_option(mode)
     until(lambda: mode_of(client, joint) == mode)
     page.locator(f"article[aria-label='Joint {FRONT}{joint}'][data-mode='{mode}']").wait_for()
@@ -35,14 +35,14 @@ def target(client: ControlBoardClient, joint: str) -> float:
 
 
 def place(locator: Any, share: float = 0.5) -> tuple[float, float]:
-    """Where a control is on the screen, at a share of its width."""
+    """A point of a control on the screen, at a share of its width."""
     locator.scroll_into_view_if_needed()
     box = locator.bounding_box()
     return box["x"] + share * box["width"], box["y"] + box["height"] / 2.0
 
 
 def send(page: Any, joint: str, value: float) -> None:
-    """Type a position; a long way is asked about, again where a busy machine dropped that."""
+    """Type a position, and confirm a long way; again if a busy machine dropped the question."""
     box = page.get_by_label(f"Position reference of {joint}, typed; Enter sends")
     here = f"panel.cards.find((c) => c.joint.short === '{joint}').joint.state.position"
     far = abs(value - math.degrees(page.evaluate(here))) > 15.0
@@ -62,7 +62,7 @@ def send(page: Any, joint: str, value: float) -> None:
 
 
 def test_modes_and_interaction(page: Any, client: ControlBoardClient) -> None:
-    """The menu has what the joint has, and no more."""
+    """The menu has the modes of the joint only."""
     menu = page.get_by_label("Control mode of joint_3", exact=True)
     offered = [mode.code for mode in client.get_available_modes(f"{FRONT}joint_3")[0][0]]
     shown = menu.locator("option")
@@ -76,7 +76,7 @@ def test_modes_and_interaction(page: Any, client: ControlBoardClient) -> None:
 
 
 def test_positions(page: Any, client: ControlBoardClient) -> None:
-    """A slider sends when it is let go; typed numbers with Enter; arrow keys; live at once."""
+    """A slider sends on release; typed numbers with Enter; arrow keys; live at once."""
     typed = page.get_by_label("Position reference of joint_1, typed; Enter sends")
     typed.fill("12")
     assert abs(target(client, "joint_1")) < 0.01
@@ -123,7 +123,7 @@ def rests(client: ControlBoardClient, joint: int, signal: str) -> None:
 
 
 def test_velocity_acts_while_it_is_held(page: Any, client: ControlBoardClient) -> None:
-    """By slider, by button, by key; and it ends when the window loses its focus."""
+    """By slider, by button, by key; ends when the window loses its focus."""
     choose(page, client, "joint_5", "vel")
     page.get_by_text("Velocity is zero. Hold the slider to move.").first.wait_for()
     for name in ("up", "down"):
@@ -150,7 +150,7 @@ def test_velocity_acts_while_it_is_held(page: Any, client: ControlBoardClient) -
 
 
 def leaves(read: Callable[[], float], value: float) -> float:
-    """Wait until what is read is another value; that one."""
+    """Wait for another value; returns it."""
     until(lambda: abs(read() - value) > 0.3)
     return read()
 
@@ -241,7 +241,7 @@ def test_a_fault_is_shown_with_its_way_out(page: Any, client: ControlBoardClient
 
 
 def test_a_fault_is_recovered_from(page: Any, client: ControlBoardClient) -> None:
-    """E1: back into the mode before, where the joint is; one that must wait counts down."""
+    """E1: back to the previous mode at the present position; a wait is counted down."""
     banner = page.get_by_role("alert")
     client.inject_fault(f"{FRONT}joint_2", "overheating", True)
     banner.get_by_text("joint_2").wait_for()
@@ -268,7 +268,7 @@ def test_a_fault_is_recovered_from(page: Any, client: ControlBoardClient) -> Non
 def test_an_emergency_stop_needs_no_question_and_its_release_does(
     page: Any, client: ControlBoardClient
 ) -> None:
-    """E2: every joint without power at once; released they stay so until they are recovered."""
+    """E2: every joint without power at once, and after the release until recovered."""
     page.get_by_text("E-stop", exact=True).click()
     until(lambda: {mode_of(client, f"joint_{k}") for k in range(1, 8)} == {"hwfa"})
     banner = page.get_by_role("alert")
@@ -421,7 +421,7 @@ def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:
 
 
 def test_recording(page: Any, client: ControlBoardClient, recordings: Path) -> None:
-    """A button records, a note is in it, the report opens; and so do those of step and chirp."""
+    """A button records with a note and opens the report; likewise of step and chirp."""
     record = page.locator("#recording button.record")
     record.click()
     until(lambda: record.inner_text() == "Stop recording")
@@ -501,7 +501,7 @@ def test_units_theme_and_tabs(page: Any) -> None:
 
 
 def test_one_operates(page: Any, address: str, browser: Any) -> None:
-    """A phone asks to take over; STOP is in reach of its thumb; nothing is wider than it."""
+    """A phone requests control; STOP is in reach of the thumb; nothing is too wide."""
     with context_of(browser, **PHONE) as context:
         hand_over(page, context.new_page(), address)
     page.get_by_label("Step back: let others operate").click()
@@ -515,7 +515,7 @@ def hand_over(page: Any, phone: Any, address: str) -> None:
     phone.get_by_label("More of joint_7").wait_for()
     phone.locator("#operator .who:not(.off)").wait_for()
     if phone.get_by_text("You operate", exact=True).is_visible():
-        # A busy machine held the desk's page up for so long that it was taken for gone.
+        # On a busy machine the desk's page may have lost control.
         phone.get_by_label("Step back: let others operate").click()
         page.get_by_label("Operate", exact=True).click()
     page.get_by_text("You operate", exact=True).wait_for()
@@ -537,7 +537,7 @@ def hand_over(page: Any, phone: Any, address: str) -> None:
 
 
 def test_every_control_has_a_name_and_was_used(page: Any) -> None:
-    """The last of this file: what no test has used is named here."""
+    """Last of this file: every control was used by a test."""
     nameless = page.evaluate(
         "[...document.querySelectorAll('button, select, input, summary')]"
         ".filter((e) => !nameOf(e)).map((e) => e.outerHTML)"

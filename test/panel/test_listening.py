@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel hears a board again that it has not heard for a while."""
+"""The panel renews the subscriptions to a silent board."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_silent_board_is_listened_for_anew(monkeypatch: pytest.MonkeyPatch) ->
             late.create_timer(0.02, lambda: states.publish(STATE.load()(names=["a"])))
             until(lambda: watched.take() is not None)
             deaf = watched._subscription
-            node.destroy_subscription(deaf)  # as one that nobody sends to any more
+            node.destroy_subscription(deaf)  # no longer served
             until(lambda: board.poll() == {} and watched._subscription is not deaf)
             until(lambda: watched.take() is not None)
         board.close()

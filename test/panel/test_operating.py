@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who operates, what is held, what STOP does, and what happens when somebody goes."""
+"""The operator, held controls, STOP, and the end of a browser."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None
             panel.board().calls.wait_for("velocity_move", "b", 0.0)
             assert first.ask("mode", board="/b", joints=["a"], mode="idl")["ok"] is False
             assert second.ask("mode", board="/b", joints=["a"], mode="idl")["ok"]
-        assert first.read("operator", holder=None)  # the other panel has ended, and said so
+        assert first.read("operator", holder=None)  # the other panel has reported its end
 
 
 def test_what_is_held_ends_with_the_operator(panel: Panel) -> None:
@@ -127,14 +127,14 @@ def test_a_hold_ends_with_its_connection(panel: Panel) -> None:
 
 @pytest.mark.parametrize("how", ["release", "stop"])
 def test_letting_go_has_the_last_word(panel: Panel, how: str) -> None:
-    """Also where a reference is still on its way to the board when its control is let go."""
+    """Also if a reference is in transit to the board when its control is released."""
     calls = panel.board().calls
     calls.delay = 0.2
     browser = panel.browser()
     held = browser.send("hold", **HOLD)
     ended = {"release": {"board": "/b", "joint": "b", "kind": "velocity"}, "stop": {}}[how]
     assert browser.ask(how, **ended)["ok"]
-    if not any(message.get("id") == held for message in browser.told):
+    if not any(message.get("id") == held for message in browser.kept):
         browser.read("answer", id=held)
     sent = [call for call in calls.made if call[0] == "velocity_move"]
     assert sent[0] == ("velocity_move", "b", 0.5)
@@ -166,7 +166,7 @@ def test_a_move_is_cancelled_with_its_connection(panel: Panel) -> None:
 
 
 def test_stop_stops_everything(panel: Panel) -> None:
-    """Also of somebody who watches: moves end, holds end, joints under torque hold."""
+    """Also of a watcher: moves end, holds end, joints under torque hold."""
     operator, watcher = panel.browser(), panel.browser()
     operator.read("hello")
     watcher.read("hello")
@@ -179,13 +179,13 @@ def test_stop_stops_everything(panel: Panel) -> None:
     calls.wait_for("stop", ["a", "b"])
     calls.wait_for("set_control_mode", ["c"], ["pos"])
     assert not panel.hub.operating.holds
-    assert operator.read("log", what="stop")["by"] != operator.told[0]["you"]
+    assert operator.read("log", what="stop")["by"] != operator.kept[0]["you"]
 
 
 def test_what_others_command_is_told(panel: Panel) -> None:
     browser = panel.browser()
     browser.read("hello")
-    panel.board().heard.append("command/position: a 0.5")
+    panel.board().foreign.append("command/position: a 0.5")
     assert "a 0.5" in browser.read("log", who="another program")["what"]
 
 

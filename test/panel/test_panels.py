@@ -26,7 +26,7 @@ class Panel:
 
     def __post_init__(self) -> None:
         self.panels = Panels(self.name, self.lease, 0.0)
-        self.said = -PERIOD
+        self.beaten = -PERIOD
         self.last = Beat(panel=self.name)
 
     @property
@@ -63,9 +63,9 @@ class Domain:
         refused = panel.panels.settle(self.now)
         panel.refused += [] if refused is None else [refused]
         beat = panel.panels.beat(panel.name)
-        if beat != panel.last or self.now - panel.said >= PERIOD:
+        if beat != panel.last or self.now - panel.beaten >= PERIOD:
             panel.panels.sent(self.now)
-            panel.last, panel.said = beat, self.now
+            panel.last, panel.beaten = beat, self.now
             for other in self.panels:
                 self._send(panel.name, other, beat)
 
@@ -152,7 +152,7 @@ def test_a_lease_given_to_a_dead_panel_is_nobodys(domain: Domain) -> None:
 
 
 def test_a_panel_that_stood_still_is_not_sure_and_gives_way(domain: Domain) -> None:
-    """It was taken for dead; what it is asked before it has heard the others does nothing."""
+    """It had expired; requests before it has received the others' beats do nothing."""
     domain["b"].lease.ask(1, domain.now)
     domain["a"].lease.leave(1)
     domain.run(0.2)
@@ -173,8 +173,8 @@ def test_a_panel_that_stood_still_is_not_sure_and_gives_way(domain: Domain) -> N
 
 
 def test_who_was_faster_operates() -> None:
-    """A claim that was under way counts more than one that is only about to be said."""
-    domain = Domain("b", "a")  # b hears it with its next tick
+    """A claim in transit counts more than one not sent yet."""
+    domain = Domain("b", "a")  # b receives it with its next tick
     domain["a"].lease.ask(1, 0.0)
     domain.run(TICK)
     assert domain["b"].lease.ask(1, domain.now) == ""
@@ -183,7 +183,7 @@ def test_who_was_faster_operates() -> None:
 
 
 def test_a_refusal_counts_until_it_has_arrived() -> None:
-    """The wish is still heard for a while, and not asked again."""
+    """The request is still received for a while, and not repeated."""
     domain = Domain("a", "b")
     domain["a"].lease.ask(1, 0.0)
     domain.run(0.2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two panels as people start them, on one domain: one lease, which a dead panel does not keep."""
+"""Two panels on one domain: one lease, which a dead panel does not keep."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Running:
     browser: Browser
 
     def until_operator(self, holder: type) -> dict[str, Any]:
-        """Read until the operator is this: a browser of this panel, another panel, or nobody."""
+        """Read until the operator is a browser here (int), another panel (str), or none."""
         while True:
             shown = self.browser.read("operator")
             if isinstance(shown["holder"], holder):

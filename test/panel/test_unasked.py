@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nothing moves that nobody requested: the page in a real browser, judged by the board."""
+"""Nothing moves without a request: the page in a real browser, judged by the board."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from control_board_ros.testing import BoardProcess, board_process
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 FRONT = "lbr_iiwa_"
-#: ms in which what is sent would have reached the board.
+#: ms in which a sent reference reaches the board.
 LATER = 600
-#: Degrees: a joint that holds does not move so far.
+#: Degrees; maximum travel of a joint that holds.
 STILL = 0.3
 #: Degrees at which joint_2 carries the arm, away from its limits.
 CARRYING = 30.0
@@ -46,7 +46,7 @@ def card_of(page: Any, joint: str) -> Any:
 
 
 def shown(page: Any, joint: str) -> float:
-    """What the slider shows, degrees."""
+    """The value of the slider, degrees."""
     return math.degrees(float(slider_of(page, joint).input_value()))
 
 
@@ -61,7 +61,7 @@ def stop(page: Any, client: ControlBoardClient, joint: str) -> None:
 
 @pytest.fixture(autouse=True)
 def rested(page: Any, client: ControlBoardClient) -> Iterator[None]:
-    """The page operates, all joints hold, nothing is asked."""
+    """The page operates, all joints hold, no question is open."""
     operate(page)
     client.set_control_mode(None, "pos")
     if abs(degrees(client, "joint_2") - CARRYING) > STILL:  # it fell in a test before this one
@@ -104,7 +104,7 @@ def test_the_target_of_a_move_that_was_stopped_is_gone(
 def test_the_slider_shows_where_the_joint_is(
     page: Any, client: ControlBoardClient, how: str
 ) -> None:
-    """Whoever moved the joint, whatever lies behind it, the next step begins where it is."""
+    """After any history, the next step begins at the joint's position."""
     name, joint = f"{FRONT}joint_3", "joint_3"
     if how == "posd":
         client.set_control_mode(name, "posd")
@@ -115,7 +115,7 @@ def test_the_slider_shows_where_the_joint_is(
     client.position_move(name, client.get_encoder(name)[0] + 0.6, 0.2)
     until(lambda: moves(client, joint))
     target = math.degrees(client.get_target_position(name)[0])
-    until(lambda: abs(shown(page, joint) - target) < STILL)  # while it runs, of whoever began it
+    until(lambda: abs(shown(page, joint) - target) < STILL)  # while it runs, of any program
     client.stop(name)
     held = degrees(client, joint)
     assert abs(held - target) > 1.0
@@ -199,7 +199,7 @@ def test_the_menu_of_modes_acts_on_enter(page: Any, client: ControlBoardClient) 
     page.wait_for_timeout(LATER)
     assert client.get_control_mode(f"{FRONT}joint_3")[0].code == "pos"
     page.keyboard.press("Tab")
-    assert menu.input_value() == "pos"  # left, it shows what is so
+    assert menu.input_value() == "pos"  # left without Enter, it shows the present mode
     menu.focus()
     for _ in range(2):
         page.keyboard.press("ArrowDown")
@@ -314,10 +314,10 @@ def test_a_finger_that_scrolls_from_a_button_moves_nothing(
 def test_who_asks_to_take_over_is_seen(
     page: Any, client: ControlBoardClient, browser: Any, address: str
 ) -> None:
-    """Also on a page that is scrolled down; it says what happens without an answer.
+    """Also on a page that is scrolled down, with the consequence of no answer.
 
-    The banner is one element as long as the question is one: what happens meanwhile takes no
-    button from under a finger, begins no countdown anew and calls no second time.
+    The banner keeps its element while the question is the same: another banner takes no button
+    from under a finger, restarts no countdown and signals no second time.
     """
     page.evaluate("window.calls = 0; navigator.vibrate = () => { window.calls += 1; }; 0")
     asked = page.locator(".banner.ask")

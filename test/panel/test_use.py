@@ -163,7 +163,7 @@ def test_a_joint_is_dragged_in_the_view(page: Any, client: ControlBoardClient) -
     place = (0.0, 0.0)
 
     def aimed() -> bool:
-        """The pointer is on the joint; panes that come and go move the picture meanwhile."""
+        """The pointer is on the joint; panes that open and close move the picture."""
         nonlocal place
         place = on_screen(page, f"{FRONT}link_4")
         page.mouse.move(*place)
@@ -203,7 +203,7 @@ def test_a_joint_is_dragged_in_the_view(page: Any, client: ControlBoardClient) -
 
 
 def test_the_view_fits_again(page: Any) -> None:
-    """Where the arm leaves it, unless somebody has turned it; the button resets it."""
+    """If the arm leaves it, unless it was turned by hand; the button resets it."""
     view_is_drawn(page)
     far = "panel.view.camera.position.length()"
     fitted = page.evaluate(far)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page with a robot of two parts: heard through the robot's own board, driven part by part."""
+"""The page with a robot of two parts: states of the robot's own board, commands by part."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_part_is_driven_and_the_whole_stops(page: Any, client: ControlBoardCli
 
 
 def test_torque_held_in_a_part_goes_back(page: Any, client: ControlBoardClient) -> None:
-    """To what held the load, which only the robot's state tells here."""
+    """To the holding torque, known here from the robot's state only."""
     joint = JOINTS[5]
     page.get_by_label("Control mode of joint_6", exact=True).select_option("torq")
     until(lambda: shown(page, joint, "mode") == "torq")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recording looks like on the disk, read back by the library's own reader."""
+"""The files of a recording, read back by the library's own reader."""
 
 from __future__ import annotations
 
@@ -83,9 +83,9 @@ def test_the_metadata_are_those_of_rosbag2_in_jazzy(tmp_path: Path) -> None:
     bag.close()
     whole = yaml.safe_load((tmp_path / "bag/metadata.yaml").read_text("utf-8"))
     assert list(whole) == ["rosbag2_bagfile_information"]
-    told = whole["rosbag2_bagfile_information"]
-    topics = told.pop("topics_with_message_count")
-    assert list(told.items()) == [
+    found = whole["rosbag2_bagfile_information"]
+    topics = found.pop("topics_with_message_count")
+    assert list(found.items()) == [
         ("version", 9),
         ("storage_identifier", "mcap"),
         ("duration", {"nanoseconds": 2 * SECOND}),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorder that hears nothing looks for the board anew, and notes the gap."""
+"""A recorder without messages reconnects to the board, and records the gap."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_silent_board_is_looked_for_less_and_less_often() -> None:
     assert found.silent == [BOARD]
 
 
-def test_a_gap_has_begin_and_end_and_is_told_once() -> None:
+def test_a_gap_has_begin_and_end_and_is_reported_once() -> None:
     found = Gaps({BOARD: 100.0, "/other": 100.0}, 0.0, 0)
     assert found.received(BOARD, 1.0, 1_000_000_000) == b""
     assert not found.look(4.9)
@@ -78,8 +78,10 @@ class Kept:
 
 
 @pytest.mark.ros
-def test_a_recorder_hears_the_board_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """What its subscriptions do not hear any more, new ones do; the recording tells of the gap."""
+def test_a_recorder_receives_the_board_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """New subscriptions replace dead ones; the recording has the gap."""
     monkeypatch.setattr(module, "PATIENCE", 0.5)
     with free_domain() as domain, ros_node(domain, "late") as node:
         bag = Bag(tmp_path / "bag")
@@ -99,19 +101,19 @@ def test_a_recorder_hears_the_board_again(monkeypatch: pytest.MonkeyPatch, tmp_p
             message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
             states.publish(message)
 
-        def heard() -> int:
+        def received() -> int:
             return sum(n for topic, n in recorder.counts.items() if topic.name == STATE.of(BOARD))
 
-        until(lambda: send() or heard() > 0)
-        for subscription in recorder._subscriptions:  # as one that nobody sends to any more
+        until(lambda: send() or received() > 0)
+        for subscription in recorder._subscriptions:  # no longer served
             recorder._node.destroy_subscription(subscription)
-        before = heard()
+        before = received()
 
         def looked() -> bool:
             send()
             recorder.look()
             assert not recorder.board_is_gone()
-            return heard() > before
+            return received() > before
 
         until(looked)
         recorder.close()

@@ -36,7 +36,7 @@ def cbctl() -> Iterator[Cbctl]:
 def ready(cbctl: Cbctl) -> None:
     """Every joint holds, whatever the test before left."""
     assert cbctl("inject", "--clear").code == 0
-    # A cause may last for some cycles, and make a fault anew.
+    # A cause may last for some cycles, and cause another fault.
     until(lambda: cbctl("clear").code == 0 and cbctl("mode", "all", "pos").code == 0)
 
 
@@ -72,11 +72,11 @@ def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     assert recording.log
     assert recording.parameter(FIRST, "position_pid.kp") == 901.0
     assert "<robot" in recording.urdf
-    told = [(one.name, one.event, one.joints) for one in recording.requests]
-    assert told[:2] == [("move", "accepted", (FIRST,)), ("move", "succeeded", (FIRST,))]
-    assert ("send_reference", "answered", (FIRST,)) in told  # the velocity that was ignored
-    assert ("inject_fault", "answered", (LAST,)) in told
-    assert not [name for name, _, _ in told if name.startswith("get_")]
+    requests = [(one.name, one.event, one.joints) for one in recording.requests]
+    assert requests[:2] == [("move", "accepted", (FIRST,)), ("move", "succeeded", (FIRST,))]
+    assert ("send_reference", "answered", (FIRST,)) in requests  # the velocity that was ignored
+    assert ("inject_fault", "answered", (LAST,)) in requests
+    assert not [name for name, _, _ in requests if name.startswith("get_")]
     assert f"move {FIRST} " in page("bag", [recording])
     with (folder / "state.csv").open(encoding="utf-8") as file:
         rows = list(csv.reader(file))

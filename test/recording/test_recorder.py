@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorder that tells what it hears already."""
+"""First messages, and the queued messages at the end of a recorder."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class Slow:
 
 
 def test_it_waits_for_the_first_of_a_topic() -> None:
-    """True as soon as one was heard, false where none comes; others do not count."""
+    """True once one is received, false on timeout; other topics do not count."""
     with free_domain() as domain, ros_node(domain, "late") as node:
         recorder = Recorder(node.context, [Parameters(BOARD, {})], Slow())
-        heard: list[bool] = []
+        found: list[bool] = []
         name = STATE.of(BOARD)
-        waiting = threading.Thread(target=lambda: heard.append(recorder.await_first(name, 60.0)))
+        waiting = threading.Thread(target=lambda: found.append(recorder.await_first(name, 60.0)))
         waiting.start()
         modes = node.create_publisher(MODES.load(), MODES.of(BOARD), MODES.qos.profile())
         modes.publish(MODES.load()())
@@ -59,12 +59,12 @@ def test_it_waits_for_the_first_of_a_topic() -> None:
         until(lambda: states.get_subscription_count() > 0)
         states.publish(STATE.load()(names=["a"]))
         waiting.join(60.0)
-        assert heard == [True]
+        assert found == [True]
         recorder.close()
 
 
 def test_what_had_come_is_taken_before_it_ends() -> None:
-    """However far it lags behind, and whatever else is heard meanwhile."""
+    """At any lag, and with any other messages."""
     with free_domain() as domain, ros_node(domain, "late") as node:
         sink = Slow(0.02)
         recorder = Recorder(node.context, [Parameters(BOARD, {})], sink)

@@ -78,7 +78,7 @@ class StandIn:
         self.modes = {"names": self.names, "control": control}
         self.faults: dict[str, Any] = {"faults": []}
         self.targets: list[float] = []
-        self.heard: list[str] = []
+        self.foreign: list[str] = []
         self.watched = False
         self.measured = False
         self.noted: list[str] = []
@@ -105,8 +105,8 @@ class StandIn:
         return {}
 
     def poll_commands(self) -> list[str]:
-        heard, self.heard = self.heard, []
-        return heard
+        found, self.foreign = self.foreign, []
+        return found
 
     def watch(self, *, on: bool) -> None:
         self.watched = on
@@ -136,16 +136,16 @@ class Browser:
     def __init__(self, socket: ClientConnection) -> None:
         self.socket = socket
         self._id = 0
-        self.told: list[dict[str, Any]] = []
+        self.kept: list[dict[str, Any]] = []
 
     def read(self, what: str, /, **fields: Any) -> dict[str, Any]:
-        """The next message of a kind with these fields; what comes before is kept in told."""
+        """The next message of a kind with these fields; what comes before is kept in ``kept``."""
         while True:
             message = self.socket.recv(GUARD)
             if isinstance(message, bytes):
                 continue
             found = json.loads(message)
-            self.told.append(found)
+            self.kept.append(found)
             if found["is"] == what and all(found.get(k) == v for k, v in fields.items()):
                 return found
 
@@ -218,9 +218,9 @@ class Panel:
                 connection.putheader(name, value)
         connection.endheaders()
         answer = connection.getresponse()
-        body, told = answer.read().decode(errors="replace"), dict(answer.getheaders())
+        body, headers = answer.read().decode(errors="replace"), dict(answer.getheaders())
         connection.close()
-        return answer.status, body, told
+        return answer.status, body, headers
 
     def connect(self, **how: Any) -> ClientConnection:
         """A WebSocket; raises where it is refused."""

@@ -112,7 +112,7 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 def test_a_database_of_two_machines_one_of_which_dies(
     crane: str, postgresql: str, workers: Workers, tmp_path: Path
 ) -> None:
-    """PostgreSQL: the other goes on, the lost trial is tried again, the files are written."""
+    """PostgreSQL: the other continues, the lost trial is repeated, the files are written."""
     plan = Plan(crane, 1.0, 8, 1, postgresql)
     dying = workers.start(plan, "hang")
     lost = hung_trial(plan, dying)
