@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The conformance suite on each row of S1: the simulated arm on drives of each kind (S7)."""
+"""The conformance suite on drives of each kind (rows of S1, S7), and on coupled axes (Y3)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pytest
 from conformance_sessions import ARM, RATE, not_held, tried
@@ -53,3 +53,35 @@ def test_all_rules_are_held_on_each_row(kind: SetPoint) -> None:
     assert not not_held(results)
     held = [name for name, one in results.items() if one.outcome is Outcome.HELD]
     assert len(held) >= (HELD_BY_ALL if kind in WITHOUT_TORQUE else HELD_WITH_TORQUE), results
+
+
+AXES = ["lbr_iiwa_joint_1", "lbr_iiwa_joint_2", "lbr_iiwa_joint_3"]
+#: A finger of a hand, and three coupled motors.
+BOARDS = {
+    "l_index_distal": {"robot": "icub_hand", "physics": "mujoco"},
+    AXES[2]: {
+        "robot": "iiwa",
+        "joints": AXES,
+        "physics": "mujoco",
+        "couplings.shoulder.axes": AXES,
+        "couplings.shoulder.motor_matrix": [1.0, 0.0, 0.0, -0.6, 1.0, 0.0, -0.6, 0.6, 1.0],
+    },
+}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        pytest.param(("M1", "M9", "I5", "Y3"), marks=pytest.mark.slow, id="some"),
+        pytest.param(None, marks=pytest.mark.soak, id="all"),
+    ],
+)
+@pytest.mark.parametrize("joint", BOARDS)
+def test_rules_are_held_by_coupled_axes(joint: str, names: Sequence[str] | None) -> None:
+    """Y3: the rules of joints hold for axes; with coupled motors joint_states has the axes."""
+    with board_process(RATE | BOARDS[joint]) as board:
+        results = tried(board, names, joint=joint)
+    assert not not_held(results)
+    held = [name for name, one in results.items() if one.outcome is Outcome.HELD]
+    assert len(held) >= (30 if names is None else 3), results
+    assert ("Y3" in held) == (joint not in AXES)

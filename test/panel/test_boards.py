@@ -1,20 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel renews the subscriptions to a silent board."""
+"""A board of the panel: its subscriptions, and texts of other programs' commands."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
+from control_board_msgs.msg import PositionCommand
 from talk import until
+from trajectory_msgs.msg import JointTrajectory
 
 from control_board_ros.interface import STATE
 from control_board_ros.panel import boards
-from control_board_ros.panel.boards import Board
+from control_board_ros.panel.boards import Board, first_values, in_words, names_of
 from control_board_ros.testing import free_domain, ros_node
 
-pytestmark = pytest.mark.ros
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (PositionCommand(names=["a", "b"], positions=[0.5, 1.0]), "a 0.5, b 1"),
+        (PositionCommand(positions=[0.5, 1.0]), "all joints"),
+        (JointTrajectory(joint_names=["a"]), "a"),
+        (JointTrajectory(joint_names=[*"abcd"]), "a, b, c and 1 more"),
+    ],
+)
+def test_a_command_is_shown_with_its_joints(message: Any, words: str) -> None:
+    assert in_words(names_of(message), first_values(message)) == words
 
 
-def test_a_silent_board_is_listened_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.ros
+def test_a_silent_board_is_subscribed_to_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(boards, "SILENCE", 0.3)
     with free_domain() as domain, ros_node(domain, "panel", spin=False) as node:
         board = Board(node, "/late", 0, 1.0)
