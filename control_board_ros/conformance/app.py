@@ -190,13 +190,13 @@ def plan(bench: Bench, options: argparse.Namespace) -> str:
     lines = [
         f"{bench.joint} of {bench.channel.board} will move from {limits.low:.3g} to "
         f"{limits.high:.3g} (it is at {limits.start:.3g}), with up to "
-        f"{1.875 * limits.speed:.3g} per second, and be without power and in HW_FAULT at times.",
+        f"{1.875 * limits.speed:.3g} per second, temporarily without power and in HW_FAULT.",
         "The other joints hold their positions in POSITION.",
     ]
     if options.calibrate:
         lines.append(f"{bench.joint} will calibrate, as far as its calibrator moves it.")
     if options.power_cycle:
-        lines.append("All joints will be without power at times.")
+        lines.append("All joints will temporarily be without power.")
     return "\n".join(lines)
 
 

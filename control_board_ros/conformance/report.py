@@ -33,7 +33,7 @@ def too_few(results: Sequence[Result]) -> str:
     if len(names) <= FEW:
         return ""
     return (
-        f"{len(names)} rules were not tested though the board offers what they are about "
+        f"{len(names)} rules were not tested though the board offers their features "
         f"(up to {FEW} may be): {', '.join(names)}"
     )
 

@@ -90,7 +90,7 @@ def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
         )
         rest = Trace("measured − model", traced.time, traced.measured - traced.model, "error")
         share = f"{100.0 * traces[name].unexplained:.2g} %"
-        found.append(Chart(f"{title}: what the model leaves, {share} of it", unit, [rest]))
+        found.append(Chart(f"{title}: residual, {share}", unit, [rest]))
     if (rubbing := traces.get(FRICTION)) is not None:
         found.insert(0, friction_chart(rubbing, kind))
     return found

@@ -17,7 +17,7 @@ from .shared import Shared
 
 #: s of initial discovery of other panels, without operation.
 LOOK_ROUND = 1.5
-NOBODY = "you only watch; ask to operate first"
+NOBODY = "you only watch; request control first"
 
 
 class Topic(Protocol):
@@ -75,18 +75,18 @@ class Operators:
         if self.lease.holder != browser.number:
             raise BadRequest(NOBODY, request.id)
         if not self._panels.is_sure(time.monotonic()):
-            raise BadRequest("the panel stood still for a while; try again", request.id)
+            raise BadRequest("the panel was blocked for several seconds; try again", request.id)
 
     def settle(self, browser: Browser, request: Request) -> None:
         """Process a request for, an answer about, or a return of the lease."""
         now, ok, message = time.monotonic(), True, ""
         if request.do == "operate" and self.lease.holder is None and not self._open:
-            ok, message = False, "the panel looks for other panels first; ask again in 2 s"
+            ok, message = False, "the panel still searches for other panels; ask again in 2 s"
         elif request.do == "operate":
             message = self.lease.ask(browser.number, now)
         elif request.do == "hand_over":
             ok = self._answer(browser, yes=request.given["yes"])
-            message = "" if ok else "nobody asks"
+            message = "" if ok else "there is no takeover request"
         elif not self.lease.leave(browser.number):
             ok, message = False, "you do not operate"
         browser.send("answer", id=request.id, ok=ok, message=message)

@@ -181,5 +181,5 @@ async def interrupted(process: asyncio.subprocess.Process) -> str:
             reason = await last_line(process)
     except TimeoutError:
         process.kill()
-        return "the recording did not end by itself"
+        return f"the recording did not end within {ENDS:g} s"
     return "" if process.returncode == 0 else reason

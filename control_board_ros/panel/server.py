@@ -34,8 +34,7 @@ TYPES = {
     ".svg": "image/svg+xml",
 }
 TOKEN_WANTED = (
-    "This panel opens with the address that cbctl panel printed, with its token. "
-    "Was it restarted? Then its token is new, too.\n"
+    "Open the address printed by cbctl panel, which contains its token; a restart changes it.\n"
 )
 #: Close codes of WebSockets: "policy violation", "try again later".
 REFUSED, FULL = 1008, 1013
@@ -83,7 +82,7 @@ class Guard:
         headers = connection.headers
         host = headers.get("host")
         if not security.allowed_host(host, self._names):
-            return 421, "This name is none of this machine's; use its address.\n"
+            return 421, "The host name is not one of this machine; use its address.\n"
         if connection.scope["type"] == "websocket":
             if not security.same_origin(headers.get("origin"), host):
                 return 403, "Only the panel's own page may connect.\n"

@@ -63,7 +63,7 @@ def page(source: str, recordings: Sequence[BoardRecording], extra: str = "") -> 
     boards = "".join(board_section(recording) for recording in recordings)
     note = (
         f"Made from {source} by cbctl report. Rise: 10 to 90 %. Settling: until within 2 % of the "
-        "step. Lag: the time by which the position is best explained as the reference of before. "
+        "step. Lag: the delay of the reference that explains the position best. "
         "Steady: mean error over the last quarter of the time after the reference has come to "
         "rest. Saturated: time at the limit of output or torque."
     )
@@ -197,7 +197,7 @@ def number(value: float, digits: int = 3) -> str:
 
 def move_table(moves: Sequence[Move], kinds: dict[str, JointKind], shorts: dict[str, str]) -> str:
     heads = [
-        "at, s", "joint", "mode", "from", "to", "takes, s", "rise, s", "settling, s",
+        "at, s", "joint", "mode", "from", "to", "duration, s", "rise, s", "settling, s",
         "overshoot, %", "steady error", "RMS error", "peak error", "lag, ms", "saturated, s",
     ]  # fmt: skip
     rows = [move_row(move, kinds[move.joint], shorts[move.joint]) for move in moves[:MOVES_SHOWN]]

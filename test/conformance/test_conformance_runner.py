@@ -75,7 +75,7 @@ def test_what_passes(outcomes: list[Outcome], passes: bool, capsys: Any) -> None
 def test_too_few_are_named() -> None:
     found = results(HELD, *[NOT_TESTED] * (FEW + 1))
     assert too_few(found) == (
-        "4 rules were not tested though the board offers what they are about (up to 3 may be): "
+        "4 rules were not tested though the board offers their features (up to 3 may be): "
         "M1, M2, M3, M4"
     )
     assert as_text(found) == "1 held, 0 not held, 4 not tested, 0 not testable"

@@ -73,7 +73,7 @@ def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None
                 shown = second.read("operator")
             assert "browser (desk, 127.0.0.1) at " in shown["browsers"][shown["holder"]]
             refused = second.ask("mode", board="/b", joints=["a"], mode="idl")
-            assert refused["message"] == "you only watch; ask to operate first"
+            assert refused["message"] == "you only watch; request control first"
             for yes in (False, True):
                 assert "asked" in second.ask("operate")["message"]
                 shown = first.read("operator", holder=one)
