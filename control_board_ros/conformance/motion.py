@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control_board_ros.client import State
+from control_board_ros.protocols import Floats
 
 from .bench import FEWEST, TIMEOUT, Bench, K, M
 from .limits import LONGEST_MOVE
 from .moving import amid_a_move, in_time, patiently, stream
 from .rules import assume, expect, inside, rule
-
-Floats = NDArray[np.float64]
 
 #: Permitted deviation from the profile, relative to its travel and duration.
 SHAPE, DURATION = 0.03, 0.05

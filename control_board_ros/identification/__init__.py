@@ -4,7 +4,7 @@
 ``motions`` plans motions, ``bench`` plays them on a simulation (``cbctl identify`` on a board),
 ``samples`` filters the recorded signals, ``rigid`` computes the torques of the arm's masses,
 ``fit`` solves for the unknowns, ``troubles`` detects joints that cannot be identified, ``outcome``
-selects the values to write, ``files`` and ``report`` write them.
+selects the values to write, ``files`` writes them.
 """
 
 

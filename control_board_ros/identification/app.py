@@ -36,10 +36,9 @@ def write(data: Path, output: Path, *, payload: bool) -> int:
         RecordingError: a file cannot be written.
     """
     try:
-        from .files import summary, write_parameters
+        from .files import summary, write_parameters, write_report
         from .outcome import identify
         from .recorded import recorded
-        from .report import write_report
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "scipy":
             raise

@@ -1,21 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The identified values as a parameter file, and as lines for a terminal."""
+"""The identified values as a parameter file, as lines for a terminal, and as a report."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
 from ..description.robots import NAMES
-from ..recording.page import write_page
+from ..recording.charts import Chart, Trace
+from ..recording.page import chart_section, document, table, write_page
+from .equations import FRICTION, MOTOR, SENSOR, WINDING
+from .fit import Traced
 from .outcome import QUANTITIES, Finding, Outcome
 
 #: Names of the quantities.
 TITLES = {name: quantity.title for name, quantity in QUANTITIES.items()}
+#: Speeds over which friction is averaged, for its curve.
+SPEEDS = 40
+#: Maximum drawn time without samples, and maximum gap bridged by a line, s.
+PAUSE, GAP = 0.5, 0.1
+NOTE = (
+    "Intervals have 95 % confidence. Measured and model are filtered alike (20 ms). Friction over "
+    "speed: torque of the motor beyond the joint's, mean at each speed. Time omits what is not of "
+    "the equation: other joints' motions, reversals, rest."
+)
 
 
 def parameters(outcome: Outcome) -> dict[str, Any]:
@@ -86,3 +99,103 @@ def interval(value: float, sure: float) -> str:
         return f"{value:.4g} ± {width}"
     digits = max(-int(f"{sure:e}".split("e")[1]), 0)
     return f"{round(value, digits) + 0.0:.{digits}f} ± {sure:.{digits}f}"
+
+
+def write_report(path: Path, outcome: Outcome, source: str) -> None:
+    """Write the report.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
+    sections = [overview(outcome)]
+    joints = [*outcome.troubles, *(outcome.fitted.joints if outcome.fitted else ())]
+    for joint in dict.fromkeys(joints):
+        sections.append(section(outcome, joint))
+    write_page(path, document(f"{source}: identified", "".join(sections), NOTE))
+
+
+def overview(outcome: Outcome) -> str:
+    """All findings in one table, and joints with trouble."""
+    rows = [[joint, "", "", text] for joint, text in outcome.troubles.items()]
+    for finding in outcome.findings:
+        kind = outcome.robot.kind(finding.joint)
+        text = "yes" if not finding.why else finding.why
+        rows.append([finding.joint, TITLES[finding.quantity], shown(finding, kind), text])
+    heads = ["joint", "quantity", "value, 95 % interval", "in the parameter file"]
+    return "<h2>What the data shows</h2>" + table(heads, rows, text=True)
+
+
+def section(outcome: Outcome, joint: str) -> str:
+    """A joint: its findings as tiles, and its charts."""
+    if joint in outcome.troubles:
+        return chart_section(joint, [("not identified", outcome.troubles[joint])], [])
+    kind, fitted = outcome.robot.kind(joint), outcome.fitted
+    facts = [
+        (TITLES[one.quantity], shown(one, kind) if not one.why else "not shown")
+        for one in outcome.findings
+        if one.joint == joint
+    ]
+    assert fitted is not None
+    traces = {name: traced for (own, name), traced in fitted.traces.items() if own == joint}
+    return chart_section(joint, facts, charts(traces, kind))
+
+
+def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
+    """Both sides of each equation over time, their difference, and friction over speed."""
+    force = kind.force_unit
+    names = {
+        MOTOR: (f"{kind.choose('Torque', 'Force')} of the motor", force),
+        SENSOR: (f"{kind.choose('Torque', 'Force')} at the joint", force),
+        WINDING: ("Voltage", "V"),
+    }
+    found = []
+    for name, (title, unit) in names.items():
+        if name not in traces:
+            continue
+        traced = parted(traces[name], PAUSE)
+        found.append(
+            Chart(
+                f"{title}: measured and model",
+                unit,
+                [
+                    Trace("measured", traced.time, traced.measured),
+                    Trace("model", traced.time, traced.model, "reference"),
+                ],
+            )
+        )
+        rest = Trace("measured − model", traced.time, traced.measured - traced.model, "error")
+        share = f"{100.0 * traces[name].unexplained:.2g} %"
+        found.append(Chart(f"{title}: residual, {share}", unit, [rest]))
+    if (rubbing := traces.get(FRICTION)) is not None:
+        found.insert(0, friction_chart(rubbing, kind))
+    return found
+
+
+def parted(traced: Traced, pause: float) -> Traced:
+    """The same with pauses shortened to ``pause``, s, and no line across gaps."""
+    steps = np.diff(traced.time, prepend=traced.time[0])
+    time = np.cumsum(np.minimum(steps, pause))
+    breaks = np.flatnonzero(steps > GAP)
+    rows = (np.insert(row, breaks, np.nan) for row in (traced.measured, traced.model))
+    return Traced(np.insert(time, breaks, time[breaks] - 0.5 * GAP), *rows)
+
+
+def friction_chart(traced: Traced, kind: JointKind) -> Chart:
+    """Friction over speed, mean of the samples of each speed."""
+    speed = traced.time
+    edges = np.linspace(speed.min(), speed.max() + 1e-9, SPEEDS + 1)
+    rows = np.digitize(speed, edges) - 1
+    bins = [k for k in range(SPEEDS) if (rows == k).sum() > 2]
+    x, y, z = (
+        np.array([values[rows == k].mean() for k in bins])
+        for values in (speed, traced.measured, traced.model)
+    )
+    way = np.flatnonzero(np.diff(np.sign(x)) != 0.0) + 1  # undefined at rest
+    x, y, z = np.insert(x, way, 0.0), np.insert(y, way, np.nan), np.insert(z, way, np.nan)
+    factor = kind.shown_factor
+    return Chart(
+        "Friction over speed",
+        kind.force_unit,
+        [Trace("measured", factor * x, y), Trace("model", factor * x, z, "reference")],
+        x_unit=f"{kind.shown_unit}/s",
+    )
