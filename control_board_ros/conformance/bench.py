@@ -154,7 +154,6 @@ class Bench:
             self.channel.sleep(PAUSE)
 
     def publish(self, topic: Endpoint, **fields: Any) -> None:
-        """Publish a message unchanged."""
         self.channel.send(topic, **fields)
         self._requested = True
 

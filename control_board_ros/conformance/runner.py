@@ -267,7 +267,6 @@ class Session:
         return f"{GET_CONTROL_MODE.short} is answered after {time.monotonic() - begin:.2g} s"
 
     def is_there(self) -> bool:
-        """Whether the board still answers."""
         try:
             self.bench.client.wait_until_found(self.channel.patience)
         except BoardError:

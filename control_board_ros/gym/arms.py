@@ -142,7 +142,6 @@ class Arms:
         self.board.command(kind, None, values.ravel())
 
     def tick(self, cycles: int) -> None:
-        """Run control cycles."""
         read, tick, write = self.plant.read, self.board.tick, self.plant.write
         for _ in range(cycles):
             write(tick(read()))

@@ -66,7 +66,6 @@ class Reach:
         return {"tip": tip, "to_goal": self._goal - tip}
 
     def judge(self, actions: Floats, shown: dict[str, Floats]) -> Judged:
-        """Reward and success."""
         distance = np.linalg.norm(shown["to_goal"], axis=1)
         reached = distance < REACHED
         return reached - distance - 0.01 * np.mean(actions**2, axis=1), reached
@@ -115,7 +114,6 @@ class Track:
         return {"reference": reference, "reference_velocity": velocity}
 
     def judge(self, actions: Floats, shown: dict[str, Floats]) -> Judged:
-        """Reward; never a success."""
         error = np.sqrt(np.mean((self._arms.position - shown["reference"]) ** 2, axis=1))
         return np.exp(-10.0 * error), np.zeros(len(error), dtype=bool)
 
@@ -167,7 +165,6 @@ class Impedance:
         return {"target": self._target}
 
     def judge(self, actions: Floats, shown: dict[str, Floats]) -> Judged:
-        """Reward; never a success."""
         arms = self._arms
         error = np.sqrt(np.mean((arms.position - self._target) ** 2, axis=1))
         stiffness = arms.board.get_impedance()[0].reshape(arms.count, arms.n)

@@ -42,7 +42,6 @@ def recorded(folder: Path) -> tuple[Robot, list[Record], list[str]]:
 
 
 def record_of(recording: BoardRecording, row: dict[str, Any]) -> Record:
-    """The readings of one motion."""
     time = recording.time + recording.start
     inside = (time >= row["begin"]) & (time <= row["end"])
     signals = {name: recording.signals[name][inside] for name in SIGNALS}

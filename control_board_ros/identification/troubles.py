@@ -32,7 +32,6 @@ TRAVEL, TRAVEL_SLIDING = 5e-3, 5e-4
 
 
 def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) -> dict[str, str]:
-    """The troubles of joints, by name."""
     found = {}
     for joint in joints:
         own = [record for record in records if joint in record.speeds]

@@ -149,7 +149,6 @@ class Board:
             topic.renew()
 
     def _topics(self) -> list[Newest]:
-        """Its subscriptions."""
         latched = (self._modes, self._faults, self._description)
         state = [] if self.state is None else [self.state]
         return [*state, *latched, *self._commands.values(), self._requests]

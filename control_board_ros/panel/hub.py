@@ -150,7 +150,6 @@ class Hub:
     # Loops
 
     async def run(self) -> None:
-        """Run forever."""
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._every(lambda: 1.0 / self._rate(), self._look))

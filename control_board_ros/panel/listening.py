@@ -56,7 +56,6 @@ class Newest:
         return raw
 
     def renew(self) -> None:
-        """Renew the subscription."""
         self.close()
         self._subscription = self._make()
         self.last = time.monotonic()

@@ -175,7 +175,6 @@ class Panels:
         return self._others[panel][0].wish if panel in self._others else 0
 
     def refuse(self, panel: str) -> None:
-        """Refuse the request of a panel."""
         self._refused = f"{panel} {self._wish_of(panel)}"
 
     def _note_wish(self) -> int | None:

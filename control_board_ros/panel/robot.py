@@ -98,6 +98,5 @@ def mesh_file(name: str) -> Path | None:
 
 
 def share_folders() -> list[Path]:
-    """Share folders of ROS packages."""
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     return [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]

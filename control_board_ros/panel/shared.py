@@ -41,12 +41,10 @@ class Shared:
             browser.send_text(text)
 
     def send_boards(self) -> None:
-        """Send the list of boards."""
         shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
         self.send_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
 
     def send_recordings(self) -> None:
-        """Send the state of the recordings."""
         self.send_all("recordings", **self.recordings.shown())
 
     def send_targets(self, board: Board) -> None:

@@ -66,7 +66,6 @@ class Move:
 
 
 def moves_of(recording: BoardRecording, joint: str, kind: JointKind) -> list[Move]:
-    """The moves of a joint, in order."""
     least = kind.choose(LEAST, LEAST_SLIDING)
     return [
         move(recording, joint, mode, *found)

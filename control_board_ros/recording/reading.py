@@ -325,7 +325,6 @@ def read_faults(reader: Any, recording: BoardRecording) -> list[Fault]:
 
 
 def read_requests(reader: Any, recording: BoardRecording) -> list[Request]:
-    """Requests to the board during the recording."""
     return [
         Request(
             stamp_of(message.header.stamp) - recording.start,

@@ -65,7 +65,6 @@ class Gaps:
 
     @property
     def silent(self) -> list[str]:
-        """The silent boards."""
         return [board for board, reception in self._boards.items() if reception.silent]
 
     def received(self, board: str, now: float, stamp: int) -> bytes:

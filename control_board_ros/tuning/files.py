@@ -121,7 +121,6 @@ def mean_text(name: str, played: Played, kind: JointKind) -> str:
 
 
 def shown(name: str, value: float, kind: JointKind) -> str:
-    """A figure with its unit."""
     if not math.isfinite(value):
         return "–"
     if name in ("tracking", "push"):

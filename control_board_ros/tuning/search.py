@@ -146,7 +146,6 @@ def untried(starts: Sequence[Mapping[str, float]], done: list[Any]) -> list[Mapp
 
 
 def finished(study: Any) -> list[Any]:
-    """The completed trials."""
     complete = optuna().trial.TrialState.COMPLETE
     return [trial for trial in study.get_trials(deepcopy=False) if trial.state == complete]
 
