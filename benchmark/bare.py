@@ -19,7 +19,7 @@ import time
 from array import array
 from typing import Any
 
-from control_board_ros.node.loop.pacing import sharpen_timers
+from control_board_ros.node.loop.timing import sharpen_timers
 
 PERIOD = 1e-3
 JOINTS = 7

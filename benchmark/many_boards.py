@@ -10,11 +10,11 @@ import threading
 from rclpy.context import Context
 from tap import install
 
-from control_board_ros.node.loop.scheduling import take_priority
+from control_board_ros.node.loop.timing import take_priority
 from control_board_ros.node.main import SWITCH_INTERVAL
 from control_board_ros.node.process.boards import Boards
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
-from control_board_ros.node.wiring.parameters import settings_from_arguments
+from control_board_ros.node.process.start import settings_from_arguments
 from control_board_ros.sim.plant import SimulatedPlant
 
 

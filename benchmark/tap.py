@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from control_board_ros.node.loop.pacing import KEPT, Pacer
+from control_board_ros.node.loop.timing import KEPT, Pacer
 
 VARIABLE = "CONTROL_BOARD_BENCHMARK_TAP"
 #: ``off`` lets the node run without a garbage collector.

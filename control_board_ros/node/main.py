@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
@@ -21,22 +21,19 @@ from ..compiled import describe
 from ..core.goals.pose import PARK
 from ..core.terms.modes import CONFIGURED
 from ..startup import announce_often, defer_collection, leave_out_the_generator
-from .loop.scheduling import take_priority
+from .loop.timing import take_priority
 from .process.console import (
     KnownError,
-    check_arguments,
-    check_name,
     complain,
     provide_log_folder,
     say,
     settle_stdout,
     welcome,
 )
-from .process.name_lock import NameTakenError, lock_name
 
 if TYPE_CHECKING:
     from .process.boards import Boards
-    from .wiring.parameters import Start
+    from .process.start import Start
 
 #: s for which a thread may keep the interpreter from others; the default makes cycles late.
 SWITCH_INTERVAL = 5e-5
@@ -99,7 +96,7 @@ def run(
         KnownError: it cannot run, or did not end as it should.
     """
     from ..settings.params_file import SettingsError
-    from .wiring.parameters import settings_from_arguments
+    from .process.start import check_arguments, check_name, lock_name, settings_from_arguments
 
     check_arguments(arguments)
     try:
@@ -107,33 +104,20 @@ def run(
     except SettingsError as error:
         raise KnownError(2, str(error)) from None
     check_name(start.name, start.namespace)
+    other = "-p robot_name:=name" if start.settings.parts else "-r __node:=name"
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     with contextlib.ExitStack() as locks:
         for name in start.names:
-            other = "-p robot_name:=name" if start.settings.parts else "-r __node:=name"
-            locks.enter_context(lock_of(f"{start.namespace.rstrip('/')}/{name}", other))
+            full_name = f"{start.namespace.rstrip('/')}/{name}"
+            locks.callback(lock_name(full_name, domain, other).release)
         return run_alone(start, ended, at_once or threading.Event())
-
-
-@contextlib.contextmanager
-def lock_of(full_name: str, other: str) -> Iterator[None]:
-    """Hold the lock of a node's name; ``other`` gives it another one."""
-    try:
-        lock = lock_name(full_name, os.environ.get("ROS_DOMAIN_ID") or "0", other)
-    except NameTakenError as error:
-        raise KnownError(3, str(error)) from None
-    except OSError as error:
-        raise KnownError(1, f"no lock for {full_name}: {error}; set XDG_RUNTIME_DIR") from None
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 def run_alone(start: Start, ended: threading.Event, at_once: threading.Event) -> int:
     """From the settings to a running node, and back."""
     from ..plants.errors import PlantSettingsError
     from ..sim.errors import PlantError, PlantGone
-    from .process.plant import make_plant
+    from .process.start import make_plant
 
     try:
         start, plant = make_plant(start)

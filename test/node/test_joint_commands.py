@@ -14,7 +14,7 @@ from topic_based_hardware import INTERFACES, TopicBasedHardware
 from control_board_ros.core.config.layout import joined
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.node.wiring.joint_commands import take
+from control_board_ros.node.wiring.topics import joint_commands
 
 M = ControlMode
 NAN = math.nan
@@ -39,7 +39,7 @@ class Driven:
             self.hardware.commands[key.replace("_", "/")] = value
         message = self.hardware.write()
         assert message is not None
-        return take(self.board, message)
+        return joint_commands(self.board, message)
 
     @property
     def rejected(self) -> list[int]:
@@ -154,10 +154,10 @@ def test_short_arrays_that_fit_nobody_are_refused_whole() -> None:
 def test_unknown_joints_and_no_names(driven: Driven) -> None:
     """P13: an unknown joint refuses the whole; no names are all joints in the board's order."""
     driven.modes(M.POSITION_DIRECT, M.POSITION_DIRECT, M.POSITION_DIRECT)
-    (reply,) = take(driven.board, JointState(name=["a", "elbow"], position=[0.1, 0.2]))
+    (reply,) = joint_commands(driven.board, JointState(name=["a", "elbow"], position=[0.1, 0.2]))
     assert "'elbow' unknown" in reply.message
     assert driven.rejected == [1, 0, 0]
-    (reply,) = take(driven.board, JointState(position=[0.1, 0.2, 0.3]))
+    (reply,) = joint_commands(driven.board, JointState(position=[0.1, 0.2, 0.3]))
     assert reply
     assert driven.board.get_ref_position().tolist() == [0.1, 0.2, 0.3]
 
@@ -172,7 +172,7 @@ def test_a_part_takes_those_of_its_own_joints() -> None:
     rig.tick(2)
     lower = rig.board.group("lower")
     assert lower.set_control_mode(None, M.POSITION_DIRECT)
-    (reply,) = take(lower, JointState(position=[0.4]))
+    (reply,) = joint_commands(lower, JointState(position=[0.4]))
     assert reply
     assert lower.get_ref_position().tolist() == [0.4]
 

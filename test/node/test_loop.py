@@ -18,11 +18,9 @@ from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.core.terms.measurement import Actuation, Measurement
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import pacing
-from control_board_ros.node.loop.fair_lock import FairLock
-from control_board_ros.node.loop.loop import ControlLoop
-from control_board_ros.node.loop.member import Member
-from control_board_ros.node.loop.pacing import MAX_LAG, Pacer
-from control_board_ros.node.loop.state_thread import StateThread
+from control_board_ros.node.loop.loop import ControlLoop, FairLock, Member
+from control_board_ros.node.loop.timing import MAX_LAG, Pacer
+from control_board_ros.node.wiring.publishing import StateThread
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.sim.plant import SimulatedPlant
 

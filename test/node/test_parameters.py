@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from control_board_ros.core.config.config import BoardConfig
-from control_board_ros.node.wiring.declaring import Declaration, declare
-from control_board_ros.node.wiring.parameters import Parameters, settings_from_arguments
+from control_board_ros.node.process.start import settings_from_arguments
+from control_board_ros.node.wiring.parameters import Declaration, Parameters, declare
 from control_board_ros.settings.loading import Settings, SettingsError, load
 from control_board_ros.settings.schema import BOARD, JOINT
 from control_board_ros.testing import free_domain, ros_node

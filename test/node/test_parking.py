@@ -17,8 +17,7 @@ from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.poses import start_parking
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.node.loop.loop import ControlLoop
-from control_board_ros.node.loop.member import Member
+from control_board_ros.node.loop.loop import ControlLoop, Member
 from control_board_ros.node.process.parking import PAUSED, Parking
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.testing import board_process

@@ -36,9 +36,10 @@ from control_board_ros.core.state import Reference, Snapshot
 from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
-from control_board_ros.node.loop.scheduling import take_priority
+from control_board_ros.node.loop.timing import take_priority
+from control_board_ros.node.process.console import KnownError
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
-from control_board_ros.node.process.name_lock import NameTakenError, lock_name
+from control_board_ros.node.process.start import lock_name
 from control_board_ros.node.wiring import messages
 from control_board_ros.node.wiring.reporter import ThrottledLog
 from control_board_ros.node.wiring.state_message import StateMessage
@@ -196,7 +197,7 @@ def test_lock_is_per_name_and_domain(tmp_path: Any, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     held = lock_name("/left/control_board", "40")
     try:
-        with pytest.raises(NameTakenError, match=f"pid {os.getpid()}"):
+        with pytest.raises(KnownError, match=f"pid {os.getpid()}"):
             lock_name("/left/control_board", "40")
         for name, domain in (("/right/control_board", "40"), ("/left/control_board", "41")):
             lock_name(name, domain).release()
@@ -222,7 +223,7 @@ def test_a_lock_that_is_removed_meanwhile_is_none(
 
     monkeypatch.setattr(os, "open", late)
     second = lock_name("/x", "1")
-    with pytest.raises(NameTakenError):
+    with pytest.raises(KnownError):
         lock_name("/x", "1")
     second.release()
 
@@ -231,7 +232,7 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
     """Nothing stale is left by a killed process."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     code = (
-        "import os; from control_board_ros.node.process.name_lock import lock_name;"
+        "import os; from control_board_ros.node.process.start import lock_name;"
         "lock_name('/x', '1'); os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode != 0

@@ -26,7 +26,7 @@ from std_srvs.srv import SetBool, Trigger
 from talk import Talker, stamp_of, talking_to, until
 
 from control_board_ros.node.main import KnownError, run
-from control_board_ros.node.process.plant import make_plant
+from control_board_ros.node.process.start import make_plant
 from control_board_ros.testing import (
     BoardProcess,
     board_process,

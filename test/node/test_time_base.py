@@ -7,8 +7,7 @@ import itertools
 
 import pytest
 
-from control_board_ros.node.loop.pacing import Divider
-from control_board_ros.node.loop.time_base import GROWTH, JUMP, NANOSECONDS, TimeBase
+from control_board_ros.node.loop.timing import GROWTH, JUMP, NANOSECONDS, Divider, TimeBase
 
 START = 1_700_000_000 * NANOSECONDS
 PERIOD = 0.001

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""yarp_words.py, and the callbacks of yarp_interface.py, without a node."""
+"""yarp.py: YARP's words, and the callbacks, without a node."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from control_board_ros.core.terms.modes import STATES
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from control_board_ros.interface import YARP
 from control_board_ros.node.wiring.reporter import Reporter
-from control_board_ros.node.yarp.yarp_interface import YarpInterface, offer_yarp
-from control_board_ros.node.yarp.yarp_words import (
+from control_board_ros.node.wiring.yarp import (
     NAMES,
     SETTABLE,
     RefusedError,
+    YarpInterface,
     available,
     base_name,
     letters,
+    offer_yarp,
     vocabs,
     wanted,
 )

@@ -19,7 +19,7 @@ from talk import Talker, talking_to, until
 from control_board_ros.core.board import Board
 from control_board_ros.node.process.boards import Boards
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
-from control_board_ros.node.wiring.parameters import settings_from_arguments
+from control_board_ros.node.process.start import settings_from_arguments
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
 

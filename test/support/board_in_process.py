@@ -31,7 +31,7 @@ from control_board_ros.conformance.shapes import Malformed, check_modes, check_s
 from control_board_ros.core.terms.reply import accepted
 from control_board_ros.interface import Endpoint
 from control_board_ros.node.loop.snapshots import Snapshots
-from control_board_ros.node.loop.time_base import TimeBase
+from control_board_ros.node.loop.timing import TimeBase
 from control_board_ros.node.wiring.messages import joint_modes
 from control_board_ros.node.wiring.publishing import BOARD_STATE, Physical
 from control_board_ros.node.wiring.services import Services

@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -29,11 +30,8 @@ from ...core.terms.measurement import (
     Plant,
     Simulation,
 )
-from .fair_lock import Exclusive, FairLock
-from .pacing import Divider, Pacer, Statistics, sharpen_timers
 from .snapshots import Snapshots
-from .stepping import Stepping
-from .time_base import NANOSECONDS, TimeBase
+from .timing import NANOSECONDS, Divider, Pacer, Statistics, TimeBase, sharpen_timers
 
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
 PAUSED_PERIOD = 0.1
@@ -350,3 +348,128 @@ class ControlLoop:
     def _cut_power(self) -> None:
         zeros = np.zeros(self.board.count)
         self._plant.write(Actuation(pwm=zeros, powered=zeros))
+
+
+class FairLock:
+    """A lock that its last holder cannot acquire again while another thread waits.
+
+    A plain lock of Python goes to the thread that asks first after its release, which is the one
+    that released it when that runs on: a control loop that runs as fast as it can would shut all
+    others out. Here the thread that waits holds the gate, and the next one waits at the gate.
+    """
+
+    __slots__ = ("_gate", "_lock")
+
+    def __init__(self) -> None:
+        self._gate, self._lock = threading.Lock(), threading.Lock()
+
+    def acquire(self) -> None:
+        with self._gate:
+            self._lock.acquire()
+
+    def release(self) -> None:
+        self._lock.release()
+
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *_error: object) -> None:
+        self._lock.release()
+
+
+class Exclusive:
+    """Context manager of :meth:`Member.exclusive`: a group of joints while the lock is held.
+
+    A class, as a generator would cost each request and command 1 µs more.
+    """
+
+    __slots__ = ("_board", "_end", "_lock")
+
+    def __init__(self, lock: FairLock, board: JointGroup, end: Callable[[], None]) -> None:
+        self._lock, self._board, self._end = lock, board, end
+
+    def __enter__(self) -> JointGroup:
+        self._lock.acquire()
+        return self._board
+
+    def __exit__(self, *_error: object) -> None:
+        try:
+            self._end()
+        finally:
+            self._lock.release()
+
+
+class Stepping:
+    """Counts cycles down and calls the waiting callbacks; for callers holding the loop's lock.
+
+    Attributes: left (cycles that are still to run while the simulation is paused).
+    """
+
+    def __init__(self) -> None:
+        self.left = 0
+        self._on_steps: Callable[[str], None] | None = None
+        self._on_cycle: deque[Callable[[], None]] = deque()
+
+    def begin(self, cycles: int, on_done: Callable[[str], None], *, paused: bool) -> str:
+        """Run ``cycles`` cycles; returns an empty text, or the reason for a refusal.
+
+        Args:
+            cycles: their exact number.
+            on_done: called after the last one with an empty text, or why they did not all run.
+            paused: whether simulated time is stopped.
+        """
+        if not paused:
+            return "step needs a paused simulation, and this one runs; pause it first: ~/pause"
+        if self.left:
+            return f"step refused: {self.left} cycles of the last one are still to run"
+        if cycles <= 0:
+            return f"steps: {cycles} is not allowed; a number of control cycles above 0"
+        self.left, self._on_steps = cycles, on_done
+        return ""
+
+    def ended(self) -> Callable[[], None]:
+        """All steps have run; returns the callback that answers the request."""
+        done, self._on_steps = self._on_steps, None
+        return lambda: done("") if done is not None else None
+
+    def count(self) -> bool:
+        """One of the steps has run; whether it was the last one."""
+        self.left -= 1
+        return not self.left
+
+    def finish(self, message: str) -> None:
+        """Cancel the remaining steps; ``message``: the reason, for the answer to the request."""
+        done, self._on_steps, self.left = self._on_steps, None, 0
+        if done is not None:
+            done(message)
+
+    def on_cycle(self, done: Callable[[], None]) -> None:
+        """Call ``done`` once, when a cycle has run."""
+        self._on_cycle.append(done)
+
+    def notify_cycle(self) -> None:
+        """A cycle has run: call the callbacks that wait for it."""
+        while self._on_cycle:
+            self._on_cycle.popleft()()
+
+
+class Member:
+    """A group of joints that a control loop runs: the whole board, or a part of it.
+
+    Attributes: loop, board (the group; to be touched within :meth:`exclusive` only), snapshots.
+    """
+
+    def __init__(self, loop: ControlLoop, group: JointGroup) -> None:
+        self.loop, self.board = loop, group
+        self.snapshots = loop.snapshots_of(group)
+        self._exclusive = loop.exclusive_of(group)
+
+    def exclusive(self) -> Exclusive:
+        """Hold the loop's lock, between two cycles: ``with member.exclusive() as board``."""
+        return self._exclusive
+
+    def power_cycle(self) -> None:
+        """Back to power-on; shown also where the next cycle configures the joints."""
+        with self.exclusive() as board:
+            board.power_cycle()
+            self.loop.note_changes()

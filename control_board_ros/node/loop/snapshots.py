@@ -12,7 +12,7 @@ from ...core.state import Snapshot
 from ...core.terms.events import BoardEvent
 from ...core.terms.faults import FaultRecord
 from ...core.terms.vocabs import ControlMode, InteractionMode
-from .time_base import TimeBase
+from .timing import TimeBase
 
 EVENTS_KEPT = 1000
 #: States and modes kept for a publisher that was held up; older ones are lost.

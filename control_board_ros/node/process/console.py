@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executable on its terminal: its arguments, its output, the folder of its logs."""
+"""The executable on its terminal: what it prints, and the folder of its logs."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 import os
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,7 +16,6 @@ from ...core.terms.modes import ACCEPTS, CALIBRATES, CONFIGURED, MOVES
 from ...core.terms.vocabs import CommandKind, ControlMode
 from ...interface import CONFIGURE, POSITION_COMMAND, SET_CONTROL_MODE
 from ...text import clean
-from .name_lock import temporary_folder
 
 #: Characters of a line.
 LONGEST = 2000
@@ -53,6 +51,11 @@ def settle_stdout() -> None:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
+def temporary_folder() -> Path:
+    """The folder of tempfile, without the cost of its import."""
+    return Path(os.environ.get("TMPDIR") or "/tmp")
+
+
 def provide_log_folder() -> None:
     """Give rcl a folder for its logs where it would find none and refuse to start."""
     home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
@@ -66,31 +69,6 @@ def provide_log_folder() -> None:
         instead.mkdir(mode=0o700, exist_ok=True)
     complain(f"logs go to {instead}, since {folder} cannot be written; set ROS_LOG_DIR")
     os.environ["ROS_LOG_DIR"] = str(instead)
-
-
-def check_arguments(arguments: Sequence[str]) -> None:
-    """Reject arguments outside of --ros-args, which ROS ignores silently."""
-    among_ros = False
-    for argument in arguments:
-        if argument in {"--ros-args", "--"}:
-            among_ros = argument == "--ros-args"
-        elif not among_ros:
-            raise KnownError(
-                2,
-                f"argument {argument!r} is not known; --help, --version and ROS arguments are, "
-                "as in: control_board --ros-args -p robot:=panda",
-            )
-
-
-def check_name(name: str, namespace: str) -> None:
-    """Reject invalid names in one line, before rcl rejects them in many."""
-    word = r"[A-Za-z_][A-Za-z0-9_]*"
-    if not re.fullmatch(word, name):
-        raise KnownError(2, f"node name {name!r} is not allowed; letters, digits and _ are")
-    if not re.fullmatch(rf"/|(/{word})+", namespace):
-        raise KnownError(
-            2, f"namespace {namespace!r} is not allowed; words after slashes are, as in /left/arm"
-        )
 
 
 #: More characters than a table of plain terminals has.

@@ -22,7 +22,7 @@ from rclpy.lifecycle.managed_entity import ManagedEntity
 from rclpy.node import Node
 
 from ...core.terms.modes import Stage
-from ..loop.member import Member
+from ..loop.loop import Member
 
 SUCCESS, ERROR = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.ERROR
 

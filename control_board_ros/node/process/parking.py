@@ -9,7 +9,7 @@ from collections.abc import Callable
 from ...core.goals.pose import Pose
 from ...core.goals.poses import start_parking
 from ...core.selection import RequestError
-from ..loop.member import Member
+from ..loop.loop import Member
 
 #: Period in s at which the joints are checked (wall clock).
 PERIOD = 0.02

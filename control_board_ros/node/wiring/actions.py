@@ -24,7 +24,7 @@ from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
-from ..loop.member import Member
+from ..loop.loop import Member
 from .messages import bounded, doubles, optional
 from .request_log import RequestLog
 

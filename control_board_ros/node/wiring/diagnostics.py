@@ -18,7 +18,7 @@ from ...core.terms.faults import FaultCode, FaultRecord
 from ...core.terms.vocabs import ControlMode, InteractionMode
 from ...core.watch.causes import HOT, STRAINED
 from ..loop.loop import ControlLoop
-from ..loop.scheduling import scheduling
+from ..loop.timing import scheduling
 
 
 class Diagnostics:

@@ -1,162 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS parameters: from the command line to settings, and from settings to declarations.
+"""ROS parameters: declared from the settings, changed all or nothing.
 
-The files and ``-p`` arguments are read here and not by rcl, which is silent about unknown
-names and answers a broken file with a traceback; rclpy gets what is left of the arguments.
+rclpy publishes an event for each parameter that is declared, before discovery of the publisher:
+a robot of 32 joints has 3800, which is most of its start. Here the parameters go into the node at
+once; the values have been checked when the settings were made.
 """
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from copy import copy
+from typing import Any, NamedTuple
 
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from ...core.config import stability
-from ...core.config.parameter import Parameter
+from ...core.config.parameter import Kind, Parameter
 from ...core.terms.measurement import NO_SIMULATION
 from ...settings.couplings import coupling_row
-from ...settings.loading import Settings, load_layers
-from ...settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
-from ...settings.parts import PARTS, PARTS_ROW, ROBOT
+from ...settings.loading import Settings
+from ...settings.parts import PARTS, PARTS_ROW
 from ...settings.poses import POSITION_ROW, SPEED, SPEED_ROW, values_of
 from ...settings.schema import BOARD, JOINT, JOINT_DEFAULTS
 from ...text import clean
-from .declaring import Declaration, declare
-
-NODE = "control_board"
-
-
-@dataclass(frozen=True, slots=True)
-class Start:
-    """What the command line asks for.
-
-    Attributes: settings, arguments (for ``rclpy.init``: the given ones without parameters),
-    overrides (for ``Node(parameter_overrides=…)``: use_sim_time and qos_overrides), name and
-    namespace of the node after remapping; of a robot of several parts, of the robot's own node.
-    """
-
-    settings: Settings
-    arguments: list[str]
-    overrides: list[RosParameter]
-    name: str
-    namespace: str
-
-    @property
-    def names(self) -> list[str]:
-        """Names of all nodes: the parts', and last the whole robot's; or of the only one."""
-        return [*self.settings.parts, self.name]
-
-
-def settings_from_arguments(argv: Sequence[str], name: str = NODE) -> Start:
-    """Read ``--ros-args --params-file FILE -p name:=value -r __node:=name`` and load it all.
-
-    Args:
-        argv: The arguments, without or with the program's name in front.
-        name: The node's name before remapping.
-
-    Raises:
-        SettingsError: one line: where, name, value, what is allowed, the next step.
-    """
-    given, rest = _split(argv)
-    remapped, namespace = name, "/"
-    for option, value in given:
-        if option == "remap":
-            target, mark, new = value.partition(":=")
-            owner, _, what = target.rpartition(":")
-            if mark and owner in ("", name) and what in ("__node", "__name"):
-                remapped = new
-            elif mark and owner in ("", name) and what == "__ns":
-                namespace = "/" + new.strip("/")
-    full = f"{namespace.rstrip('/')}/{remapped}"
-    layers = []
-    for option, value in given:
-        if option == "params-file":
-            layers.append(_read(Path(value), full, f"{namespace.rstrip('/')}/{name}"))
-        elif option == "param":
-            layers.append(_argument(value, remapped, name))
-    settings = load_layers(layers)
-    overrides = [RosParameter(key, value=value) for key, value in settings.ros.items()]
-    if settings.parts:  # a global rule would give all their nodes one name
-        rest = without_names(rest)
-        if remapped not in (name, ROBOT):
-            warning = (
-                f"-r __node:={remapped}: is not used; the nodes of a robot of several parts have "
-                "the names of its parts, and robot_name is what they begin with"
-            )
-            settings = replace(settings, warnings=(*settings.warnings, warning))
-        remapped = ROBOT
-        if namespace.rpartition("/")[2] != settings.robot_name:
-            namespace = f"{namespace.rstrip('/')}/{settings.robot_name}"
-    return Start(settings, rest, overrides, remapped, namespace)
-
-
-def without_names(arguments: Sequence[str]) -> list[str]:
-    """Arguments without the rules that rename nodes."""
-    rest: list[str] = []
-    for argument in arguments:
-        what = argument.partition(":=")[0].rpartition(":")[2]
-        if rest and rest[-1] in ("-r", "--remap") and what in ("__node", "__name", "__ns"):
-            rest.pop()
-        else:
-            rest.append(argument)
-    return rest
-
-
-def _split(argv: Sequence[str]) -> tuple[list[tuple[str, str]], list[str]]:
-    """The ROS options that matter here, in order, and all arguments without parameters."""
-    names = {"-p": "param", "--param": "param", "--params-file": "params-file"}
-    names |= {"-r": "remap", "--remap": "remap"}
-    given: list[tuple[str, str]] = []
-    rest: list[str] = []
-    inside = False
-    arguments = iter(argv)
-    for argument in arguments:
-        if argument == "--ros-args":
-            inside = True
-        elif argument == "--":
-            inside = False
-        option = names.get(argument) if inside else None
-        if option is None:
-            rest.append(argument)
-            continue
-        value = next(arguments, None)
-        if value is None:
-            raise SettingsError(f"{argument}: has no value; see control_board --help")
-        given.append((option, value))
-        if option == "remap":
-            rest += [argument, value]
-    return given, rest
-
-
-def _read(path: Path, full: str, before: str) -> Layer:
-    """A parameter file's layer; sections may name the node as it is or before remapping."""
-    try:
-        return read_file(path, full)
-    except SettingsError:
-        if full == before:
-            raise
-    return read_file(path, before)
-
-
-def _argument(text: str, *names: str) -> Layer:
-    """The layer of one ``-p [node:]name:=value``."""
-    target, mark, value = text.partition(":=")
-    owner, _, name = target.rpartition(":")
-    if not mark or not name:
-        raise SettingsError(f"-p {shown(text)}: write -p name:=value")
-    if owner.rsplit("/", 1)[-1] not in ("", *names):
-        return Layer()
-    where = f"-p {name}"
-    parsed = parse_value(value, where)
-    if parsed is None:
-        raise SettingsError(f"{where}: has no value; write -p {name}:=value")
-    return Layer({name: Entry(parsed, "-p")}, folder=Path.cwd())
 
 
 class Parameters:
@@ -276,3 +150,79 @@ def same(one: Any, other: Any) -> bool:
     """Whether a parameter has this value already; arrays of ROS compare as lists."""
     listed = isinstance(other, list) and isinstance(one, Sequence | array)
     return bool(list(one) == other if listed else one == other)
+
+
+_TYPES = {
+    Kind.BOOL: RosParameter.Type.BOOL,
+    Kind.INTEGER: RosParameter.Type.INTEGER,
+    Kind.DOUBLE: RosParameter.Type.DOUBLE,
+    Kind.STRING: RosParameter.Type.STRING,
+    Kind.DOUBLES: RosParameter.Type.DOUBLE_ARRAY,
+    Kind.STRINGS: RosParameter.Type.STRING_ARRAY,
+}
+
+
+class Declaration(NamedTuple):
+    """A parameter to declare: its full name, value and row, and whether it is read-only."""
+
+    name: str
+    value: Any
+    row: Parameter
+    fixed: bool
+
+
+def type_of(row: Parameter, value: Any) -> Any:
+    """The type of a parameter's value; a flag that may be more is a text then."""
+    return RosParameter.Type.STRING if isinstance(value, str) else _TYPES[row.kind]
+
+
+def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
+    """What ``ros2 param describe`` shows of a parameter."""
+    made = ParameterDescriptor(
+        type=_TYPES[row.kind].value, description=row.description, read_only=fixed
+    )
+    if row.choices:
+        made.additional_constraints = f"one of: {', '.join(row.choices)}"
+    low, high = row.bounds
+    if row.kind is Kind.DOUBLE:
+        made.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        if (
+            row.or_zero
+            or row.above is not None
+            or isinstance(row.low, str)
+            or isinstance(row.high, str)
+        ):
+            made.additional_constraints = row.range_text
+    elif row.kind is Kind.INTEGER:
+        made.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    return made
+
+
+def declare(node: Node, declarations: Sequence[Declaration]) -> None:
+    """Declare parameters as ``node.declare_parameters`` does, but for the events.
+
+    With an rclpy that keeps them elsewhere, that is what declares them.
+    """
+    described = described_by(declarations)
+    parameters, descriptors = (
+        getattr(node, name, None) for name in ("_parameters", "_descriptors")
+    )
+    if not isinstance(parameters, dict) or not isinstance(descriptors, dict):
+        triples: list[Any] = [(one.name, one.value, described[one.name]) for one in declarations]
+        node.declare_parameters("", triples, ignore_override=True)
+        return
+    for name, value, row, _ in declarations:
+        parameters[name] = RosParameter(name, type_of(row, value), value)
+    descriptors.update(described)
+
+
+def described_by(declarations: Sequence[Declaration]) -> dict[str, ParameterDescriptor]:
+    """A descriptor of its own for each parameter, by name."""
+    shared: dict[tuple[int, bool], ParameterDescriptor] = {}
+    found = {}
+    for name, value, row, fixed in declarations:
+        if (key := (id(row), fixed)) not in shared:
+            shared[key] = descriptor(row, fixed=fixed)
+        found[name] = own = copy(shared[key])
+        own.name, own.type = name, type_of(row, value).value
+    return found

@@ -15,7 +15,7 @@ from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...settings.user_poses import UserPoses
 from ...text import nearest
-from ..loop.member import Member
+from ..loop.loop import Member
 from .messages import bounded, doubles
 
 

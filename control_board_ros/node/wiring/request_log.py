@@ -18,7 +18,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 
 from ...interface import REQUEST_LOG, STEP, Endpoint
-from ..loop.member import Member
+from ..loop.loop import Member
 from .messages import set_stamp
 
 #: Requests kept for a publisher that was held up; older ones are lost.

@@ -16,12 +16,13 @@ from typing import Any
 from rclpy.task import Future
 
 from ...core.group import JointGroup
+from ...core.machine.commands import COMMANDS
 from ...core.selection import RequestError
 from ...core.terms.measurement import Simulation
 from ...core.terms.motors import TERMS
 from ...core.terms.reply import Reply
 from ...core.terms.vocabs import ControlMode, encode
-from ..loop.member import Member
+from ..loop.loop import Member
 from .messages import (
     answered,
     bounded,
@@ -31,7 +32,10 @@ from .messages import (
     joint_fault,
     optional,
 )
-from .topics import send
+
+FEEDFORWARD = "feedforward"
+#: The kinds of SendReference beside feed-forward.
+KINDS = {kind.name.lower(): kind for kind in COMMANDS}
 
 
 class Services:
@@ -122,7 +126,7 @@ class Services:
 
     def send_reference(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
-            reply = send(
+            reply = send_reference(
                 board,
                 request.kind,
                 bounded(request.names, board.count),
@@ -336,6 +340,25 @@ class Services:
     def _joints(board: JointGroup, request: Any) -> list[str]:
         """The names of the joints that a request reads; RequestError where one is unknown."""
         return list(board.selector.select(bounded(request.names, board.count)).names)
+
+
+def send_reference(
+    board: JointGroup,
+    kind: str,
+    joints: Sequence[str],
+    values: Sequence[float] | None,
+    along: Sequence[float] | None,
+    *,
+    together: bool,
+) -> Reply:
+    """Send references as the command topic of a kind does; arguments as of SendReference."""
+    if kind == FEEDFORWARD:
+        return board.set_feedforward(joints, values, along, together=together)
+    if kind in KINDS:
+        given = () if values is None else values
+        return board.command(KINDS[kind], joints, given, along, together=together)
+    known = ", ".join([*KINDS, FEEDFORWARD])
+    return board.reject(joints, f"kind {kind[:32]!r} unknown; one of {known}")
 
 
 def filled(response: Any, arrays: Any) -> Any:

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command topics: each converts its message and hands it to the board between two cycles."""
+"""The command topics: each converts its message and passes it to the board between two cycles.
+
+~/joint_commands is what ros2_control's topic-based hardware sends: one number per joint that has
+the command interface, in the order of the joints; NaN where no controller commands.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,10 @@ import numpy as np
 
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
-from ...core.terms.reply import Reply
+from ...core.selection import RequestError, Selection
+from ...core.terms.modes import MOVES
+from ...core.terms.reply import Reply, accepted
+from ...core.terms.vocabs import CommandKind
 from ...interface import (
     COMMAND_TOPICS,
     EXTERNAL_TORQUE,
@@ -21,40 +28,55 @@ from ...interface import (
     JOINT_TRAJECTORY,
     Endpoint,
 )
-from ..loop.member import Member
-from .joint_commands import JointCommands
+from ...protocols import Floats
+from ..loop.loop import Member
 from .messages import bounded, optional
 
-FEEDFORWARD = "feedforward"
-KINDS = {kind.name.lower(): kind for kind in COMMANDS}
+K = CommandKind
+#: The field of a JointState for the values that messages of references name so.
+FIELDS = {"positions": "position", "velocities": "velocity", "torques": "effort"}
+#: The kinds of reference in a JointState, and their field; the first that a mode accepts counts.
+KINDS = {kind: FIELDS[row.field] for kind, row in COMMANDS.items() if row.field in FIELDS}
+#: The kind to report for a value that the joint's mode does not accept.
+REFUSED = {"position": K.POSITION_DIRECT, "velocity": K.VELOCITY, "effort": K.TORQUE}
+
+Callback = Callable[[Any], None]
+#: The throttled log: a message, and a name for its repetitions.
+Warn = Callable[[str, str], None]
+#: Sends references: the board, their kind, names of joints, values, speeds or accelerations.
+Send = Callable[[JointGroup, CommandKind, Sequence[str], Any, Any], Reply]
 
 
-def send(
-    board: JointGroup,
-    kind: str,
-    joints: Sequence[str],
-    values: Sequence[float] | None,
-    along: Sequence[float] | None,
-    *,
-    together: bool = False,
-) -> Reply:
-    """Do what the command topic of a kind does (SendReference).
+def references(
+    member: Member, topic: Endpoint, along: str | None, send: Send, warn: Warn
+) -> Callback:
+    """The callback of a topic that has references of one kind, by its row of COMMANDS.
 
     Args:
-        board: whose joints are commanded.
-        kind: of the references, as on the wire.
-        joints: names; none for all.
-        values: one per joint, shape (k,); None: none were sent.
-        along: speeds or accelerations, likewise; of feed-forward the torques.
-        together: whether all joints accept their references or none does.
+        member: whose board is commanded.
+        topic: with the kind of reference.
+        along: the field of speeds or accelerations; None: the message has none.
+        send: of a board.
+        warn: receives ignored and bounded references.
     """
-    if kind == FEEDFORWARD:
-        return board.set_feedforward(joints, values, along, together=together)
-    if kind in KINDS:
-        given = () if values is None else values
-        return board.command(KINDS[kind], joints, given, along, together=together)
-    known = ", ".join([*KINDS, FEEDFORWARD])
-    return board.reject(joints, f"kind {kind[:32]!r} unknown; one of {known}")
+    kind = topic.reference
+    assert kind is not None
+    field = COMMANDS[kind].field
+
+    def on_message(message: Any) -> None:
+        values = getattr(message, field)
+        extra = None if along is None else optional(getattr(message, along))
+        with member.exclusive() as board:
+            reply = send(board, kind, bounded(message.names, board.count), values, extra)
+        warn_of(reply, warn)
+
+    return on_message
+
+
+def warn_of(reply: Reply, warn: Warn) -> None:
+    """Log ignored references, and accepted ones that were bounded."""
+    if reply.message:
+        warn(reply.message, "times" if reply else "ignored")
 
 
 class CommandTopics:
@@ -64,60 +86,51 @@ class CommandTopics:
         member: whose board is commanded.
         injection: whether a simulation may be disturbed.
         joint_trajectory: receives a trajectory.
-        warn: throttled log: ignored and bounded references, and a name for their repetitions.
+        warn: receives ignored and bounded references.
     """
 
     def __init__(
-        self,
-        member: Member,
-        *,
-        injection: bool,
-        joint_trajectory: Callable[[Any], None],
-        warn: Callable[..., None],
+        self, member: Member, *, injection: bool, joint_trajectory: Callback, warn: Warn
     ) -> None:
         self._member, self._injection = member, injection
         self._joint_trajectory, self._warn = joint_trajectory, warn
 
-    def callbacks(self) -> dict[Endpoint, Callable[[Any], None]]:
+    def callbacks(self) -> dict[Endpoint, Callback]:
         """The receivers of each command topic."""
-        references = [
-            topic
+        found = {
+            topic: self._reference(topic)
             for topic in COMMAND_TOPICS
             if topic.reference is not None and topic is not JOINT_TRAJECTORY
-        ]
-        found = {topic: self._reference(topic) for topic in references}
-        found |= {
+        }
+        return found | {
             FEEDFORWARD_COMMAND: self._feedforward,
             EXTERNAL_TORQUE: self._external_torque,
             JOINT_TRAJECTORY: self._joint_trajectory,
-            JOINT_COMMANDS: JointCommands(self._member, self._answer).on_message,
+            JOINT_COMMANDS: self._joint_commands,
             HEARTBEAT: self._heartbeat,
             EXTERNAL_TORQUE_SENSOR: self._external_torque_sensor,
         }
-        return found
 
-    def _reference(self, topic: Endpoint) -> Callable[[Any], None]:
-        """A callback that sends references of the topic's kind, by its row of COMMANDS."""
-        kind = topic.reference
-        assert kind is not None
-        row = COMMANDS[kind]
-        along = row.along if row.along in topic.load().get_fields_and_field_types() else None
+    def _reference(self, topic: Endpoint) -> Callback:
+        assert topic.reference is not None
+        along = COMMANDS[topic.reference].along
+        has = topic.load().get_fields_and_field_types()
+        return references(
+            self._member, topic, along if along in has else None, JointGroup.command, self._warn
+        )
 
-        def take(message: Any) -> None:
-            values = getattr(message, row.field)
-            extra = None if along is None else optional(getattr(message, along))
-            with self._member.exclusive() as board:
-                reply = board.command(kind, bounded(message.names, board.count), values, extra)
-            self._answer(reply)
-
-        return take
+    def _joint_commands(self, message: Any) -> None:
+        with self._member.exclusive() as board:
+            replies = joint_commands(board, message)
+        for reply in replies:
+            warn_of(reply, self._warn)
 
     def _feedforward(self, message: Any) -> None:
         with self._member.exclusive() as board:
             joints = bounded(message.names, board.count)
             outputs, torques = optional(message.outputs), optional(message.torques)
             reply = board.set_feedforward(joints, outputs, torques)
-        self._answer(reply)
+        warn_of(reply, self._warn)
 
     def _external_torque(self, message: Any) -> None:
         """Push joints of the simulation from outside, until a 0 comes."""
@@ -125,7 +138,8 @@ class CommandTopics:
         if not self._injection:
             self._warn(
                 "external torque ignored: fault injection is off; "
-                "start the node with allow_fault_injection: true"
+                "start the node with allow_fault_injection: true",
+                "ignored",
             )
             return
         torques = np.asarray(message.torques)
@@ -137,20 +151,116 @@ class CommandTopics:
                 return
         self._warn(
             f"external torque ignored: {torques.size} torques for {len(names)} joints; "
-            "send one finite number per named joint"
+            "send one finite number per named joint",
+            "ignored",
         )
 
     def _external_torque_sensor(self, message: Any) -> None:
         with self._member.exclusive() as board:
             joints = bounded(message.names, board.count)
             reply = board.update_torque_sensor(joints, message.torques)
-        self._answer(reply)
+        warn_of(reply, self._warn)
 
     def _heartbeat(self, _message: Any) -> None:
         with self._member.exclusive() as board:
             board.beat()
 
-    def _answer(self, reply: Reply) -> None:
-        """Log ignored references, and accepted ones that were bounded."""
-        if reply.message:
-            self._warn(reply.message, "times" if reply else "ignored")
+
+def stream(
+    board: JointGroup, kind: CommandKind, names: Sequence[str], values: Any, along: Any = None
+) -> Reply:
+    """Send references of one kind that a program repeats; a repeated position is no new move."""
+    if kind is not CommandKind.POSITION:
+        return board.command(kind, names, values, along)
+    moves = without_repeats(board, names, values, along)
+    if not moves:
+        return accepted(board.selector.select(names).names)
+    names, values, along = moves
+    reply = board.command(kind, names, values, along)
+    if reply and np.array_equal(board.get_target_position(reply.joints), values):
+        return accepted(reply.joints)  # slower than requested: not reported for a stream
+    return reply
+
+
+def without_repeats(
+    board: JointGroup, names: Sequence[str], positions: Any, speeds: Any
+) -> tuple[Sequence[str], Any, Any] | None:
+    """Names, positions and speeds of the moves that are new; None where none is.
+
+    A move is not new while it runs, and where its joint holds its target. Restarted with every
+    message of a stream, it would never reach its speed. Invalid requests are returned unchanged:
+    the board reports them.
+    """
+    try:
+        chosen = board.selector.select(names)
+    except RequestError:
+        return names, positions, speeds
+    joints = chosen.names
+    if len(positions) != len(joints) or (speeds is not None and len(speeds) != len(joints)):
+        return names, positions, speeds
+    moving = ~np.array(board.check_motion_done(joints))
+    known = moving | (board.state.position_reference[chosen.joints] == positions)
+    known &= board.get_target_position(joints) == positions
+    known &= [mode is MOVES for mode in board.get_control_mode(joints)]
+    if speeds is not None:
+        known &= board.get_ref_speed(joints) == speeds
+    new = np.flatnonzero(~known)
+    if new.size == len(joints):
+        return names, positions, speeds
+    if not new.size:
+        return None
+    some = None if speeds is None else np.asarray(speeds)[new]
+    return [joints[k] for k in new], np.asarray(positions)[new], some
+
+
+def joint_commands(board: JointGroup, message: Any) -> list[Reply]:
+    """Start the references that a JointState carries; one reply for each kind of them.
+
+    A position that repeats is no new move (P1). A velocity beside an accepted position is
+    ignored: a controller that has stopped leaves a 0 in its command interfaces.
+    """
+    joints = bounded(message.name, board.count)
+    try:
+        chosen = board.selector.select(joints)
+        values = {name: spread_short(board, chosen, name, message) for name in REFUSED}
+    except RequestError as error:
+        return [board.reject(joints, f"refused, {error}")]
+    given = {field: ~np.isnan(numbers) for field, numbers in values.items()}
+    left = np.logical_or.reduce(list(given.values()))
+    rows = [
+        (K(kind), field, board.state.accepts[kind, chosen.joints]) for kind, field in KINDS.items()
+    ]
+    ignored = [(kind, field, np.True_) for field, kind in REFUSED.items()]
+    replies = []
+    for kind, field, accepting in (*rows, *ignored):
+        picked = left & given[field] & accepting
+        if picked.any():
+            left &= ~picked
+            names = [chosen.names[k] for k in np.flatnonzero(picked)]
+            replies.append(stream(board, kind, names, values[field][picked]))
+    return replies
+
+
+def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any) -> Floats:
+    """The values of a field, one for each named joint, shape (k,); NaN where none is meant.
+
+    Fewer values than joints apply to the joints that accept them, in their order.
+
+    Raises:
+        RequestError: it is not clear whose they are.
+    """
+    given: Floats = np.asarray(getattr(message, field)[: board.count + 1], dtype=float)
+    count = len(chosen.numbers)
+    if given.size == count:
+        return given
+    spread = np.full(count, np.nan)
+    if given.size:
+        kinds = [kind for kind, name in KINDS.items() if name == field]
+        accepting = board.state.accepts[:, chosen.joints][kinds].any(axis=0)
+        if given.size != (some := np.count_nonzero(accepting)):
+            raise RequestError(
+                f"{given.size} numbers in {field} for {count} joints, of which {some} accept it "
+                f"in their mode; send one per joint, NaN for no command"
+            )
+        spread[accepting] = given
+    return spread

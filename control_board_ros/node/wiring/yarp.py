@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics and services of YARP's controlBoard_nws_ros2, for programs that exist.
+"""The topics and services of YARP's controlBoard_nws_ros2, for existing programs.
 
-Commands go to the board as its own do. A group of joints gets its modes as a whole or not at all,
-and every refusal has its word in ``response`` and its reason in ``opt_descr``.
+Commands are executed as the board's own. A group of joints gets its modes as a whole or not at
+all, and every refusal has its word in ``response`` and its reason in ``opt_descr``. Clients write
+modes as ``POSITION`` or ``IMPEDANCE_POS``, and receive them as the first letter of their vocab.
 """
 
 from __future__ import annotations
@@ -16,44 +17,77 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import Int8MultiArray, Int32MultiArray
 
+from ...core.config.config import JointConfig
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
+from ...core.machine.decisions import Wanted
 from ...core.selection import RequestError, Selection
 from ...core.state import Snapshot
 from ...core.terms.reply import Answer, Reply, joints_of
-from ...core.terms.vocabs import CommandKind
+from ...core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ...interface import ENDPOINTS, YARP, Endpoint
 from ...protocols import Floats
-from ..loop.member import Member
-from ..wiring import streams
-from ..wiring.command_subscription import CommandSubscription
-from ..wiring.messages import bounded, doubles, optional
-from ..wiring.publishing import StatePublisher, publisher
-from ..wiring.reporter import Reporter
-from ..wiring.request_log import RequestLog, left_out
-from .yarp_words import (
-    GET_NAME_ERROR,
-    INVALID,
-    NAMES,
-    NAMES_ERROR,
-    OK,
-    RETRIEVE_ERROR,
-    SET_ERROR,
-    SETTABLE,
-    SIZE_ERROR,
-    RefusedError,
-    available,
-    base_name,
-    letters,
-    vocabs,
-    wanted,
-)
+from ..loop.loop import Member
+from .command_subscription import CommandSubscription
+from .messages import bounded, doubles
+from .publishing import StatePublisher, publisher
+from .reporter import Reporter
+from .request_log import RequestLog, left_out
+from .topics import Callback, Warn, references, stream
+
+M = ControlMode
+COMPLIANT = InteractionMode.COMPLIANT
+
+OK = "OK"
+#: Names and values of a request do not fit the joints, or each other.
+INVALID = "INVALID"
+#: A name of a request that only reads is no joint's.
+NAMES_ERROR = "NAMES_ERROR"
+#: More indices than there are joints.
+SIZE_ERROR = "SIZE_ERROR"
+#: An index is no joint's.
+GET_NAME_ERROR = "GET_NAME_ERROR"
+#: The requested value cannot be read now.
+RETRIEVE_ERROR = "RETRIEVE_ERROR"
+#: The modes are not set.
+SET_ERROR = "SET_ERROR"
+
+#: What a mode is called in answers: OPENLOOP is PWM in today's YARP.
+NAMES: dict[ControlMode, str] = {mode: mode.name for mode in M} | {M.OPENLOOP: "PWM"}
+
+#: What may be set, and what that asks of a joint, in order.
+SETTABLE: dict[str, tuple[Wanted, ...]] = {
+    "CURRENT": (M.CURRENT,),
+    "FORCE_IDLE": (M.FORCE_IDLE,),
+    "IDLE": (M.IDLE,),
+    "IMPEDANCE_POS": (COMPLIANT, M.POSITION),  # I9
+    "IMPEDANCE_VEL": (COMPLIANT, M.VELOCITY),
+    "MIXED": (M.MIXED,),
+    "OPENLOOP": (M.OPENLOOP,),
+    "POSITION": (M.POSITION,),
+    "POSITION_DIRECT": (M.POSITION_DIRECT,),
+    "PWM": (M.OPENLOOP,),
+    "TORQUE": (M.TORQUE,),
+    "VELOCITY": (M.VELOCITY,),
+    "VELOCITY_DIRECT": (M.VELOCITY_DIRECT,),  # beyond controlBoard_nws_ros2 (Y1)
+}
 
 #: What comes along with references, as the messages name it.
 ALONG = {"speeds": "ref_velocities", "accelerations": "ref_accelerations"}
 
 #: The word for an error of the program itself, where it is not RETRIEVE_ERROR.
 FAILURES = {"set_modes": SET_ERROR, "get_joints_names": GET_NAME_ERROR}
+
+
+class RefusedError(Exception):
+    """A request that is refused.
+
+    Attributes: word (the response), text (why, for people).
+    """
+
+    def __init__(self, word: str, text: str) -> None:
+        super().__init__(f"{word}: {text}")
+        self.word, self.text = word, text
 
 
 def offer_yarp(
@@ -118,7 +152,7 @@ class YarpInterface:
     def __init__(
         self,
         member: Member,
-        warn: Callable[[str, str], None],
+        warn: Warn,
         on_error: Callable[[Exception, str], None],
         requests: RequestLog,
     ) -> None:
@@ -142,22 +176,11 @@ class YarpInterface:
 
         return publish
 
-    def reference(self, topic: Endpoint) -> Callable[[Any], None]:
+    def reference(self, topic: Endpoint) -> Callback:
         """A callback that sends references of the topic's kind."""
-        kind = topic.reference
-        assert kind is not None
-        row = COMMANDS[kind]
-        along = ALONG.get(row.along or "")
-
-        def take(message: Any) -> None:
-            values = getattr(message, row.field)
-            extra = None if along is None else optional(getattr(message, along))
-            with self._member.exclusive() as board:
-                reply = send(board, kind, bounded(message.names, board.count), values, extra)
-            if reply.message:
-                self._warn(reply.message, "times" if reply else "ignored")
-
-        return take
+        assert topic.reference is not None
+        along = ALONG.get(COMMANDS[topic.reference].along or "")
+        return references(self._member, topic, along, stream_with, self._warn)
 
     # -- services -----------------------------------------------------------------------------
 
@@ -258,23 +281,77 @@ def require_reading(board: JointGroup) -> None:
         raise RefusedError(RETRIEVE_ERROR, "nothing is measured yet; ask again")
 
 
-def send(
-    board: JointGroup, kind: CommandKind, names: Sequence[str], values: Any, along: Any = None
+def stream_with(
+    board: JointGroup, kind: CommandKind, names: Sequence[str], values: Any, along: Any
 ) -> Reply:
-    """Send references of one kind.
-
-    Args:
-        board: the receiver.
-        kind: of the references.
-        names: of joints; none: all.
-        values: one per joint.
-        along: speeds or accelerations, one per joint, which stay set for the joints that
-            accept them; None: those that are set.
-    """
-    reply = streams.send(board, kind, names, values, along)
+    """As ``stream``; speeds or accelerations stay set for the joints that accept them."""
+    reply = stream(board, kind, names, values, along)
     if along is not None and (joints := joints_of(reply, Answer.ACCEPTED)):
         asked = board.selector.select(names).names
         given = dict(zip(asked, along, strict=True))
         lasting = {str(COMMANDS[kind].along): [given[name] for name in joints]}
         board.set_reference_speed(joints, **lasting)
     return reply
+
+
+def wanted(modes: Sequence[str], count: int) -> list[tuple[Wanted, ...]]:
+    """What a request asks of each of its joints.
+
+    Args:
+        modes: As a client names them.
+        count: How many joints it chooses.
+
+    Raises:
+        RefusedError: not one mode per joint (INVALID), or one that cannot be set (SET_ERROR).
+    """
+    if len(modes) != count:
+        joints = f"{count} joint" + "s" * (count != 1)
+        raise RefusedError(INVALID, f"{len(modes)} modes for {joints}; send one mode per joint")
+    for mode in modes:
+        if mode not in SETTABLE:
+            shown = mode if len(mode) <= 32 else mode[:32] + "…"
+            raise RefusedError(
+                SET_ERROR, f"mode {shown!r} cannot be set; set one of {', '.join(SETTABLE)}"
+            )
+    return [SETTABLE[mode] for mode in modes]
+
+
+def implements(joint: JointConfig, mode: str) -> bool:
+    """Whether a joint implements a settable mode; all implement FORCE_IDLE."""
+    known = {*joint.control_modes, *joint.interaction_modes, M.FORCE_IDLE}
+    return known.issuperset(SETTABLE[mode])
+
+
+def available(joints: Sequence[JointConfig]) -> tuple[list[str], str]:
+    """The modes that all joints implement, and a text on those that only some do."""
+    modes, partial = [], []
+    for mode in SETTABLE:
+        able = [joint.name for joint in joints if implements(joint, mode)]
+        if len(able) == len(joints):
+            modes.append(mode)
+        elif able:
+            partial.append(f"{mode} ({', '.join(able)})")
+    return modes, f"some joints only: {'; '.join(partial)}" if partial else ""
+
+
+def base_name(msgs_name: str, board: str, part: str = "") -> str:
+    """The full name that topics and services are below.
+
+    Args:
+        msgs_name: ``~`` and ``~/x`` below the board's own, ``x`` as ``/x``.
+        board: The full name of the board's node.
+        part: The name of a robot's part, which comes last where it is not the board's own.
+    """
+    if msgs_name.startswith("~"):
+        return (board + msgs_name.removeprefix("~")).rstrip("/")
+    return f"/{msgs_name.removeprefix('/')}/{part}".rstrip("/")
+
+
+def letters(modes: Sequence[ControlMode]) -> array[int]:
+    """The lowest byte of each mode's vocab, an int8: the code of its first letter."""
+    return array("b", [int(mode) & 0x7F for mode in modes])
+
+
+def vocabs(modes: Sequence[ControlMode]) -> array[int]:
+    """The vocab of each mode, an int32."""
+    return array("i", map(int, modes))

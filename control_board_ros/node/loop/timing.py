@@ -1,14 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the next control cycle is due, and how well the cycles kept to it."""
+"""Time of the control loop: due cycles, their lateness, their priority, and ROS time.
+
+One time base serves all stamps and never goes backwards (docs/decisions/0014-one-time-base.md)::
+
+    stamp = offset + simulated time
+
+So stamps are as far apart as their readings, also where late cycles are caught up. The offset is
+
+- simulated: 0.
+- system: follows the system's clock, by a small part of the time that passes.
+- free: constant, once the simulation is set to another pace than real time.
+
+The first two are chosen at the start; the third follows the second.
+
+A cycle is late because another program runs. A niceness below 0 lets all threads of the node run
+first and still leaves others their share; SCHED_FIFO leaves them nothing.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import getpass
 import math
+import os
 import threading
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -181,3 +201,116 @@ def sharpen_timers() -> None:
         ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1)
     except (OSError, AttributeError):
         return  # not Linux: sleeps as well as it can
+
+
+NANOSECONDS = 1_000_000_000
+
+#: Part of the simulated time that passes by which the offset may grow.
+GROWTH = 0.1
+#: What the system's clock may be ahead before stamps jump there at once, ns.
+JUMP = NANOSECONDS
+
+
+class TimeBase:
+    """Maps simulated time to ROS time.
+
+    Args:
+        simulated: whether ROS time is simulated time; else it is the system's.
+        shrinkage: by how much the offset may shrink at a time, ns; less than a control period.
+
+    Attributes: offset (ROS time minus simulated time, ns), follows_system (whether the offset
+    follows the system's clock; else others learn the time from /clock only).
+    """
+
+    def __init__(self, *, simulated: bool, shrinkage: int) -> None:
+        self.offset = 0
+        self.follows_system = not simulated
+        self._shrinkage = shrinkage
+        self._noted: int | None = None  # simulated time of the last correction, ns
+        self._jump = True
+
+    def free(self) -> None:
+        """Simulated and real time part from here on: stamps go on from where they are."""
+        self.follows_system = False
+
+    def resume(self) -> None:
+        """Time stood still: with the next reading the stamps may jump ahead."""
+        self._jump = True
+
+    def note(self, simulated: float, system: int) -> None:
+        """Follow the system's clock.
+
+        Args:
+            simulated: time of a reading, s.
+            system: the system's time when this reading was due, ns.
+        """
+        if not self.follows_system:
+            return
+        now = round(simulated * NANOSECONDS)
+        error = system - now - self.offset
+        if self._noted is None or error > JUMP or (self._jump and error > 0):
+            self.offset += error
+        else:
+            passed = max(now - self._noted, 0)
+            self.offset += max(min(error, round(GROWTH * passed)), -self._shrinkage)
+        self._noted, self._jump = now, False
+
+    def stamp(self, simulated: float) -> int:
+        """ROS time of a simulated time (s), ns."""
+        return self.offset + round(simulated * NANOSECONDS)
+
+
+def take_priority(values: Mapping[str, Any], others: Sequence[int] = ()) -> str:
+    """Apply ``realtime_priority`` and ``niceness`` to all threads, present and future.
+
+    Args:
+        values: parameters by name.
+        others: ids of further processes.
+
+    A simulation that runs as fast as it can is never preferred, for it would use a whole core:
+    it stays as it was started, by ``nice`` or without.
+
+    Returns:
+        An empty text, or what was refused and how to get it; the node goes on without.
+    """
+    priority, niceness = int(values["realtime_priority"]), int(values["niceness"])
+    if priority:
+        try:
+            for process in (0, *others):
+                os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
+        except OSError as error:
+            return refusal(f"realtime_priority {priority}", error, "rtprio", priority)
+        return ""
+    if niceness < 0 and not values["real_time_factor"]:
+        return ""
+    try:
+        for thread in (*map(int, os.listdir("/proc/self/task")), *others):
+            os.setpriority(os.PRIO_PROCESS, thread, niceness)
+    except OSError as error:
+        return refusal(f"niceness {niceness}", error, "nice", niceness)
+    return ""
+
+
+def refusal(asked: str, error: OSError, limit: str, value: int) -> str:
+    """What was refused, what that means, and what would grant it."""
+    line = f"{user()} - {limit} {value}"
+    return (
+        f"{asked} is not granted ({error.strerror}): the board goes on without, and its cycles "
+        f"come later when other programs run; to grant it, add '{line}' to "
+        "/etc/security/limits.conf and log in again"
+    )
+
+
+def user() -> str:
+    """Who runs this, as limits.conf names people; ``*``, all, where that is not known."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "*"
+
+
+def scheduling() -> str:
+    """What is in force for the calling thread."""
+    if os.sched_getscheduler(0) == os.SCHED_OTHER:
+        return f"niceness {os.getpriority(os.PRIO_PROCESS, 0)}"
+    return f"real-time priority {os.sched_getparam(0).sched_priority}"

@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The interface of YARP's controlBoard_nws_ros2."""
