@@ -20,6 +20,14 @@ REPLACED = "\N{REPLACEMENT CHARACTER}"
 _SPACES = frozenset("\t\n\v\f\r\x85\N{LINE SEPARATOR}\N{PARAGRAPH SEPARATOR}")
 
 
+class OneLineError(ValueError):
+    """A one-line error in a user's file; unprintable characters are replaced."""
+
+    def __init__(self, text: str) -> None:
+        shown = (c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+        super().__init__("".join(shown))
+
+
 def clean(text: object, most: int = TEXT) -> str:
     """A text on one line, ``most`` characters long at most, safe for a terminal.
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The XML of robot descriptions, which are a stranger's: bounded, without DTD and entities.
+"""The XML of robot descriptions, which is untrusted: bounded, without DTD and entities.
 
-For all who read one: those who load a file, and those who hear what a board publishes.
+The one reader of ``<joint>``, for files and for the descriptions that boards publish.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from dataclasses import dataclass
 from xml.parsers import expat
 
 from .core.terms.joint_kind import JointKind
+from .text import OneLineError
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 SIZE_CAP = 5 * 1024 * 1024
 DEPTH_CAP = 64
 ELEMENT_CAP = 50_000
-#: A board publishes what it made of its files, which may be more than one of them.
-HEARD = 4
+#: Greatest size of a published description, in multiples of a file's: it may join several files.
+PUBLISHED = 4
 
 
-class XmlError(ValueError):
-    """XML that cannot be used: place, what, the next step."""
+class UrdfError(OneLineError):
+    """An unusable robot description: place, problem, next step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ def heard_joints(urdf: str) -> dict[str, DescribedJoint]:
     """The joints of a description that a board publishes, by name; none when it cannot be read."""
     try:
         return joints_in(heard(urdf))
-    except XmlError:
+    except UrdfError:
         return {}
 
 
@@ -77,9 +78,9 @@ def heard(urdf: str) -> ET.Element:
     """The root of a description that a board publishes.
 
     Raises:
-        XmlError: it cannot be used.
+        UrdfError: it cannot be used.
     """
-    return parse_xml(urdf, "robot_description", HEARD)
+    return parse_xml(urdf, "robot_description", PUBLISHED)
 
 
 def joints_in(robot: ET.Element) -> dict[str, DescribedJoint]:
@@ -88,7 +89,7 @@ def joints_in(robot: ET.Element) -> dict[str, DescribedJoint]:
 
 
 def joint_of(joint: ET.Element) -> DescribedJoint:
-    """A <joint>; what is no number counts as missing, a missing stop beside the other as zero."""
+    """A <joint>; an invalid number counts as missing, a missing stop beside the other as zero."""
     kind, leader = joint.get("type", ""), joint.find("mimic")
     lower, upper = -math.inf, math.inf
     if kind != "continuous" and joint.find("limit") is not None:
@@ -120,7 +121,7 @@ def _text(owner: ET.Element, tag: str, key: str, default: str) -> str:
 
 
 def _number(owner: ET.Element, tag: str, key: str, default: float | None = None) -> float | None:
-    """A finite number of an attribute; the default without one, None where it is none."""
+    """A finite number of an attribute; the default where missing, None where invalid."""
     text = _text(owner, tag, key, "")
     if not text:
         return default
@@ -147,34 +148,33 @@ def parse_xml(given: bytes | str, source: str, times: int = 1) -> ET.Element:
     or attribute keeps the prefix of its namespace.
 
     Args:
-        given: the XML; a text is what it is, whatever encoding it declares.
+        given: the XML; the encoding that a text declares is ignored.
         source: where it comes from, for people.
         times: its greatest size, in multiples of that of one file.
 
     Raises:
-        XmlError: it is none, or not within the bounds.
+        UrdfError: not XML, or beyond the bounds.
     """
-    told = isinstance(given, str)
     data = given.encode(errors="replace") if isinstance(given, str) else given
     if len(data) > times * SIZE_CAP:
-        raise XmlError(f"{source}: larger than {times * SIZE_CAP >> 20} MiB; no URDF is")
+        raise UrdfError(f"{source}: larger than {times * SIZE_CAP >> 20} MiB; no URDF is")
     if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         data = data.rstrip(b"\0")
     blank = len(data) - len(data.lstrip())
     if blank == len(data):
-        raise XmlError(f"{source}: is empty; a URDF begins with <robot name=…>")
+        raise UrdfError(f"{source}: is empty; a URDF begins with <robot name=…>")
     skipped = data.count(b"\n", 0, blank)
     parser = _BoundedParser(lambda line: f"{source}:{skipped + line}", source, times * ELEMENT_CAP)
-    return parser.parse(data[blank:], "utf-8" if told else None)
+    return parser.parse(data[blank:], "utf-8" if isinstance(given, str) else None)
 
 
 class _BoundedParser:
     """Builds a tree, and refuses what no URDF has.
 
     Args:
-        place: file and line, for people, of a line of what is parsed.
+        place: file and line, for people, of a line of the data.
         source: the file.
-        most: elements at most.
+        most: greatest number of elements.
     """
 
     def __init__(self, place: Callable[[int], str], source: str, most: int) -> None:
@@ -183,7 +183,7 @@ class _BoundedParser:
         self._depth = self._count = 0
 
     def parse(self, data: bytes, encoding: str | None) -> ET.Element:
-        """The root; ``encoding`` counts more than what the data declare."""
+        """The root; ``encoding`` overrides the declared one."""
         self._parser = expat.ParserCreate(encoding)
         self._parser.buffer_text = True
         self._parser.StartDoctypeDeclHandler = self._refuse
@@ -194,16 +194,16 @@ class _BoundedParser:
         try:
             self._parser.Parse(data, True)
             return self._tree.close()
-        except XmlError:
+        except UrdfError:
             raise
         except (expat.ExpatError, LookupError, ValueError) as error:
             at_line = isinstance(error, expat.ExpatError)
             where = self._place(self._parser.ErrorLineNumber) if at_line else self._source
             reason = " ".join(str(error).partition(": line ")[0].split())
-            raise XmlError(f"{where}: not well-formed XML ({reason})") from None
+            raise UrdfError(f"{where}: not well-formed XML ({reason})") from None
 
     def _refuse(self, *_: object) -> None:
-        raise XmlError(
+        raise UrdfError(
             f"{self._place(self._parser.CurrentLineNumber)}: document types and entities are not "
             "allowed in a URDF; remove <!DOCTYPE …>"
         )
@@ -211,7 +211,7 @@ class _BoundedParser:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         self._depth, self._count = self._depth + 1, self._count + 1
         if self._depth > DEPTH_CAP or self._count > self._most:
-            raise XmlError(
+            raise UrdfError(
                 f"{self._place(self._parser.CurrentLineNumber)}: nested deeper than {DEPTH_CAP} "
                 f"or more than {self._most} elements; no URDF is"
             )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Geometry of URDF elements: numbers, origins, axes, inertia tensors and rotations.
 
-The elements were checked before (see ``urdf_xml``): valid numbers, nonzero axes.
+The elements were checked before (see ``urdf_tree``): valid numbers, nonzero axes.
 """
 
 from __future__ import annotations

@@ -19,11 +19,10 @@ import numpy as np
 from ..core.model.coupling import Coupling
 from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
-from ..urdf_xml import joint_of
+from ..urdf_xml import SIZE_CAP, UrdfError, joint_of, parse_xml
 from .geometry import origin_of, set_origin
 from .meshes import MeshFinder, MeshPathError, mesh_url
-from .urdf_tree import Tree
-from .urdf_xml import SIZE_CAP, UrdfError, check_expanded, check_numbers, parse_xml
+from .urdf_tree import Tree, check_expanded, check_numbers
 from .xacro_file import expand, is_xacro
 
 

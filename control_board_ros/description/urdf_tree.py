@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot as a tree: one base link, one parent joint per other link, no loops."""
+"""A robot as a checked tree: one base link, one parent joint per other link, no loops."""
 
 from __future__ import annotations
 
 import copy
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
-from .urdf_xml import UrdfError
+from ..urdf_xml import UrdfError
 
 LONGEST_NAME = 200
 
@@ -153,3 +154,67 @@ def _not_usable(name: str) -> str | None:
     if not name.isprintable():
         return "it holds a character that cannot be printed"
     return None
+
+
+#: Numeric attributes by element, with their count of numbers.
+NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
+    "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+    "mesh": {"scale": 3},
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "color": {"rgba": 4},
+}
+#: Nonnegative ones, within rounding: exporters write -5e-20 kg·m².
+ROUNDING = 1e-12
+POSITIVE = {("mass", "value"), ("inertia", "ixx"), ("inertia", "iyy"), ("inertia", "izz")}
+
+
+def check_numbers(root: ET.Element, source: str) -> None:
+    """Raise UrdfError for a numeric attribute that is not finite numbers."""
+    for owner in root:
+        for element in owner.iter():
+            for attribute, count in NUMBERS.get(element.tag, {}).items():
+                text = element.get(attribute)
+                positive = (element.tag, attribute) in POSITIVE
+                low = -ROUNDING if positive else -math.inf
+                if text is None or _are_numbers(text, count, low):
+                    continue
+                wanted = "a number" if count == 1 else f"{count} numbers"
+                wanted += " of at least 0" if positive else ""
+                raise UrdfError(
+                    f"{source}: {owner.tag} {owner.get('name', '')!r}: <{element.tag} "
+                    f"{attribute}={text[:40]!r}> is not {wanted}; numbers are finite and have "
+                    "spaces between"
+                )
+
+
+def _are_numbers(text: str, count: int, low: float) -> bool:
+    try:
+        values = list(map(float, text.split()))
+    except ValueError:
+        return False
+    right = len(values) == count and "_" not in text
+    return right and all(map(math.isfinite, values)) and min(values) >= low
+
+
+def check_expanded(data: bytes, root: ET.Element, source: str) -> None:
+    """Raise UrdfError for unexpanded xacro."""
+    if not any(mark in data for mark in (b"<xacro:", b"${", b"$(")):
+        return
+    for element in root.iter():
+        left = [f"<{element.tag}>"] if element.tag.startswith("xacro:") else []
+        for key, text in element.attrib.items():
+            if "${" in text or "$(" in text:
+                left.append(f"<{element.tag} {key}={text[:40]!r}>")
+        if left:
+            raise UrdfError(
+                f"{source}: {left[0]} is for xacro to replace; give the .xacro file itself as "
+                "robot, or what the command xacro makes of it"
+            )

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..text import nearest
-from .urdf_xml import UrdfError
+from ..urdf_xml import UrdfError
 
 #: A path, and arguments as of the command xacro.
 WITH_ARGUMENTS = re.compile(r"(.*?\.xacro)(\s.*)?", re.IGNORECASE | re.DOTALL)

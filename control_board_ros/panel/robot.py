@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
-from control_board_ros.urdf_xml import XmlError, heard, joints_in
+from control_board_ros.urdf_xml import UrdfError, heard, joints_in
 
 #: Supported mesh types and their media types.
 MEDIA = {
@@ -52,7 +52,7 @@ def read(urdf: str, prefix: str) -> Robot:
     """
     try:
         root = heard(urdf)
-    except XmlError:
+    except UrdfError:
         return NO_ROBOT
     joints = joints_in(root)
     kinds = {name: joint.kind for name, joint in joints.items()}

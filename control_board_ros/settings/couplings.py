@@ -26,8 +26,7 @@ from ..core.model.coupling import ARGUMENTS, FUNCTIONS, Coupling, FourBar
 from ..description.couplings import couple
 from ..description.urdf import Urdf
 from ..text import nearest
-from .params_file import Entry, SettingsError, shown
-from .values import convert
+from .params_file import Entry, SettingsError, convert, shown
 
 Entries = dict[str, Entry]
 

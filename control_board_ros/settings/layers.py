@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Layers of parameters, in ascending priority: checked and merged."""
+"""Layers of parameters, in ascending priority, checked and merged; the shipped ones."""
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,10 +12,9 @@ from typing import Any
 from ..core.config.parameter import Parameter
 from ..description.urdf import Urdf
 from ..text import nearest
-from .params_file import Entry, Layer, SettingsError, shown
+from .params_file import Entry, Layer, SettingsError, convert, shown
 from .poses import POSES, known_names
 from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
-from .values import convert
 
 #: Parameters of every ROS node, not of the board.
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
@@ -169,3 +170,38 @@ def unknown(name: str, known: Iterable[str]) -> str:
     """Error text for an unknown parameter name."""
     hint = nearest(name, known, 0.5) or "; see docs/parameters.md"
     return f"{shown(name)}: no such parameter{hint}"
+
+
+PACKAGE = "control_board_ros"
+#: Files for other programs in the same folder.
+OTHERS = {"diagnostics"}
+
+
+def config_folders() -> list[Path]:
+    """Folders of configurations: beside the sources, else as installed by ROS or pip."""
+    checkout = Path(__file__).resolve().parents[2]
+    folders = [checkout / "config"] if (checkout / "package.xml").is_file() else []
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    folders += [Path(p) / "share" / PACKAGE / "config" for p in [*prefixes, sys.prefix] if p]
+    return [folder for folder in dict.fromkeys(folders) if folder.is_dir()]
+
+
+def find_config(name: str) -> Path:
+    """The path of a shipped configuration, for example ``iiwa``.
+
+    Raises:
+        SettingsError: unknown name; the message lists the known ones.
+    """
+    folders = config_folders()
+    known: dict[str, Path] = {}
+    for folder in folders:
+        for path in sorted(folder.glob("*.yaml")):
+            if path.stem not in OTHERS:
+                known.setdefault(path.stem, path)
+    if name in known:
+        return known[name]
+    hint = nearest(name, known)
+    raise SettingsError(
+        f"configuration {shown(name)} unknown{hint}; known: {', '.join(known) or 'none'}, "
+        "or the path of a YAML file"
+    )

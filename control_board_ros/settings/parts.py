@@ -14,20 +14,24 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 
 from ..core.config.parameter import Kind, Parameter
-from .layers import Entries
-from .params_file import Entry, SettingsError, shown
-from .values import convert
+from .params_file import Entry, SettingsError, convert, shown
 
 PARTS = "parts"
 #: The robot's own node; not allowed as a part's name.
 ROBOT = "robot"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
+Entries = dict[str, Entry]
 Table = dict[str, tuple[str, ...]]
 
 PARTS_ROW = Parameter(
     name=PARTS, kind=Kind.STRINGS, default=[], text="Joints of a part, in its order"
 )
+
+
+def part_row(name: str) -> Parameter | None:
+    """The row of a part's parameter; None for other names."""
+    return PARTS_ROW if name.startswith(f"{PARTS}.") else None
 
 
 def take_parts(layers: Sequence[Entries]) -> tuple[list[Entries], Entries]:

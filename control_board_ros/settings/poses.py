@@ -1,19 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The poses of a parameter file: ``poses.<name>.<joint>`` and ``poses.<name>.speed`` (SPEC R5).
+"""Poses (SPEC R5): those of the parameter files, and the user's.
 
-``home`` (the joints' ``home``) and ``park`` (the same) exist for every robot unless a file defines
-them. A pose that names joints absent from the board keeps the others.
+A parameter file has ``poses.<name>.<joint>`` and ``poses.<name>.speed``. ``home`` (the joints'
+``home``) and ``park`` (the same) exist for every robot unless a file defines them. A pose that
+names joints absent from the board keeps the others.
+
+The user's poses are in one file per robot,
+``$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml``, ``~/.config`` where that is not set::
+
+    ready: {speed: 0.3, positions: {shoulder: 0.5, elbow: 1.2}}
+
+Boards of one robot share the file: it is read at each use and replaced as a whole.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import contextlib
+import fcntl
+import os
+import re
+import tempfile
+import time
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from ..core.config.config import BoardConfig
 from ..core.config.parameter import Kind, Parameter
 from ..core.goals.pose import HOME, NAME, PARK, Pose
-from .params_file import Entry, SettingsError
+from ..core.selection import RequestError
+from .params_file import Entry, SettingsError, read_text
+from .yaml_tree import Leaf, parse_yaml, shown
+from .yaml_tree import Mapping as Tree
 
 POSES = "poses"
 SPEED = "speed"
@@ -118,3 +138,145 @@ def values_of(poses: Mapping[str, Pose]) -> dict[str, Any]:
         for joint, position in zip(pose.joints, pose.positions, strict=True):
             values[f"{POSES}.{pose.name}.{joint}"] = position
     return values
+
+
+#: Maximum number of poses in a file.
+MOST = 100
+#: Attempts to lock the file, and s between them: saving takes a few ms and blocks all other
+#: services.
+TRIES, PAUSE = 10, 0.005
+HEAD = "# Poses of {robot}, saved by ~/save_pose and `cbctl pose save`; rad, rad/s; m, m/s.\n"
+FORM = "write NAME: {speed: 0.0, positions: {joint: 0.5}}"
+
+
+def pose_file(robot: str) -> Path:
+    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    stem = re.sub(r"[^A-Za-z0-9_.-]", "_", robot).strip(".") or "robot"
+    return Path(base) / "control_board_ros" / "poses" / f"{stem}.yaml"
+
+
+class UserPoses:
+    """The poses of a user for one robot; attribute ``path``: their file, which may not exist."""
+
+    def __init__(self, robot: str) -> None:
+        self.robot, self.path = robot, pose_file(robot)
+
+    def read(self) -> dict[str, Pose]:
+        """All poses by name, in file order; empty without a file.
+
+        Raises:
+            RequestError: the file is unreadable or invalid; one line.
+        """
+        try:
+            return poses_in(read_text(self.path), str(self.path)) if self.path.exists() else {}
+        except (SettingsError, OSError) as error:
+            raise RequestError(str(error)) from None
+
+    def save(self, pose: Pose, names: Collection[str] = ()) -> dict[str, Pose]:
+        """Add or replace a pose; returns all poses.
+
+        Args:
+            pose: of some joints of a board.
+            names: all joints of that board; the pose's positions of other joints remain.
+
+        Raises:
+            RequestError: the file cannot be read or written, or is full; it remains unchanged.
+        """
+        try:
+            with self._locked():
+                poses = self.read()
+                old = poses.get(pose.name, Pose(pose.name, (), ()))
+                poses[pose.name] = old.besides({*names, *pose.joints}).joined(pose)
+                if len(poses) > MOST:
+                    raise RequestError(f"{self.path}: holds {MOST} poses already; delete some")
+                self._write(text_of(self.robot, poses))
+        except OSError as error:
+            raise RequestError(
+                f"{self.path}: cannot be written ({error.strerror}); "
+                "make the folder writable, or set XDG_CONFIG_HOME"
+            ) from None
+        return poses
+
+    @contextlib.contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Lock the file against other processes; raises RequestError after TRIES attempts."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        path = self.path.parent / f".{self.path.name}.lock"
+        with path.open("w") as lock:
+            for left in reversed(range(TRIES)):
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError:
+                    if not left:
+                        raise RequestError(
+                            f"{self.path}: another program is saving poses, or holds {path.name} "
+                            "without end; try again, or end that program"
+                        ) from None
+                    time.sleep(PAUSE)
+            yield
+
+    def _write(self, text: str) -> None:
+        """Replace the file atomically."""
+        handle, name = tempfile.mkstemp(dir=self.path.parent, prefix=".", suffix=".yaml")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(handle)
+            Path(name).replace(self.path)
+        except OSError:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+
+def text_of(robot: str, poses: Mapping[str, Pose]) -> str:
+    tree = {
+        pose.name: {
+            "speed": pose.speed,
+            "positions": dict(zip(pose.joints, pose.positions, strict=True)),
+        }
+        for pose in poses.values()
+    }
+    return HEAD.format(robot=robot) + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+
+
+def poses_in(text: str, source: str) -> dict[str, Pose]:
+    """Parse the poses of a file's text.
+
+    Raises:
+        SettingsError: invalid; one line with the line number.
+    """
+    tree = parse_yaml(text, source)
+    if tree is None:
+        return {}
+    if not isinstance(tree, Tree):
+        raise SettingsError(f"{source}:{tree.line}: is no mapping; {FORM}")
+    poses = {}
+    for name, node in tree.items.items():
+        if not NAME.fullmatch(name):
+            raise SettingsError(
+                f"{source}:{node.line}: pose {shown(name)}: is no name; letters, digits and _ are"
+            )
+        if not isinstance(node, Tree) or set(node.items) - {"speed", "positions"}:
+            raise SettingsError(f"{source}:{node.line}: {name}: is no pose; {FORM}")
+        positions = node.items.get("positions")
+        if not isinstance(positions, Tree) or not positions.items:
+            raise SettingsError(f"{source}:{node.line}: {name}: has no positions; {FORM}")
+        speed = number(node.items.get("speed", Leaf(0.0, node.line)), f"{name}.speed", source)
+        if speed < 0.0:
+            raise SettingsError(f"{source}:{node.line}: {name}.speed: {speed:g} is below 0")
+        joints = {
+            joint: number(leaf, f"{name}.positions.{joint}", source)
+            for joint, leaf in positions.items.items()
+        }
+        poses[name] = Pose(name, tuple(joints), tuple(joints.values()), speed)
+    return poses
+
+
+def number(node: Any, name: str, source: str) -> float:
+    """A finite number of the file; raises SettingsError for anything else."""
+    value = getattr(node, "value", None)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
+        raise SettingsError(f"{source}:{node.line}: {name}: {shown(value)} is no number")
+    return float(value)

@@ -17,6 +17,7 @@ from ..core.config.parameter import Bound, Kind, Parameter, parameters_of, parts
 from ..core.terms.vocabs import YARP_4_PWM, ControlMode, Vocab
 from ..sim.config import JointSimulation, SimulationConfig
 from .couplings import coupling_row
+from .parts import part_row
 from .poses import pose_row
 
 JOINT_DEFAULTS = "joint_defaults"
@@ -190,11 +191,14 @@ ROBOT_ROWS = tuple(row for row in BOARD if not row.name.startswith(PART_ONLY))
 JOINT_BY_NAME = {row.name: row for row in JOINT}
 
 
+def table_row(name: str, joints: Iterable[str]) -> Parameter | None:
+    """The row of a parameter of a coupling, a pose or a part; None for other names."""
+    return coupling_row(name) or pose_row(name, joints) or part_row(name)
+
+
 def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
     """The row of a full parameter name; None if unknown."""
-    if name in BOARD_BY_NAME:
-        return BOARD_BY_NAME[name]
-    if (row := coupling_row(name) or pose_row(name, joints)) is not None:
+    if (row := BOARD_BY_NAME.get(name) or table_row(name, joints)) is not None:
         return row
     for owner in (JOINT_DEFAULTS, *joints):
         if name.startswith(owner + "."):

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from ..description.errors import OneLineError
+from ..text import OneLineError
 
 DEPTH_CAP = 16
 VALUE_CAP = 20_000

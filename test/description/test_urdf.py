@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.description import urdf_xml
+from control_board_ros import urdf_xml
 from control_board_ros.description.urdf import Urdf, UrdfError, load, parse
 
 INERTIAL = "<inertial><mass value='1'/><inertia ixx='0.1' iyy='0.1' izz='0.1'/></inertial>"

@@ -12,7 +12,7 @@ import pytest
 from control_board_ros.conformance.limits import SPEED, TORQUE, TURN, described_limits
 from control_board_ros.panel.robot import NO_ROBOT, read
 from control_board_ros.recording.reading import kinds_of
-from control_board_ros.urdf_xml import XmlError, heard, heard_joints
+from control_board_ros.urdf_xml import UrdfError, heard, heard_joints
 
 BOMB = (
     '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]>'
@@ -37,7 +37,7 @@ def board(urdf: str) -> Any:
 
 @pytest.mark.parametrize("urdf", BAD.values(), ids=BAD)
 def test_a_bad_description_is_none_for_all_who_hear_it(urdf: str) -> None:
-    with pytest.raises(XmlError):
+    with pytest.raises(UrdfError):
         heard(urdf)
     assert heard_joints(urdf) == {}
     assert kinds_of(urdf, ("j",)) == {"j": "revolute"}

@@ -14,7 +14,7 @@ from rig import Rig, board_config, joint
 
 from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.node.wiring.diagnostics import Diagnostics
-from control_board_ros.settings.shipped import SettingsError, find_config
+from control_board_ros.settings.layers import SettingsError, find_config
 
 FILE = Path(__file__).resolve().parents[2] / "config" / "diagnostics.yaml"
 #: What GenericAnalyzer reads, and as which type: another one ends the aggregator.

@@ -17,7 +17,7 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.core.terms.measurement import Actuation, Measurement
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.node.loop import pacing
+from control_board_ros.node.loop import timing
 from control_board_ros.node.loop.loop import ControlLoop, FairLock, Member
 from control_board_ros.node.loop.timing import MAX_LAG, Pacer
 from control_board_ros.node.wiring.publishing import StateThread
@@ -158,7 +158,7 @@ class ManualClock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
     made = ManualClock()
-    monkeypatch.setattr(pacing, "time", made)
+    monkeypatch.setattr(timing, "time", made)
     return made
 
 
@@ -397,8 +397,8 @@ def test_late_cycles_carry_stamps_that_fit(rig: Rig, monkeypatch: pytest.MonkeyP
 
     Where nobody sets the system's clock: a machine that does so here is not what is tried.
     """
-    ahead = pacing.system_ahead()
-    monkeypatch.setattr(pacing, "system_ahead", lambda: ahead)
+    ahead = timing.system_ahead()
+    monkeypatch.setattr(timing, "system_ahead", lambda: ahead)
     rig.loop.set_state_rate(1000.0)
     rig.plant.slow = dict.fromkeys(range(60, 300, 40), 0.02)
     rig.loop.start()

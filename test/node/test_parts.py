@@ -41,8 +41,8 @@ from control_board_ros.node.process.console import KnownError
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
 from control_board_ros.node.process.start import lock_name
 from control_board_ros.node.wiring import messages
+from control_board_ros.node.wiring.prepared import prepared_state
 from control_board_ros.node.wiring.reporter import ThrottledLog
-from control_board_ros.node.wiring.state_message import StateMessage
 from control_board_ros.testing import free_domain
 
 
@@ -281,7 +281,7 @@ def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
 
     sources, count = {JointState: JOINT_STATE, BoardState: BOARD_STATE}[kind], len(names)
     field_of_names = "name" if kind is JointState else "names"
-    template = StateMessage(kind(**{field_of_names: list(names)}), sources, count)
+    template = prepared_state(kind(**{field_of_names: list(names)}), sources, count)
     rows = len(Row) + len(Reference)
     for first in (0.0, -1e300, math.nan):
         block = np.arange(1.0, 1.0 + rows * count).reshape(rows, count)

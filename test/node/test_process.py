@@ -109,7 +109,7 @@ def noted(monkeypatch: pytest.MonkeyPatch) -> list[Noted]:
         made.append(Noted(plant))
         return start, made[-1]
 
-    monkeypatch.setattr("control_board_ros.node.process.plant.make_plant", make)
+    monkeypatch.setattr("control_board_ros.node.process.start.make_plant", make)
     return made
 
 

@@ -14,9 +14,8 @@ from talk import until
 from tf2_msgs.msg import TFMessage
 
 from control_board_ros.description.frames import POSE, Edge, Frames
-from control_board_ros.node.wiring import transforms
-from control_board_ros.node.wiring.state_message import UnknownLayout
-from control_board_ros.node.wiring.transforms import TransformMessage, places_of, tf_message
+from control_board_ros.node.wiring import prepared
+from control_board_ros.node.wiring.transforms import prepared_frames, tf_message
 from control_board_ros.settings.loading import load
 from control_board_ros.testing import board_process, ros_node
 
@@ -28,7 +27,7 @@ EDGES = [Edge("b" * k, f"link_{k}") for k in range(1, 10)]
 @pytest.mark.parametrize("count", [0, 1, 2, 9])
 @pytest.mark.parametrize("prefix", ["", "left/"])
 def test_the_bytes_read_as_the_message(count: int, prefix: str) -> None:
-    made = TransformMessage(EDGES[:count], prefix)
+    made = prepared_frames(EDGES[:count], prefix)
     assert made.fallback == ""
     for seed in range(3):
         poses = np.random.default_rng(seed).normal(size=(count, POSE))
@@ -41,20 +40,12 @@ def test_the_bytes_read_as_the_message(count: int, prefix: str) -> None:
 
 def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Slower, and the same."""
-    real = transforms.serialize_message
-    monkeypatch.setattr(transforms, "serialize_message", lambda m: real(m) + real(m))
-    made = TransformMessage(EDGES)
+    real = prepared.serialize_message
+    monkeypatch.setattr(prepared, "serialize_message", lambda m: real(m) + real(m))
+    made = prepared_frames(EDGES)
     assert "are in" in made.fallback
     poses = np.ones((len(EDGES), POSE))
     assert made.of(poses, STAMP) == tf_message(EDGES, poses, STAMP, "")
-
-
-def test_a_number_in_two_places_is_not_found() -> None:
-    among = np.array([7.0, 1.5, 2.5, 0.0])
-    assert places_of(np.array([[1.5], [2.5]]), among).tolist() == [[1], [2]]
-    for wrong in ([1.5, 2.5, 1.5], [1.5]):
-        with pytest.raises(UnknownLayout):
-            places_of(np.array([1.5, 2.5]), np.array(wrong))
 
 
 @pytest.mark.ros

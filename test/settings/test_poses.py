@@ -12,7 +12,7 @@ from control_board_ros.core.goals.pose import HOME, PARK, Pose
 from control_board_ros.core.selection import RequestError
 from control_board_ros.settings.loading import load
 from control_board_ros.settings.params_file import SettingsError
-from control_board_ros.settings.user_poses import MOST, UserPoses, pose_file
+from control_board_ros.settings.poses import MOST, UserPoses, pose_file
 
 J = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
 ROBOTS = ("iiwa", "panda", "panda_pair", "iiwa_gripper", "icub_left_arm", "icub_right_arm", "icub")

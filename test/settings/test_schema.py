@@ -17,9 +17,8 @@ from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.vocabs import Vocab
 from control_board_ros.settings import build
 from control_board_ros.settings.loading import Settings, load
-from control_board_ros.settings.params_file import Entry, SettingsError
+from control_board_ros.settings.params_file import Entry, SettingsError, convert
 from control_board_ros.settings.schema import BOARD, JOINT, JOINT_BY_NAME, rows_of
-from control_board_ros.settings.values import convert
 from control_board_ros.sim.config import JointSimulation
 
 J2 = "lbr_iiwa_joint_2"

@@ -524,8 +524,7 @@ def test_joint_defaults_are_for_the_start_only() -> None:
 
 
 def test_every_default_is_allowed_by_its_own_row() -> None:
-    from control_board_ros.settings.params_file import Entry
-    from control_board_ros.settings.values import convert
+    from control_board_ros.settings.params_file import Entry, convert
 
     for row in (*schema.BOARD, *schema.JOINT):
         assert row.description.endswith("."), row.name
@@ -536,9 +535,8 @@ def test_every_default_is_allowed_by_its_own_row() -> None:
 
 
 def test_every_value_of_the_settings_is_allowed_by_its_row(iiwa: Settings) -> None:
-    from control_board_ros.settings.params_file import Entry
+    from control_board_ros.settings.params_file import Entry, convert
     from control_board_ros.settings.schema import find_row
-    from control_board_ros.settings.values import convert
 
     for name, value in iiwa.values.items():
         row = find_row(name, iiwa.board.names)

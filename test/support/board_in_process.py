@@ -33,9 +33,9 @@ from control_board_ros.interface import Endpoint
 from control_board_ros.node.loop.snapshots import Snapshots
 from control_board_ros.node.loop.timing import TimeBase
 from control_board_ros.node.wiring.messages import joint_modes
+from control_board_ros.node.wiring.prepared import prepared_state
 from control_board_ros.node.wiring.publishing import BOARD_STATE, Physical
 from control_board_ros.node.wiring.services import Services
-from control_board_ros.node.wiring.state_message import StateMessage
 from control_board_ros.node.wiring.topics import CommandTopics
 from control_board_ros.settings import loading as settings
 from control_board_ros.sim.plant import SimulatedPlant
@@ -64,7 +64,9 @@ class InProcess:
         self.settings = made = settings.load(robot) if robot else load()
         self.rig = Rig(made.board, SimulatedPlant(made.board, replace(made.simulation, urdf=None)))
         group = self.rig.board
-        self._message = StateMessage(BoardState(names=list(group.names)), BOARD_STATE, group.count)
+        self._message = prepared_state(
+            BoardState(names=list(group.names)), BOARD_STATE, group.count
+        )
         self._snapshots = Snapshots(group, TimeBase(simulated=True, shrinkage=0))
         self._snapshots.note_changes()
         self.states: deque[State] = deque(maxlen=KEPT)

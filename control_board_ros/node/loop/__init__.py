@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The control loop: its thread, its time and what it hands out."""
+"""The control loop: its thread, its time and its snapshots."""

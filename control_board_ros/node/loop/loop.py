@@ -52,9 +52,8 @@ class ControlLoop:
 
     Attributes: board, snapshots (its), hooks (called in every cycle before the tick),
     exclusive_hooks (called at the end of each use of ``exclusive``, of any member); both are
-    called with the lock held. after_lock (called by the control thread whenever it has given the
-    lock back), when_shown (calls what it is given when all states that are noted by now are
-    published).
+    called with the lock held. after_lock (called by the control thread whenever it has released
+    the lock), when_shown (calls a function when all states noted by now are published).
     """
 
     def __init__(
@@ -101,14 +100,14 @@ class ControlLoop:
         return snapshots
 
     def snapshots_of(self, group: JointGroup) -> Snapshots:
-        """Those of the board, or of a part of it, from now on; before the start."""
+        """The snapshots of the board, or from now on of a part; for use before the start."""
         if group is self.board:
             return self.snapshots
         self._shown.insert(-1, self._first_snapshots(group))
         return self._shown[-2]
 
     def exclusive_of(self, group: JointGroup) -> Exclusive:
-        """The lock of the loop as a context manager that gives a group."""
+        """The lock of the loop as a context manager of a group."""
         return Exclusive(self._lock, group, self.end_exclusive)
 
     @property
@@ -132,8 +131,8 @@ class ControlLoop:
         """End the thread: joints unpowered, the last state noted; then close the plant.
 
         Returns:
-            False if the thread did not end in time. A simulation is then still in its hands;
-            another plant is closed, which disables its motors.
+            False if the thread did not end in time. It then still uses a simulation; another
+            plant is closed, which disables its motors.
         """
         self._stopping = True
         self._wake.set()
@@ -145,10 +144,10 @@ class ControlLoop:
         return ended
 
     def simulation(self) -> Simulation:
-        """The plant, for what only a simulation supports.
+        """The simulated plant.
 
         Raises:
-            RequestError: it is none (B4).
+            RequestError: the plant is no simulation (B4).
         """
         if isinstance(self._plant, Simulation):
             return self._plant
@@ -159,10 +158,10 @@ class ControlLoop:
         return self._exclusive
 
     def end_exclusive(self) -> None:
-        """What is done before the lock is given back."""
+        """Call the hooks; the lock is still held."""
         for hook in self.exclusive_hooks:
             hook()
-        if self._paused:  # else the next cycle shows it, when the request has its answer
+        if self._paused:  # else the next cycle shows it, after the answer to the request
             self.note_changes()
 
     def note_changes(self) -> None:
@@ -179,7 +178,7 @@ class ControlLoop:
             snapshots.note_state()
 
     def statistics(self) -> Statistics:
-        """Timing statistics since the last call, and in all."""
+        """Timing statistics since the last call, and in total."""
         return self._pacer.take()
 
     # -- time ---------------------------------------------------------------------------------
@@ -205,8 +204,8 @@ class ControlLoop:
     def set_real_time_factor(self, factor: float) -> None:
         """Set the simulated seconds per second; 0 = as fast as possible.
 
-        Stamps go on from where they are; once simulated and real time have parted, stamps do not
-        follow the system's clock any more.
+        Stamps continue without a jump; once simulated and real time have parted, stamps no longer
+        follow the system's clock.
 
         Raises:
             RequestError: the plant is no simulation (B4); so for :meth:`pause`, :meth:`step` and
@@ -234,7 +233,7 @@ class ControlLoop:
         self._states = Divider(rate, self.board.config.control_rate)
 
     def pause(self, paused: bool) -> None:
-        """Stop or go on between two cycles; steps that have not run yet are dropped."""
+        """Stop or continue between two cycles; steps that have not run yet are dropped."""
         self.simulation()
         with self.exclusive():
             self._paused = paused
@@ -262,7 +261,7 @@ class ControlLoop:
         return refusal
 
     def reset(self) -> None:
-        """Back to the initial pose and power-on; simulated time goes on."""
+        """Return to the initial pose and power-on; simulated time continues."""
         simulation = self.simulation()
         with self.exclusive():
             simulation.reset()
@@ -353,9 +352,9 @@ class ControlLoop:
 class FairLock:
     """A lock that its last holder cannot acquire again while another thread waits.
 
-    A plain lock of Python goes to the thread that asks first after its release, which is the one
-    that released it when that runs on: a control loop that runs as fast as it can would shut all
-    others out. Here the thread that waits holds the gate, and the next one waits at the gate.
+    A plain lock of Python goes to the first thread that requests it after its release, which is
+    the releasing thread itself where that keeps running: a control loop without pauses would shut
+    all others out. Here the waiting thread holds the gate, and the next one waits at the gate.
     """
 
     __slots__ = ("_gate", "_lock")
@@ -400,9 +399,9 @@ class Exclusive:
 
 
 class Stepping:
-    """Counts cycles down and calls the waiting callbacks; for callers holding the loop's lock.
+    """Steps of a paused simulation, and callbacks; for callers holding the loop's lock.
 
-    Attributes: left (cycles that are still to run while the simulation is paused).
+    Attributes: left (cycles still to run while the simulation is paused).
     """
 
     def __init__(self) -> None:
@@ -428,17 +427,17 @@ class Stepping:
         return ""
 
     def ended(self) -> Callable[[], None]:
-        """All steps have run; returns the callback that answers the request."""
+        """The callback that answers the request, once all steps have run."""
         done, self._on_steps = self._on_steps, None
         return lambda: done("") if done is not None else None
 
     def count(self) -> bool:
-        """One of the steps has run; whether it was the last one."""
+        """Count a step that has run; returns whether it was the last one."""
         self.left -= 1
         return not self.left
 
     def finish(self, message: str) -> None:
-        """Cancel the remaining steps; ``message``: the reason, for the answer to the request."""
+        """Cancel the remaining steps; ``message``: the reason in the answer to the request."""
         done, self._on_steps, self.left = self._on_steps, None, 0
         if done is not None:
             done(message)
@@ -448,7 +447,7 @@ class Stepping:
         self._on_cycle.append(done)
 
     def notify_cycle(self) -> None:
-        """A cycle has run: call the callbacks that wait for it."""
+        """Call the callbacks that wait for a cycle."""
         while self._on_cycle:
             self._on_cycle.popleft()()
 
@@ -456,7 +455,7 @@ class Stepping:
 class Member:
     """A group of joints that a control loop runs: the whole board, or a part of it.
 
-    Attributes: loop, board (the group; to be touched within :meth:`exclusive` only), snapshots.
+    Attributes: loop, board (the group; for use within :meth:`exclusive` only), snapshots.
     """
 
     def __init__(self, loop: ControlLoop, group: JointGroup) -> None:
@@ -469,7 +468,7 @@ class Member:
         return self._exclusive
 
     def power_cycle(self) -> None:
-        """Back to power-on; shown also where the next cycle configures the joints."""
+        """Return to power-on; shown also where the next cycle configures the joints."""
         with self.exclusive() as board:
             board.power_cycle()
             self.loop.note_changes()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ...core.group import JointGroup
@@ -15,7 +15,7 @@ from ...core.terms.vocabs import ControlMode, InteractionMode
 from .timing import TimeBase
 
 EVENTS_KEPT = 1000
-#: States and modes kept for a publisher that was held up; older ones are lost.
+#: States and modes kept for a delayed publisher; older ones are lost.
 KEPT = 50
 
 
@@ -45,18 +45,15 @@ class StampedFaults:
     stamp: int
 
     def by_name(self) -> dict[str, tuple[FaultRecord, int]]:
-        """The same by joint."""
-        return {record.name: (record, at) for record, at in self.each()}
-
-    def each(self) -> Iterator[tuple[FaultRecord, int]]:
         """The record of each joint, and when it was raised."""
-        return zip(self.records, self.raised, strict=True)
+        both = zip(self.records, self.raised, strict=True)
+        return {record.name: (record, at) for record, at in both}
 
 
 class Snapshots:
     """The newest snapshots of a board.
 
-    The ``note`` methods are for callers holding the loop's lock; all else is for any caller.
+    The ``note`` methods are for callers holding the loop's lock, all others for any caller.
 
     Attributes: latest, modes, faults; states and mode_changes (not yet consumed, oldest
     first; the newest are ``latest`` and ``modes``); events (of the board, oldest first); on_change

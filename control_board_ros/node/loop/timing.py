@@ -180,7 +180,7 @@ class Divider:
 
 
 def system_ahead() -> int:
-    """What the system's clock is ahead of the monotonic one, ns.
+    """Lead of the system's clock over the monotonic one, ns.
 
     A thread that loses the processor between the two readings would report a clock that was
     set; such readings are repeated, and the closest pair counts.
@@ -230,11 +230,11 @@ class TimeBase:
         self._jump = True
 
     def free(self) -> None:
-        """Simulated and real time part from here on: stamps go on from where they are."""
+        """Part simulated from real time: stamps continue without a jump."""
         self.follows_system = False
 
     def resume(self) -> None:
-        """Time stood still: with the next reading the stamps may jump ahead."""
+        """Let stamps jump ahead with the next reading: time was stopped."""
         self._jump = True
 
     def note(self, simulated: float, system: int) -> None:
@@ -267,11 +267,11 @@ def take_priority(values: Mapping[str, Any], others: Sequence[int] = ()) -> str:
         values: parameters by name.
         others: ids of further processes.
 
-    A simulation that runs as fast as it can is never preferred, for it would use a whole core:
-    it stays as it was started, by ``nice`` or without.
+    A simulation that runs as fast as it can keeps the priority that it was started with: it
+    would use a whole core.
 
     Returns:
-        An empty text, or what was refused and how to get it; the node goes on without.
+        An empty text, or what was refused and how to get it; the node continues without.
     """
     priority, niceness = int(values["realtime_priority"]), int(values["niceness"])
     if priority:
@@ -291,18 +291,18 @@ def take_priority(values: Mapping[str, Any], others: Sequence[int] = ()) -> str:
     return ""
 
 
-def refusal(asked: str, error: OSError, limit: str, value: int) -> str:
+def refusal(requested: str, error: OSError, limit: str, value: int) -> str:
     """What was refused, what that means, and what would grant it."""
     line = f"{user()} - {limit} {value}"
     return (
-        f"{asked} is not granted ({error.strerror}): the board goes on without, and its cycles "
-        f"come later when other programs run; to grant it, add '{line}' to "
+        f"{requested} is not granted ({error.strerror}): the board runs without it, and its "
+        f"cycles start later when other programs run; to grant it, add '{line}' to "
         "/etc/security/limits.conf and log in again"
     )
 
 
 def user() -> str:
-    """Who runs this, as limits.conf names people; ``*``, all, where that is not known."""
+    """The user's name for limits.conf; ``*``, all users, where it is unknown."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):
@@ -310,7 +310,7 @@ def user() -> str:
 
 
 def scheduling() -> str:
-    """What is in force for the calling thread."""
+    """The scheduling of the calling thread."""
     if os.sched_getscheduler(0) == os.SCHED_OTHER:
         return f"niceness {os.getpriority(os.PRIO_PROCESS, 0)}"
     return f"real-time priority {os.sched_getparam(0).sched_priority}"

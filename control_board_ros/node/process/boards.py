@@ -25,8 +25,8 @@ from ...core.goals.trajectory_goal import start_goal
 from ...core.terms.measurement import Plant
 from ...interface import DIAGNOSTICS, JOINT_STATES, PART_JOINT_STATES, REQUEST_LOG, Endpoint
 from ...settings.loading import Settings
+from ...settings.poses import UserPoses
 from ...settings.schema import BOARD, JOINT, PART_ROWS, ROBOT_ROWS
-from ...settings.user_poses import UserPoses
 from ...simulation import made_board
 from ...startup import resume_collection, search_modules
 from ..loop.loop import ControlLoop, Member
@@ -47,20 +47,20 @@ from ..wiring.yarp import offer_yarp
 from .lifecycle import make_node, manage
 from .start import Start
 
-#: The emergency stop is one for the whole robot.
+#: The emergency stop affects the whole robot.
 EMERGENCY = ("external",)
-#: Of joints, a robot's node shows what a request is checked against; the rest is the parts'.
+#: A robot's node shows the limits of joints, which requests are checked against; parts show all.
 LIMITS = tuple(row for row in JOINT if row.name.startswith("limits."))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Role:
-    """What sets a node apart: of a board that is alone, of a part, of a robot of several parts.
+    """Differences between the nodes of a single board, of a part, and of a robot of parts.
 
-    Attributes: board_rows and joint_rows (the parameters that it declares), joint_states (where
-    readings go), below (whether it is a part, whose robot has what is there once), for_all (faults
-    that reach all joints when they are injected, whichever are named), yarp (YARP's interface can
-    be had).
+    Attributes: board_rows and joint_rows (declared parameters), joint_states (topic of readings),
+    below (whether it is a part: its robot's node has the description and the clock), for_all
+    (injected faults that affect all joints, whichever are named), yarp (whether it can offer
+    YARP's interface).
     """
 
     board_rows: Sequence[Parameter] = BOARD
@@ -77,15 +77,15 @@ ROBOT = Role(board_rows=ROBOT_ROWS, joint_rows=LIMITS, for_all=EMERGENCY, yarp=F
 
 
 class BoardNode:
-    """What joints offer on a node of their own; ``Boards`` starts and stops it.
+    """The ROS interface of joints on a node; ``Boards`` starts and stops it.
 
     Args:
-        node: to offer it on.
+        node: of the interface.
         member: the joints, and the loop that runs them.
         settings: of the same joints.
         changed: called with the loop's run-time parameters, name and value.
         follower: of trajectories, for all joints of the board.
-        role: what sets the node apart.
+        role: of the node.
 
     Attributes: node, member, reporter, parameters, publisher, on_reconfigured (called with the new
     parameters of joints changed here, by name and value).
@@ -152,13 +152,13 @@ class BoardNode:
         )
 
     def publish(self) -> None:
-        """One round of the thread that publishes: what is new, and the log."""
+        """One round of the publishing thread: new states, answers and events."""
         self.publisher.publish()
         self.requests.publish()
         self.reporter.log_events(self.member.snapshots)
 
     def each_second(self) -> None:
-        """What is done now and then."""
+        """Write the log's counts and check the subscriptions."""
         self.reporter.flush()
         for subscription in self._subscriptions:
             subscription.check()
@@ -174,7 +174,7 @@ class BoardNode:
             executor.create_task(function)
 
 
-#: s after the start at which discovery is complete enough to look for another node of this name.
+#: s after the start at which discovery shows another node of this name.
 SETTLED = 3.0
 
 
@@ -184,8 +184,8 @@ class Boards:
     Make it, :meth:`start` it, spin ``nodes``, :meth:`stop` it.
 
     Args:
-        start: settings and what rclpy needs of the command line.
-        plant: what the board drives; closed at the end.
+        start: settings, and the command line for rclpy.
+        plant: of the board; closed at the end.
         on_end: called when the control loop ends by itself; ``loop.failure`` is the reason.
         context: of rclpy; None for the default one.
 
@@ -250,7 +250,7 @@ class Boards:
         return robot
 
     def _main_node(self, name: str, namespace: str | None) -> Node:
-        """The node of the whole, a managed one where ``lifecycle`` is set."""
+        """The node of the whole board; a managed one where ``lifecycle`` is set."""
         return make_node(name, self.settings.values, **self._arguments(namespace))
 
     def _arguments(self, namespace: str | None) -> dict[str, Any]:
@@ -312,7 +312,7 @@ class Boards:
             )
 
     def _changed(self, name: str, value: Any) -> None:
-        """A parameter of the loop has another value."""
+        """Apply a changed parameter of the loop."""
         if name == "state_rate":
             self.loop.set_state_rate(value)
         elif name == "real_time_factor":
@@ -367,7 +367,7 @@ class SharedParameters:
             part.on_reconfigured = self._set_at_part
 
     def _set_at_robot(self, _settings: Settings, changes: Mapping[str, Any]) -> None:
-        """The parts check and apply them, all or none."""
+        """Check and apply them at the parts, all or none."""
         changed: list[tuple[BoardNode, Settings, list[str]]] = []
         for part in self._parts:
             known = part.parameters.settings

@@ -91,14 +91,14 @@ def welcome(
         config: of the board.
         modes: present control mode of each joint.
         parts: the joints of each part, where the board is a robot's.
-        parks: whether it goes to the pose park at its end.
+        parks: whether it moves to the pose park at its end.
         managed: whether it waits for the transitions of a managed node.
     """
     present = sorted({mode.name for mode in modes})
     option = "" if name == "/control_board" else f" --board {name}"
     when, words = suggestions(config.joints[0], modes[0])
     if managed:
-        when = f"Let it go on with:\n{transitions(name)}\nthen, where joints are active, try"
+        when = f"Activate it with:\n{transitions(name)}\nthen, where joints are active, try"
         words = [word for word in words if word != CONFIGURE.short]
     lines = [
         *table(config.joints, parts or {}),
@@ -170,7 +170,7 @@ def transitions(name: str) -> str:
 
 
 def first_target(joint: JointConfig) -> float:
-    """A position to try: 30 degrees or 20 mm, or what is well within the joint's limits."""
+    """A position to try: 30 degrees or 20 mm, moved well within the joint's limits."""
     wanted = joint.kind.choose(math.radians(30.0), 0.02)
     low, high = joint.limits.lower, joint.limits.upper
     margin = 0.1 * (high - low) if high - low < ENDLESS else 0.0
@@ -178,7 +178,7 @@ def first_target(joint: JointConfig) -> float:
 
 
 def ros2_lines(name: str, joint: JointConfig) -> list[str]:
-    """For ROS's own command, which a virtual environment does not have."""
+    """Lines for the command ``ros2``, which a virtual environment does not have."""
     target = f"{first_target(joint):.3g}"
     return [
         f"  ros2 service call {SET_CONTROL_MODE.of(name)} {SET_CONTROL_MODE.type} "

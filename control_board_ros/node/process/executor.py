@@ -3,9 +3,9 @@
 
 rclpy's SingleThreadedExecutor gathers all entities of the node and builds a new wait set for
 every single callback, and wakes itself twice for each of them; with the board's 60 entities
-that is most of a service's round trip. This one gathers only when entities come or go, takes
-everything that a wait found ready, and guards every callback: what one raises is reported and
-the executor lives on.
+that is most of a service's round trip. This one gathers only when entities come or go, serves
+everything that a wait found ready, and guards every callback: an exception is reported and the
+executor continues.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         for entity in entities:
             try:
                 self._held.enter_context(entity.handle)
-            except InvalidHandle:  # destroyed by another thread meanwhile
+            except InvalidHandle:  # since destroyed by another thread
                 continue
             held[entity.handle.pointer] = entity
         return held
@@ -194,7 +194,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
             service.send_response(response, header)
         except InvalidHandle:
             raise
-        except Exception as error:  # noqa: BLE001 - who asked waits for an answer
+        except Exception as error:  # noqa: BLE001 - the caller waits for an answer
             name, failed = describe(service), service.srv_type.Response()
             if hasattr(failed, "success") and hasattr(failed, "message"):
                 failed.message = f"the answer of {name} is no message: {type(error).__name__}"
@@ -243,9 +243,9 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         self._run(self.create_task(waitable.execute, data), describe(waitable))
 
     def _run_tasks(self) -> None:
-        """Resume what waits: coroutines of actions and services, callbacks of futures.
+        """Resume coroutines of actions and services, and callbacks of futures.
 
-        What one of them finishes may be what another waits for: again until none finishes.
+        A task that finishes may be awaited by another one: repeat until none finishes.
         """
         finished = bool(self._tasks)
         while finished:

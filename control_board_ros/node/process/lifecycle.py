@@ -3,12 +3,12 @@
 
 | transition | the board |
 |---|---|
-| configure | its configuration is in; joints leave NOT_CONFIGURED, without power |
+| configure | joints leave NOT_CONFIGURED, without power |
 | activate | power is allowed; joints calibrate or start as configured (N3) |
-| deactivate | every joint in IDLE; what needs power is refused |
+| deactivate | every joint in IDLE; requests that need power are refused |
 | cleanup, shutdown | back to power-on: NOT_CONFIGURED (N1) |
 
-States, references and faults are published in every state: also a board without power measures.
+Positions, references and faults are published in every state: a board without power measures.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ def starts_alone(values: Mapping[str, Any]) -> bool:
 
 
 def manage(node: Node, member: Member, values: Mapping[str, Any], on_error: OnError) -> None:
-    """Let the node's transitions lead its board; call it before anything runs.
+    """Let the node's transitions control its board; to be called before anything runs.
 
     Args:
-        node: of :func:`make_node`; nothing is done for one that is not managed.
-        member: the board that is led.
+        node: of :func:`make_node`; one that is not managed is left alone.
+        member: the board.
         values: the parameters; with ``autostart`` the node becomes active at once.
         on_error: called with unexpected exceptions.
     """
@@ -60,12 +60,12 @@ def manage(node: Node, member: Member, values: Mapping[str, Any], on_error: OnEr
     else:
         name = node.get_fully_qualified_name()
         node.get_logger().info(
-            f"unconfigured; goes on with: ros2 lifecycle set {name} configure, then activate"
+            f"unconfigured; continue with: ros2 lifecycle set {name} configure, then activate"
         )
 
 
 class ManagedBoard(ManagedEntity):
-    """What the transitions do to the board; rclpy calls it in the executor's thread."""
+    """Effects of the transitions on the board; rclpy calls it in the executor's thread."""
 
     def __init__(self, node: Node, member: Member, on_error: OnError) -> None:
         self._log, self._member, self._on_error = node.get_logger(), member, on_error
@@ -92,7 +92,7 @@ class ManagedBoard(ManagedEntity):
         try:
             with self._member.exclusive() as board:
                 board.set_stage(stage)
-        except Exception as error:  # noqa: BLE001 - rclpy would pass over it in silence
+        except Exception as error:  # noqa: BLE001 - rclpy would ignore it silently
             self._on_error(error, "lifecycle")
             return ERROR
         self._log.info(text)
@@ -112,15 +112,15 @@ def answer_every_request(node: LifecycleNode, on_error: OnError) -> None:
         return services[name].callback(kind.Request(), kind.Response())
 
     def change_state(request: Any, response: Any) -> Any:
-        asked = request.transition
+        wanted = request.transition
         found = now("get_available_transitions", GetAvailableTransitions).available_transitions
         possible = [one.transition for one in found]
         if not any(
-            asked.label == one.label if asked.label else asked.id == one.id for one in possible
+            wanted.label == one.label if wanted.label else wanted.id == one.id for one in possible
         ):
             state = now("get_state", GetState).current_state.label
             log.warning(
-                f"transition {asked.label or asked.id} refused: the node is {state}; possible "
+                f"transition {wanted.label or wanted.id} refused: the node is {state}; possible "
                 f"now: {', '.join(one.label for one in possible) or 'none'}"
             )
             return ChangeState.Response(success=False)

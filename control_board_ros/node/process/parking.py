@@ -14,20 +14,20 @@ from ..loop.loop import Member
 #: Period in s at which the joints are checked (wall clock).
 PERIOD = 0.02
 
-PAUSED = "the simulation is paused; let it go on before, with: cbctl resume"
+PAUSED = "the simulation is paused; resume it first, with: cbctl resume"
 
 
 class Parking:
     """The move to the pose park, monitored by a thread of its own.
 
-    A waiting caller can leave at any time, also where the control loop hangs with its lock.
+    The caller can stop waiting at any time, also where the control loop hangs with its lock.
 
     Args:
         member: the joints, all of them.
         pose: the target.
         on_start: called with the duration of the move, s.
 
-    Attributes: reason (why the robot is not parked; empty when it is).
+    Attributes: reason (why the robot is not parked; empty when it is parked).
     """
 
     def __init__(self, member: Member, pose: Pose, on_start: Callable[[float], None]) -> None:
@@ -36,7 +36,7 @@ class Parking:
         self.reason = "a second signal came"
 
     def run(self, at_once: threading.Event) -> None:
-        """Park, until it is done or cannot be, or ``at_once`` is set."""
+        """Park until the end or a failure, or until ``at_once`` is set."""
         thread = threading.Thread(target=self._watch, name="parking", daemon=True)
         thread.start()
         while thread.is_alive() and not at_once.is_set():
@@ -52,7 +52,7 @@ class Parking:
             self.reason = reason
 
     def _park(self) -> str:
-        """Start, and wait for the end; why it failed, or an empty text."""
+        """Start and wait for the end; returns the reason of a failure, or an empty text."""
         member = self._member
         if reason := self._stopped():
             return reason
@@ -72,7 +72,7 @@ class Parking:
         return self.reason
 
     def _stopped(self) -> str:
-        """Reason why no joint moves any more; empty while time passes."""
+        """The reason why no joint moves; empty while time passes."""
         if self._member.loop.failure is not None:
             return "the control loop failed"
         return PAUSED if self._member.loop.paused else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the command line requests: settings, the node's name and its lock, and the plant.
+"""The command line, and what a start needs: settings, the lock of the name, the plant.
 
 The files and ``-p`` arguments are read here and not by rcl, which is silent about unknown
 names and answers a broken file with a traceback; rclpy gets the rest of the arguments.
@@ -29,7 +29,7 @@ NODE = "control_board"
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What the command line asks for.
+    """The settings and names that the command line selects.
 
     Attributes: settings, arguments (for ``rclpy.init``: the given ones without parameters),
     overrides (for ``Node(parameter_overrides=…)``: use_sim_time and qos_overrides), name and
@@ -104,7 +104,7 @@ def without_names(arguments: Sequence[str]) -> list[str]:
 
 
 def _split(argv: Sequence[str]) -> tuple[list[tuple[str, str]], list[str]]:
-    """The ROS options that matter here, in order, and all arguments without parameters."""
+    """The ROS options read here, in order, and all arguments without parameters."""
     names = {"-p": "param", "--param": "param", "--params-file": "params-file"}
     names |= {"-r": "remap", "--remap": "remap"}
     given: list[tuple[str, str]] = []
@@ -180,16 +180,16 @@ def check_name(name: str, namespace: str) -> None:
 
 
 def make_plant(start: Start) -> tuple[Start, Plant]:
-    """The plant, and the start with settings that ask no more than it has (B2).
+    """The plant, and the start with settings within the plant's abilities (B2).
 
     Raises:
-        PlantSettingsError: there is no such plant, or it does not fit the board.
+        PlantSettingsError: the plant is unknown, or does not fit the board.
         PlantError: the simulation cannot be made.
     """
     settings = start.settings
     if not (name := settings.values["plant"]):
         return start, SimulatedPlant(settings.board, settings.simulation)
-    from ...plants.apart import PlantApart  # for those who have one
+    from ...plants.apart import PlantApart  # not for simulations
     from ...plants.entry_points import make
     from ...plants.guarded import GuardedPlant, patience
     from ...plants.interface import DrivePlant, RobotPlant

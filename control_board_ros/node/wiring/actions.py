@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The actions ~/move, ~/calibrate and ~/go_to_pose: started by a goal, watched by one timer.
 
-Neither blocks the executor: a goal's coroutine waits for a future, the timer looks at the board
+Neither blocks the executor: a goal's coroutine waits for a future, the timer reads the board
 between two cycles, sends feedback, and sets the future when the task has ended, was cancelled
-or cannot end any more.
+or can no longer end.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ RESULT_KEPT = 60
 
 T = TypeVar("T")
 Task = MoveTask | CalibrationTask | PoseTask
-#: What starts a task, with the board held between two cycles.
+#: Starts a task, with the board held between two cycles.
 Begin = Callable[[JointGroup], Task]
 
 
 def move(request: Any) -> Begin:
-    """What starts a goal of ~/move."""
+    """The start of a goal of ~/move."""
     return lambda board: MoveTask(
         board,
         bounded(request.names, board.count),
@@ -50,12 +50,12 @@ def move(request: Any) -> Begin:
 
 
 def calibration(request: Any) -> Begin:
-    """What starts a goal of ~/calibrate."""
+    """The start of a goal of ~/calibrate."""
     return lambda board: CalibrationTask(board, bounded(request.names, board.count))
 
 
 def feedback_of(board: JointGroup, task: Task) -> Any:
-    """The feedback message of now."""
+    """The present feedback message."""
     if isinstance(task, MoveTask):
         return Move.Feedback(
             names=list(task.names),
@@ -117,8 +117,8 @@ class Actions:
     Args:
         node: to serve from.
         member: whose board moves.
-        warn: throttled log: cause of a waiting goal, name for its repetitions.
-        go_to_pose: gives what starts a goal of ~/go_to_pose.
+        warn: receives the cause of a waiting goal, and a name for its repetitions.
+        go_to_pose: returns the start of a goal of ~/go_to_pose.
         requests: receives outcomes of goals.
     """
 
@@ -159,7 +159,7 @@ class Actions:
                 return asked.refused(kind.Result(success=False, message=str(error), codes=why))
             asked.accepted()
             if self._member.loop.paused:
-                text = "the simulation is paused; let it go on with: cbctl resume"
+                text = "the simulation is paused; resume it with: cbctl resume"
                 self._warn(f"{action.short} waits: {text}", "times")
             ended = Future()
             self._goals.append(Goal(handle, task, ended))

@@ -4,9 +4,9 @@
 DDS never connects a best-effort publisher to a reliable subscription. The subscription stays
 reliable, as the interface promises; when the middleware reports an incompatible publisher, a
 best-effort subscription is added beside it. That one receives from all publishers, so its
-messages count from then on; while publishers match, what arrives by both is recognized by its
-source time stamp. When the last best-effort publisher is gone, both count again until it is
-removed: what the reliable one has left to it may still wait there.
+messages count from then on; while publishers match, a message that arrives by both is recognized
+by its source time stamp. When the last best-effort publisher is gone, both count again until it is
+removed: messages that the reliable one ignored may still wait there.
 Such publishers are logged once: their lost messages are not repeated.
 """
 
@@ -27,7 +27,7 @@ from ...interface import NOT_KNOWN_YET, Endpoint
 
 #: s in which messages of both subscriptions count after the second one came or went.
 HANDOVER = 1.0
-#: Source time stamps of messages that are remembered meanwhile.
+#: Source time stamps remembered in this time.
 STAMPS_KEPT = 64
 
 
@@ -36,8 +36,8 @@ class CommandSubscription:
 
     Args:
         node: to subscribe from.
-        topic: which one it is; ``qos_overrides`` parameters are declared for it.
-        callback: given each message once.
+        topic: of the commands; ``qos_overrides`` parameters are declared for it.
+        callback: receives each message once.
     """
 
     def __init__(self, node: Node, topic: Endpoint, callback: Callable[[Any], None]) -> None:
@@ -68,7 +68,7 @@ class CommandSubscription:
         if self._leaving and not names:
             self._node.destroy_subscription(self._best_effort)
             self._best_effort = None
-        if self._leaving or not names:  # it went, stays after all, or goes at the next check
+        if self._leaving or not names:  # removed, still needed, or to be removed at the next check
             self._handover_end = time.monotonic() + HANDOVER
         self._leaving = self._best_effort is not None and not names
 

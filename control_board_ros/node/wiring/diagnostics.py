@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of /diagnostics, after REP-107: a status of the loop, one per joint; of a robot of
-several parts one per part.
+"""The messages of /diagnostics, after REP-107: a status of the loop, and one per joint; of a robot
+of several parts one per part.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Diagnostics:
         hardware_id: of the robot.
         nominal_rate: control cycles per second of simulated time.
         hottest: temperature limit of each winding, °C; none where it is not watched.
-        board: what the names of statuses begin with, which are one list for all nodes of a domain.
-        parts: the joints of each part of a robot, by name: one status for each part then.
+        board: prefix of the names of statuses, which are one list for all nodes of a domain.
+        parts: the joints of each part of a robot, by name, which then has one status each.
     """
 
     def __init__(
@@ -197,5 +197,5 @@ def summary(name: str, joints: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
 
 
 def short(status: DiagnosticStatus) -> str:
-    """The joint that a status is of."""
+    """The joint of a status."""
     return str(status.name.rpartition(": ")[2])

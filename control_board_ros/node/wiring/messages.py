@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages from and to the board's values: pure functions, no ROS node needed.
 
-Names and lengths are checked by the board itself; here only what costs time is bounded.
+The board itself checks names and lengths; here only their number is bounded.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ...core.watch.freeze_frame import FreezeFrame
 
 NANOSECONDS = 1_000_000_000
 
-#: Decoding a vocab costs more than the rest of a response.
+#: By look-up: decoding a vocab costs more than the rest of a response.
 CODES: dict[Vocab, str] = {
     mode: mode.code for kind in (ControlMode, InteractionMode) for mode in kind
 }
@@ -32,21 +32,20 @@ Response = TypeVar("Response")
 
 
 def bounded(texts: Sequence[str], count: int) -> tuple[str, ...]:
-    """The joints that a request names, or its modes: of ``count`` joints, one more at most.
+    """The first ``count`` + 1 joints, or modes, of a request to a board of ``count`` joints.
 
-    More names than joints cannot be right: one is unknown or there twice. One too many is
-    enough for the board's report, so that a list of megabytes costs no more than that.
+    One name too many is enough for the board's refusal, so that a list of megabytes costs no more.
     """
     return tuple(texts[: count + 1])
 
 
 def optional(values: Sequence[float]) -> Sequence[float] | None:
-    """Values that a message may leave empty: None then."""
+    """The values of a message; None where they are empty."""
     return values if len(values) else None
 
 
 def answered(response: Response, reply: Reply) -> Response:
-    """A response with the content of a reply."""
+    """The response, filled with a reply."""
     response.success = bool(reply)  # type: ignore[attr-defined]
     response.message = reply.message  # type: ignore[attr-defined]
     if hasattr(response, "names"):
@@ -81,7 +80,7 @@ def stamp(nanoseconds: int) -> Time:
 
 
 def set_stamp(time: Time, nanoseconds: int) -> None:
-    """Write a time into a message that is used again."""
+    """Write a time into a message that is reused."""
     time.sec, time.nanosec = split_time(nanoseconds)
 
 
@@ -110,7 +109,7 @@ def joint_fault(record: FaultRecord, raised: int) -> JointFault:
     )
 
 
-#: Rows of the state block that a freeze frame shows.
+#: Rows of the state block in a freeze frame.
 FRAME = {
     "position": Row.POSITION,
     "velocity": Row.VELOCITY,
@@ -127,9 +126,9 @@ FRAME = {
 def freeze_frame(
     response: Response, frame: FreezeFrame, record: FaultRecord, raised: int, torque_sensor: bool
 ) -> Response:
-    """A response that has a freeze frame; without a torque sensor the torque is NaN.
+    """The response, filled with a freeze frame; without a torque sensor the torque is NaN.
 
-    Its stamps are as far from that of the fault, ``raised``, as the readings were.
+    Its stamps are as far from the fault's, ``raised``, as the readings were.
     """
     since = np.rint(NANOSECONDS * (frame.stamps - record.stamp)).astype(np.int64)
     response.fault = joint_fault(record, raised)  # type: ignore[attr-defined]

@@ -25,11 +25,8 @@ from rclpy.parameter import Parameter as RosParameter
 from ...core.config import stability
 from ...core.config.parameter import Kind, Parameter
 from ...core.terms.measurement import NO_SIMULATION
-from ...settings.couplings import coupling_row
 from ...settings.loading import Settings
-from ...settings.parts import PARTS, PARTS_ROW
-from ...settings.poses import POSITION_ROW, SPEED, SPEED_ROW, values_of
-from ...settings.schema import BOARD, JOINT, JOINT_DEFAULTS
+from ...settings.schema import BOARD, JOINT, JOINT_DEFAULTS, table_row
 from ...text import clean
 
 
@@ -39,11 +36,11 @@ class Parameters:
     Args:
         node: Where to declare them.
         settings: The values at start.
-        reconfigure: Given the new, checked settings and the changes by name when gains, limits or
-            timeouts change; raises ValueError to refuse them.
+        reconfigure: Receives the new, checked settings and the changes by name when gains, limits
+            or timeouts change; raises ValueError to refuse them.
         changed: Called with the other run-time parameters (``state_rate``, ``real_time_factor``)
             by name and value.
-        board_rows: Those of the board that are declared.
+        board_rows: Declared parameters of the board.
         joint_rows: Those of each joint.
 
     Attributes: settings, reconfigure.
@@ -66,7 +63,7 @@ class Parameters:
         node.add_on_set_parameters_callback(self._on_set)
 
     def show(self, settings: Settings, names: Iterable[str]) -> None:
-        """Show settings that another node has changed, under these names; they act already."""
+        """Show settings that another node has applied, under these names."""
         self.settings = settings
         changed = [RosParameter(n, value=settings.values[n]) for n in names if n in self._declared]
         if changed:
@@ -75,27 +72,20 @@ class Parameters:
     def _declarations(
         self, board_rows: Sequence[Parameter], joint_rows: Sequence[Parameter]
     ) -> list[Declaration]:
-        values = self.settings.values
-        found = [Declaration(r.name, values[r.name], r, not r.run_time) for r in board_rows]
-        for row in joint_rows:
-            for joint in self.settings.board.names:
-                name = f"{joint}.{row.name}"
-                found.append(Declaration(name, values[name], row, not row.run_time))
-            name = f"{JOINT_DEFAULTS}.{row.name}"
-            if name in values:
-                found.append(Declaration(name, values[name], row, True))
-        for name, value in values.items():  # also of parts that are left out
-            if name.startswith(f"{PARTS}."):
-                found.append(Declaration(name, value, PARTS_ROW, True))
-            elif (own := coupling_row(name)) is not None:
-                found.append(Declaration(name, value, own, True))
-        for name, value in values_of(self.settings.poses).items():
-            row = SPEED_ROW if name.endswith(f".{SPEED}") else POSITION_ROW
-            found.append(Declaration(name, value, row, True))
+        """Of all values that have one of these rows, and of couplings, poses and parts."""
+        names = self.settings.board.names
+        rows = {row.name: row for row in board_rows}
+        for owner in (JOINT_DEFAULTS, *names):
+            rows |= {f"{owner}.{row.name}": row for row in joint_rows}
+        found = []
+        for name, value in self.settings.values.items():
+            if (row := rows.get(name) or table_row(name, names)) is not None:
+                fixed = not row.run_time or name.startswith(f"{JOINT_DEFAULTS}.")
+                found.append(Declaration(name, value, row, fixed))
         return found
 
     def _refusal(self, parameters: list[RosParameter]) -> str:
-        """Reason to refuse a change that is unknown to the settings."""
+        """The reason to refuse a change beyond the rules of the settings; or an empty text."""
         control_rate = self.settings.board.control_rate
         for one in parameters:
             name, value = one.name, one.value
@@ -114,7 +104,7 @@ class Parameters:
         return ""
 
     def _on_set(self, parameters: list[RosParameter]) -> SetParametersResult:
-        """Check a change as a whole, then let it act."""
+        """Check a change as a whole, then apply it."""
         if refusal := self._refusal(parameters):
             return SetParametersResult(successful=False, reason=refusal)
         values = self.settings.values
@@ -139,7 +129,7 @@ class Parameters:
         return SetParametersResult(successful=True)  # rclpy passes no reason of a success on
 
     def _warn(self, changes: Iterable[str]) -> None:
-        """Warn of unstable gains of the changed joints; they act all the same."""
+        """Warn of unstable gains of the changed joints, which are applied all the same."""
         joints = {name.partition(".")[0] for name in changes if "." in name}
         for name, text in stability.warnings(self.settings.board).items():
             if name.partition(".")[0] in joints:
@@ -172,12 +162,12 @@ class Declaration(NamedTuple):
 
 
 def type_of(row: Parameter, value: Any) -> Any:
-    """The type of a parameter's value; a flag that may be more is a text then."""
+    """The type of a parameter's value; STRING for a text, also where the row is a flag."""
     return RosParameter.Type.STRING if isinstance(value, str) else _TYPES[row.kind]
 
 
 def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
-    """What ``ros2 param describe`` shows of a parameter."""
+    """The description of a parameter for ``ros2 param describe``."""
     made = ParameterDescriptor(
         type=_TYPES[row.kind].value, description=row.description, read_only=fixed
     )
@@ -199,9 +189,9 @@ def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
 
 
 def declare(node: Node, declarations: Sequence[Declaration]) -> None:
-    """Declare parameters as ``node.declare_parameters`` does, but for the events.
+    """Declare parameters as ``node.declare_parameters`` does, without the events.
 
-    With an rclpy that keeps them elsewhere, that is what declares them.
+    An rclpy that stores them elsewhere declares them itself.
     """
     described = described_by(declarations)
     parameters, descriptors = (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The poses of a board on ROS: ~/list_poses, ~/save_pose, and the goals of ~/go_to_pose (R5).
 
-The user's file is read and written outside of the loop's lock: a slow disk makes no cycle late.
+The user's file is read and written outside of the loop's lock: a slow disk delays no cycle.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ...core.goals.pose import Pose
 from ...core.goals.poses import PoseTask, made_pose, pose_now
 from ...core.group import JointGroup
 from ...core.selection import RequestError
-from ...settings.user_poses import UserPoses
+from ...settings.poses import UserPoses
 from ...text import nearest
 from ..loop.loop import Member
 from .messages import bounded, doubles
@@ -23,10 +23,10 @@ class Poses:
     """The poses of a board: those of the configuration, and the user's.
 
     Args:
-        member: whose board they are of.
+        member: the board.
         names: of the board's joints.
-        configured: those of the configuration, by name.
-        user: the user's, for this robot; a board uses its part of each.
+        configured: poses of the configuration, by name.
+        user: poses of the user for this robot; a board uses its part of each.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Poses:
     # -- services -----------------------------------------------------------------------------
 
     def list_poses(self, request: Any, response: Any) -> Any:
-        """The names of all poses, and the contents of one."""
+        """The names of all poses, and the positions of one."""
         response.poses = list(self._configured)
         try:
             if request.name:
@@ -53,12 +53,11 @@ class Poses:
                 response.positions, response.speed = doubles(pose.positions), pose.speed
             response.poses = list(self._all())
             response.success = True
-        except RequestError as error:  # those of the configuration are there all the same
+        except RequestError as error:  # those of the configuration remain
             response.message = str(error)
         return response
 
     def save_pose(self, request: Any, response: Any) -> Any:
-        """Save a pose of the user's."""
         if request.name in self._configured:
             raise RequestError(
                 f"pose {request.name!r} is one of the configuration; save it under another name, "
@@ -80,10 +79,10 @@ class Poses:
     # -- moves --------------------------------------------------------------------------------
 
     def move(self, request: Any) -> Callable[[JointGroup], PoseTask]:
-        """What starts the move of a goal of ~/go_to_pose.
+        """The start of a goal of ~/go_to_pose.
 
         Raises:
-            RequestError: there is no such pose.
+            RequestError: the pose is unknown.
         """
         pose = self._find(request.pose)
         return lambda board: PoseTask(board, pose, request.speed)
@@ -96,7 +95,7 @@ class Poses:
         """A pose by its name.
 
         Raises:
-            RequestError: there is none; the message names those there are.
+            RequestError: it is unknown; the message names the known ones.
         """
         if name in self._configured:  # also where the user's file is broken
             return self._configured[name]
@@ -107,7 +106,7 @@ class Poses:
             others = ", ".join(foreign.joints)
             raise RequestError(
                 f"pose {name!r} of {self._user.path} is of other joints, {others}; "
-                "mend the names, or ask the board that has them"
+                "correct the names, or use the board that has them"
             )
         hint = nearest(name, poses)
         raise RequestError(f"pose {name[:64]!r} unknown{hint}; poses: {', '.join(poses)}")

@@ -41,7 +41,7 @@ from ...interface import (
 from ..loop.loop import ControlLoop, Member
 from ..loop.timing import sharpen_timers
 from .messages import joint_faults, joint_modes, set_stamp
-from .state_message import StateMessage
+from .prepared import prepared_state
 from .trajectories import controller_state
 
 #: Time limit of each kind of message to arrive, at the end.
@@ -75,7 +75,7 @@ class Physical(NamedTuple):
 
     @classmethod
     def of(cls, snapshot: Snapshot, coupling: Coupling) -> Physical:
-        """Those that go with the axes' (Y3)."""
+        """From the readings of the axes (Y3)."""
         at, torque = snapshot.position, snapshot.torque
         known = np.nan_to_num(torque)
         shared = coupling.torques(known, at)
@@ -93,8 +93,8 @@ class StatePublisher:
         member: whose snapshots are published.
         names: of the joints.
         description: the URDF; None: another node publishes it, and the time.
-        joint_states: where the readings go.
-        coupling: of the joints with physical ones, whose readings go there then (Y3).
+        joint_states: the topic of readings.
+        coupling: of the joints with physical ones, whose readings are published then (Y3).
 
     Attributes: also (called in the publishing thread with each state and its stamp, ns).
     """
@@ -118,8 +118,8 @@ class StatePublisher:
         self._clock: Any = None
         self._coupling = coupling
         shown = names if coupling is None else coupling.physical_joints
-        self._joint_state = StateMessage(JointState(name=list(shown)), JOINT_STATE, len(shown))
-        self._board_state = StateMessage(BoardState(names=list(names)), BOARD_STATE, len(names))
+        self._joint_state = prepared_state(JointState(name=list(shown)), JOINT_STATE, len(shown))
+        self._board_state = prepared_state(BoardState(names=list(names)), BOARD_STATE, len(names))
         if reason := self._board_state.fallback or self._joint_state.fallback:
             node.get_logger().info(reason)
         self._clock_message = Clock()
@@ -131,21 +131,21 @@ class StatePublisher:
             self._description.publish(String(data=description))
 
     def _physical(self, snapshot: Snapshot) -> Snapshot | Physical:
-        """What the physical joints do."""
+        """The readings of the physical joints."""
         return snapshot if self._coupling is None else Physical.of(snapshot, self._coupling)
 
     def announce_clock(self) -> None:
-        """Offer /clock; called where no publishing goes on: at start or by the executor."""
+        """Offer /clock; called outside of the publishing thread."""
         if self._clock is None:
             self._clock = publisher(self._node, CLOCK)
 
     def await_arrival(self) -> None:
-        """Wait a little until what was published has arrived, before the node goes."""
+        """Wait, for a limited time, until published messages have arrived."""
         for publisher in (self._states, self._modes, self._joint_states):
             publisher.wait_for_all_acked(ARRIVAL)
 
     def publish(self) -> None:
-        """Publish every snapshot that is new; without subscribers a state has no cost.
+        """Publish every new snapshot; a state without subscribers costs nothing.
 
         States go first: a message of faults needs more than a control cycle.
         """
@@ -180,17 +180,19 @@ Round = tuple[Callable[[], None], Callable[[Exception, str], None]]
 
 
 class StateThread:
-    """Does its rounds whenever a loop has noted something new.
+    """Runs its rounds whenever a loop has noted a new snapshot.
 
     Args:
-        loop: of whose boards.
-        rounds: what is done in each round; after an exception the next ones follow.
+        loop: of the boards.
+        rounds: actions of each round; after an exception the next ones follow.
     """
 
     def __init__(self, loop: ControlLoop, rounds: Sequence[Round]) -> None:
         self._rounds, self._loop = rounds, loop
         self._wakes: SimpleQueue[None] = SimpleQueue()
-        self._due: deque[Callable[[], None]] = deque()  # called when what is noted is published
+        self._due: deque[Callable[[], None]] = (
+            deque()
+        )  # called when all noted snapshots are published
         self._noted = False  # of the control thread alone
         self._publishing = threading.Lock()
         self._running = True
@@ -205,27 +207,27 @@ class StateThread:
         self.wake()
 
     def wake(self) -> None:
-        """There is something new; returns at once."""
+        """Request a round; returns at once."""
         self._wakes.put(None)
 
     def stop(self, timeout: float = 1.0) -> None:
-        """Do what is left, and end."""
+        """Run a last round, and end."""
         self._running = False
         self.wake()
         if self._thread.is_alive():
             self._thread.join(timeout)
 
     def _note(self) -> None:
-        """A board has noted something; called by whichever thread holds the loop's lock."""
+        """Request a round for a new snapshot; called by the thread that holds the loop's lock."""
         if self._loop.is_control_thread():
             self._noted = True
         else:
             self.wake()
 
     def _publish_what_is_noted(self) -> None:
-        """Called by the control thread when it has given the lock back.
+        """Called by the control thread when it has released the lock.
 
-        To wake a thread while the cycle goes on would have it wait for the interpreter at once.
+        A thread woken during the cycle would only wait for the interpreter.
         """
         if not self._noted:
             return
@@ -239,7 +241,7 @@ class StateThread:
         sharpen_timers()
         while self._running:
             self._wakes.get()
-            while not self._wakes.empty():  # one round is for all that was noted
+            while not self._wakes.empty():  # one round serves all requests
                 self._wakes.get()
             self._round()
         self._round()

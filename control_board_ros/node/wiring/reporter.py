@@ -55,7 +55,7 @@ class Reporter:
         self._throttled.say(self._write["warning"], message, what)
 
     def on_error(self, error: Exception, where: str) -> None:
-        """An exception that should not be: one line, once per second and cause."""
+        """Log an unexpected exception in one line, once per second and cause."""
         frames = traceback.extract_tb(error.__traceback__)
         at = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
         text = str(error).partition("\n")[0]
@@ -66,7 +66,7 @@ class Reporter:
         )
 
     def log_events(self, snapshots: Snapshots) -> None:
-        """Log what happened in the control cycles."""
+        """Log the events of the control cycles."""
         events = snapshots.events
         while events:
             event = events.popleft()
@@ -78,9 +78,9 @@ class Reporter:
         self._throttled.flush()
 
     def offer_services(self, requests: RequestLog, *offered: Any) -> None:
-        """Offer every service of a board: one of ``offered`` has a method of each one's name.
+        """Offer every service of a board: one of ``offered`` has a method of its name.
 
-        What they answer is noted in ``requests``.
+        ``requests`` notes the answers.
         """
         for service in SERVICES:
             by = next(one for one in offered if hasattr(one, service.short))
@@ -92,7 +92,7 @@ class Reporter:
     def subscribe(
         self, callbacks: Iterable[tuple[Endpoint, Callable[[Any], None]]]
     ) -> list[CommandSubscription]:
-        """Listen to command topics."""
+        """Subscribe to command topics."""
         return [
             CommandSubscription(self._node, topic, self._guarded(topic.short, callback))
             for topic, callback in callbacks
@@ -164,8 +164,8 @@ class ThrottledLog:
     """Collects messages from any thread; :meth:`flush` is to be called once per period.
 
     The first message of a cause is written at once. Where others follow, the next flush writes
-    the last of them with the count of all in its period, the first one among them. Two messages
-    that differ in numbers only have one cause.
+    the last one with the count of all in its period, including the first. Messages that differ
+    in numbers only have the same cause.
     """
 
     def __init__(self) -> None:
@@ -179,8 +179,8 @@ class ThrottledLog:
         Args:
             write: receives the line, e.g. ``logger.warning``.
             message: one line; a count goes before its first semicolon.
-            what: what is counted, e.g. ``ignored``.
-            cause: what repeats share; the message without its numbers, if empty.
+            what: name of the count, e.g. ``ignored``.
+            cause: shared by repetitions; empty: the message without its numbers.
         """
         cause = cause or NUMBERS.sub("#", message[:200])
         with self._lock:
@@ -196,7 +196,7 @@ class ThrottledLog:
             write(message)
 
     def flush(self) -> None:
-        """Write the counts of the last period; causes that have fallen silent are forgotten."""
+        """Write the counts of the last period; causes without new messages are forgotten."""
         with self._lock:
             due, first = self._repeats, self._written
             self._repeats = {cause: (*row[:2], 0) for cause, row in due.items() if row[2]}
@@ -207,6 +207,6 @@ class ThrottledLog:
 
 
 def with_count(message: str, what: str) -> str:
-    """The message with a place for its count, before what to do about it."""
+    """The message with a place for its count, before its first semicolon."""
     head, semicolon, rest = message.partition(";")
     return f"{head} ({COUNT} {what} in the last {PERIOD:g} s){semicolon}{rest}"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """~/requests: requests to the board with their answers.
 
-The executor's thread records them; the publishing thread makes and publishes the messages, which
-delay no request.
+The executor's thread records them; the publishing thread makes and publishes the messages, so
+that they delay no request.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from ...interface import REQUEST_LOG, STEP, Endpoint
 from ..loop.loop import Member
 from .messages import set_stamp
 
-#: Requests kept for a publisher that was held up; older ones are lost.
+#: Requests kept for a delayed publisher; older ones are lost.
 KEPT = 1000
-#: Entries of an array that are shown where the board has fewer joints; characters of a text.
+#: Most entries of an array, where the board has fewer joints; most characters of a text.
 ENTRIES, CHARACTERS = 32, 500
 ENDS = {
     GoalStatus.STATUS_SUCCEEDED: "succeeded",
@@ -81,8 +81,8 @@ class RequestLog:
         Args:
             endpoint: of the service or action.
             event: as in ``Request.msg``.
-            request: as it came.
-            response: as it is sent; None: there is none yet.
+            request: as received.
+            response: as sent; None: pending.
             started: time of the request, s of ``time.perf_counter``.
             success: of the answer.
             message: of the answer.
@@ -107,7 +107,7 @@ class RequestLog:
         return Goal(self, action, handle)
 
     def publish(self) -> None:
-        """Publish what was noted; for the thread that publishes."""
+        """Publish the noted answers; for the publishing thread."""
         while self._entries:
             self._publisher.publish(self._message(self._entries.popleft()))
 
@@ -210,7 +210,7 @@ def plain(value: Any, longest: int) -> Any:
 
 
 def cut(texts: Any, longest: int) -> list[str]:
-    """The first texts of an array, and how many there are besides."""
+    """The first texts of an array, and the number of the others."""
     shown = [text(one) for one in texts[:longest]]
     return shown if len(texts) <= longest else [*shown, f"… {len(texts) - longest} more"]
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services: each converts its request, asks the board between two cycles, and answers.
+"""The services: each converts its request, calls the board between two cycles, and answers.
 
-A method is called as its service in interface.py. A ValueError is a request that is wrong as a
-whole and becomes the response's message.
+A method has the name of its service in interface.py. A ValueError is a request that is wrong as a
+whole; it becomes the response's message.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Services:
     def _set_modes(
         self, request: Any, response: Any, method: Callable[[JointGroup], Callable[..., Reply]]
     ) -> Any:
-        """Set modes, and show those that joints are in then; ``method`` of the board sets them."""
+        """Set modes by a method of the board; the response has the modes after the call."""
         with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
             reply = method(board)(joints, bounded(request.modes, board.count))
@@ -96,7 +96,7 @@ class Services:
     def _get_modes(
         self, request: Any, response: Any, method: Callable[[JointGroup], Callable[..., list[Any]]]
     ) -> Any:
-        """Show modes as texts and vocabs; ``method`` of the board reads them."""
+        """Read modes by a method of the board, as texts and vocabs."""
         with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
             values = method(board)(joints)
@@ -302,7 +302,7 @@ class Services:
         simulation = self._injectable()
         with self._member.exclusive() as board:
             simulation.clear_injected(board.names)
-        return self._after_a_cycle(response)  # FORCE_IDLE is not refused any more
+        return self._after_a_cycle(response)  # FORCE_IDLE is then accepted
 
     def pause(self, request: Any, response: Any) -> Any:
         self._loop.pause(request.data)
@@ -322,7 +322,7 @@ class Services:
         return succeeded(response)
 
     def _after_a_cycle(self, response: Any) -> Any:
-        """Answer when the next reading has been seen."""
+        """Answer when the next reading is checked."""
         seen = Future()
         self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))
         return answered_later(response, seen)
@@ -362,20 +362,20 @@ def send_reference(
 
 
 def filled(response: Any, arrays: Any) -> Any:
-    """A response that has the arrays of a dataclass in the fields of the same names."""
+    """The response, with the arrays of a dataclass in the fields of the same names."""
     for field in fields(arrays):
         setattr(response, field.name, doubles(getattr(arrays, field.name)))
     return succeeded(response)
 
 
 def succeeded(response: Any) -> Any:
-    """A response without contents."""
+    """The response of a success."""
     response.success = True
     return response
 
 
 async def answered_later(response: Any, future: Awaitable[str]) -> Any:
-    """A response that waits; the future's text is empty, or the error."""
+    """The response, when the future has its text: empty, or the error."""
     response.message = await future
     response.success = not response.message
     return response

@@ -84,7 +84,7 @@ class CommandTopics:
 
     Args:
         member: whose board is commanded.
-        injection: whether a simulation may be disturbed.
+        injection: whether faults and torques may be injected into a simulation.
         joint_trajectory: receives a trajectory.
         warn: receives ignored and bounded references.
     """
@@ -133,7 +133,7 @@ class CommandTopics:
         warn_of(reply, self._warn)
 
     def _external_torque(self, message: Any) -> None:
-        """Push joints of the simulation from outside, until a 0 comes."""
+        """Apply torques to joints of the simulation from outside, until they are 0."""
         simulation = self._member.loop.simulation()
         if not self._injection:
             self._warn(
@@ -185,7 +185,7 @@ def stream(
 def without_repeats(
     board: JointGroup, names: Sequence[str], positions: Any, speeds: Any
 ) -> tuple[Sequence[str], Any, Any] | None:
-    """Names, positions and speeds of the moves that are new; None where none is.
+    """Names, positions and speeds of the new moves; None: no move is new.
 
     A move is not new while it runs, and where its joint holds its target. Restarted with every
     message of a stream, it would never reach its speed. Invalid requests are returned unchanged:
@@ -214,7 +214,7 @@ def without_repeats(
 
 
 def joint_commands(board: JointGroup, message: Any) -> list[Reply]:
-    """Start the references that a JointState carries; one reply for each kind of them.
+    """Start the references of a JointState; returns one reply for each kind.
 
     A position that repeats is no new move (P1). A velocity beside an accepted position is
     ignored: a controller that has stopped leaves a 0 in its command interfaces.
@@ -242,12 +242,12 @@ def joint_commands(board: JointGroup, message: Any) -> list[Reply]:
 
 
 def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any) -> Floats:
-    """The values of a field, one for each named joint, shape (k,); NaN where none is meant.
+    """The values of a field, one for each named joint, shape (k,); NaN: no command.
 
     Fewer values than joints apply to the joints that accept them, in their order.
 
     Raises:
-        RequestError: it is not clear whose they are.
+        RequestError: their number is neither that of the joints nor of those that accept them.
     """
     given: Floats = np.asarray(getattr(message, field)[: board.count + 1], dtype=float)
     count = len(chosen.numbers)

@@ -43,7 +43,7 @@ from .messages import NANOSECONDS, bounded, doubles, set_stamp
 from .request_log import RequestLog
 from .topics import Warn
 
-#: What starts a goal.
+#: Starts a goal of joints, points, start time and tolerances.
 StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal]
 
 
@@ -53,8 +53,7 @@ class FollowTrajectory:
     Args:
         node: to serve from.
         member: whose board moves.
-        start_goal: starts a goal of these joints, points, start time and tolerances; the follower
-            that it is for is stepped after the check of this server.
+        start_goal: starts a goal; its follower is stepped after the check of this server.
         on_error: called with unexpected exceptions.
         requests: receives outcomes of goals.
     """
@@ -80,7 +79,7 @@ class FollowTrajectory:
     async def _execute(self, handle: Any) -> Any:
         """Start a goal and wait for its end; the result of a refused one has its code and text."""
         asked = self._requests.goal(FOLLOW_JOINT_TRAJECTORY, handle)
-        if handle.is_cancel_requested:  # it moves nothing, and preempts no other
+        if handle.is_cancel_requested:  # it preempts no other goal
             handle.canceled()
             return asked.ended(result(End(Code.SUCCESSFUL, "cancelled before it began")))
         try:
@@ -129,7 +128,7 @@ class FollowTrajectory:
             goal.task.check()
 
     def _look(self) -> None:
-        """Feedback, and the result when there is one."""
+        """Send feedback, and the result at the end."""
         goal = self._goal
         if goal is None:
             self._timer.cancel()
@@ -152,7 +151,7 @@ class FollowTrajectory:
 
 
 def result(end: End) -> Any:
-    """How a goal ended, as a message."""
+    """The end of a goal as a message."""
     return FollowJointTrajectory.Result(error_code=int(end.code), error_string=end.text)
 
 
@@ -160,7 +159,7 @@ def read_goal(request: Any) -> tuple[Points, Wishes]:
     """Points and tolerances of a goal.
 
     Raises:
-        RequestError: it asks for what no board has.
+        RequestError: it has points or tolerances of several degrees of freedom.
     """
     for name in (
         "multi_dof_trajectory.points",
@@ -188,7 +187,7 @@ def wishes_of(tolerances: Sequence[Any]) -> list[Wish]:
 
 
 def feedback(board: JointGroup, task: TrajectoryGoal) -> Any:
-    """Where all joints of the board should be and where they are, in the board's order."""
+    """Desired and actual positions of all joints, in the board's order."""
     desired, elapsed = task.desired(), duration(task.elapsed)
     actual = Sample(board.get_encoder(), board.get_encoder_speed(), np.zeros(0))
     error = Sample(
@@ -221,9 +220,9 @@ def duration(seconds: float) -> Duration:
 def controller_state(
     names: Sequence[str], snapshot: Snapshot, nanoseconds: int
 ) -> JointTrajectoryControllerState:
-    """A snapshot as the plotting tools of trajectory controllers want it.
+    """A snapshot for the plotting tools of trajectory controllers.
 
-    The output is the position reference: it is what a trajectory gives to the joints.
+    The output is the position reference, which a trajectory sets.
     """
     none = np.zeros(0)
     reference = Sample(snapshot.position_reference, snapshot.velocity_reference, none)
@@ -262,7 +261,7 @@ def read_points(message: Any) -> Points:
 
 
 def start_time(stamp: Any, board: JointGroup, base: TimeBase) -> float:
-    """When a trajectory with this stamp begins, time of the board, s; 0 means now."""
+    """Start of a trajectory with this stamp, time of the board, s; stamp 0: now."""
     nanoseconds = stamp.sec * NANOSECONDS + stamp.nanosec
     return (nanoseconds - base.offset) / NANOSECONDS if nanoseconds else board.time
 
@@ -283,7 +282,7 @@ class TrajectoryTopic:
         self._member, self._follower, self._warn = member, follower, warn
 
     def on_message(self, message: Any) -> None:
-        """A trajectory; header.stamp is its start, 0 means now; without points: an end."""
+        """Follow a trajectory from header.stamp on (0: now); one without points stops."""
         with self._member.exclusive() as board:
             reply = self._take(board, message)
         if reply is not None and reply.message:

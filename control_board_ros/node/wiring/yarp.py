@@ -52,10 +52,10 @@ RETRIEVE_ERROR = "RETRIEVE_ERROR"
 #: The modes are not set.
 SET_ERROR = "SET_ERROR"
 
-#: What a mode is called in answers: OPENLOOP is PWM in today's YARP.
+#: Names of modes in answers: OPENLOOP is PWM in today's YARP.
 NAMES: dict[ControlMode, str] = {mode: mode.name for mode in M} | {M.OPENLOOP: "PWM"}
 
-#: What may be set, and what that asks of a joint, in order.
+#: The modes that can be set, and their requests to a joint, in order.
 SETTABLE: dict[str, tuple[Wanted, ...]] = {
     "CURRENT": (M.CURRENT,),
     "FORCE_IDLE": (M.FORCE_IDLE,),
@@ -72,7 +72,7 @@ SETTABLE: dict[str, tuple[Wanted, ...]] = {
     "VELOCITY_DIRECT": (M.VELOCITY_DIRECT,),  # beyond controlBoard_nws_ros2 (Y1)
 }
 
-#: What comes along with references, as the messages name it.
+#: Speeds and accelerations of references, as the messages name them.
 ALONG = {"speeds": "ref_velocities", "accelerations": "ref_accelerations"}
 
 #: The word for an error of the program itself, where it is not RETRIEVE_ERROR.
@@ -100,19 +100,19 @@ def offer_yarp(
     *,
     part: bool = False,
 ) -> list[CommandSubscription]:
-    """Offer it all, where the parameter ``yarp_interface`` is true.
+    """Offer YARP's topics and services where the parameter ``yarp_interface`` is true.
 
     Args:
-        node: to offer it from.
+        node: of the interface.
         member: the board.
         values: the parameters.
-        states: includes the modes with every state.
+        states: publishes the modes with every state.
         reporter: of the node.
         requests: receives answers of services.
         part: whether it is a part of a robot, with names below its own.
 
     Returns:
-        The subscriptions, to be checked now and then.
+        The subscriptions, to be checked once a second.
     """
     if not values["yarp_interface"]:
         return []
@@ -140,7 +140,7 @@ def offer_yarp(
 
 
 class YarpInterface:
-    """What answers YARP's clients; a method is called as its service.
+    """The answers to YARP's clients; a method has the name of its service.
 
     Args:
         member: of the board.
@@ -162,7 +162,7 @@ class YarpInterface:
     # -- topics -------------------------------------------------------------------------------
 
     def mode_publisher(self, node: Node, below: str) -> Callable[[Snapshot, int], None]:
-        """What publishes the modes of all joints, to those who listen; ``below`` comes first."""
+        """Publishes the modes of all joints to subscribers; topics begin with ``below``."""
         rows = [replace(row, name=below + row.name) for row in YARP if row.kind == "topic"]
         first, whole = (publisher(node, row) for row in rows)
         snapshots = self._member.snapshots
@@ -268,7 +268,7 @@ class YarpInterface:
 
 
 def chosen(board: JointGroup, names: Sequence[str], word: str) -> Selection:
-    """The joints that a request names, all for none; else it is refused with a word."""
+    """The joints that a request names, all for none; unknown ones are refused with a word."""
     try:
         return board.selector.select(bounded(names, board.count))
     except RequestError as error:
@@ -276,7 +276,7 @@ def chosen(board: JointGroup, names: Sequence[str], word: str) -> Selection:
 
 
 def require_reading(board: JointGroup) -> None:
-    """Refuse a measurement that does not exist."""
+    """Refuse a measurement before the first reading."""
     if not board.cycle:
         raise RefusedError(RETRIEVE_ERROR, "nothing is measured yet; ask again")
 
@@ -295,11 +295,11 @@ def stream_with(
 
 
 def wanted(modes: Sequence[str], count: int) -> list[tuple[Wanted, ...]]:
-    """What a request asks of each of its joints.
+    """The requests to each joint.
 
     Args:
         modes: As a client names them.
-        count: How many joints it chooses.
+        count: Number of chosen joints.
 
     Raises:
         RefusedError: not one mode per joint (INVALID), or one that cannot be set (SET_ERROR).

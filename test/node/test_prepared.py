@@ -14,9 +14,15 @@ from rig import Rig, board_config
 from sensor_msgs.msg import JointState, LaserScan
 
 from control_board_ros.core.state import Snapshot
-from control_board_ros.node.wiring import state_message
+from control_board_ros.node.wiring import prepared
+from control_board_ros.node.wiring.prepared import (
+    PreparedMessage,
+    UnknownLayout,
+    changing,
+    of_byte,
+    prepared_state,
+)
 from control_board_ros.node.wiring.publishing import BOARD_STATE, JOINT_STATE
-from control_board_ros.node.wiring.state_message import StateMessage, UnknownLayout, place_of
 
 NAMES = ("left", "right", "bare")
 KINDS = [(JointState(name=list(NAMES)), JOINT_STATE), (BoardState(names=list(NAMES)), BOARD_STATE)]
@@ -33,7 +39,7 @@ def snapshot() -> Snapshot:
     return shown
 
 
-def read(template: StateMessage, kind: Any, snapshot: Snapshot) -> Any:
+def read(template: PreparedMessage, kind: Any, snapshot: Snapshot) -> Any:
     sent = template.of(snapshot, 1_500_000_000_000_000_001)
     return deserialize_message(sent, kind) if isinstance(sent, bytes) else sent
 
@@ -45,8 +51,8 @@ def test_a_message_of_bytes_is_the_message(
 ) -> None:
     """Every field, NaN too; and the same where the layout is not known, without an end."""
     if not known:
-        monkeypatch.setattr(state_message, "place_of", unknown)
-    template = StateMessage(message, sources, 3)
+        monkeypatch.setattr(prepared, "changing", unknown)
+    template = prepared_state(message, sources, 3)
     assert bool(template.fallback) is not known
     shown = read(template, type(message), snapshot)
     assert (shown.header.stamp.sec, shown.header.stamp.nanosec) == (1_500_000_000, 1)
@@ -55,24 +61,22 @@ def test_a_message_of_bytes_is_the_message(
     assert np.isnan(getattr(shown, "effort" if isinstance(message, JointState) else "torque")[2])
 
 
-def unknown(*_arguments: Any) -> slice:
+def unknown(*_arguments: Any) -> Any:
     raise UnknownLayout("numbers are in 0 places")
 
 
 def test_bytes_that_read_otherwise_are_not_used(snapshot: Snapshot, monkeypatch: Any) -> None:
     """A place found wrongly is noticed at the start."""
-    monkeypatch.setattr(
-        state_message, "place_of", lambda *a: slice(place_of(*a).start + 8, place_of(*a).stop + 8)
-    )
-    template = StateMessage(BoardState(names=list(NAMES)), BOARD_STATE, 3)
+    monkeypatch.setattr(prepared, "changing", lambda *looks: changing(*looks) + 8)
+    template = prepared_state(BoardState(names=list(NAMES)), BOARD_STATE, 3)
     assert template.fallback
     np.testing.assert_array_equal(read(template, BoardState, snapshot).position, snapshot.position)
 
 
 def test_a_kind_of_field_that_is_not_known(snapshot: Snapshot) -> None:
-    """Floats of 32 bits are no bytes of numpy: the message goes out as it is."""
-    template = StateMessage(LaserScan(), {"ranges": "position"}, 3)
-    assert "sequence<float>" in template.fallback
+    """Floats of 32 bits are not the bytes of numpy: the message goes out as it is."""
+    template = prepared_state(LaserScan(), {"ranges": "position"}, 3)
+    assert "places" in template.fallback
     sent = template.of(snapshot, 1_500_000_000_000_000_001)
     assert sent.header.stamp.nanosec == 1
     np.testing.assert_array_equal(sent.ranges, snapshot.position.astype(np.float32))
@@ -87,15 +91,15 @@ def test_whatever_fails_at_the_start_whole_messages_go_out(
     def fail(*_arguments: Any) -> None:
         raise error
 
-    monkeypatch.setattr(state_message, "serialize_message", fail)
-    template = StateMessage(BoardState(names=list(NAMES)), BOARD_STATE, 3)
+    monkeypatch.setattr(prepared, "serialize_message", fail)
+    template = prepared_state(BoardState(names=list(NAMES)), BOARD_STATE, 3)
     assert repr(error) in template.fallback
     np.testing.assert_array_equal(template.of(snapshot, 1).position, snapshot.position)
 
 
 def test_a_snapshot_of_another_size_is_no_broken_message(snapshot: Snapshot) -> None:
     """Bytes that are too many would be read as something else."""
-    template = StateMessage(JointState(name=list(NAMES)), JOINT_STATE, 3)
+    template = prepared_state(JointState(name=list(NAMES)), JOINT_STATE, 3)
     assert template.fallback == ""
     block, sensor = np.ones((len(snapshot.block), 4)), np.ones(4, dtype=np.bool_)
     more = replace(snapshot, block=block, torque_sensor=sensor)
@@ -125,7 +129,7 @@ def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
     message = BoardState(names=["a", "bc", "def"])
     for field, kind in message.get_fields_and_field_types().items():
         if field in BOARD_STATE:
-            setattr(message, field, state_message.numbers(kind, 0, 3))
+            setattr(message, field, prepared.field_of(kind, of_byte(kind, 0, 3)))
     unused = padding(message)
     assert len(unused) > 4
 
@@ -135,27 +139,21 @@ def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
             made[k] = random.choice([0x00, 0x01, 0x41, 0xFF])
         return bytes(made)
 
-    monkeypatch.setattr(state_message, "serialize_message", noisy)
+    monkeypatch.setattr(prepared, "serialize_message", noisy)
     for _ in range(50):
-        assert StateMessage(message, BOARD_STATE, 3).fallback == ""
+        assert prepared_state(message, BOARD_STATE, 3).fallback == ""
 
 
 def test_a_mark_in_a_name_is_no_place() -> None:
     """A joint called AAAAAAAA... holds the mark's bytes, too."""
     names = ["A" * 64, "B", "AAAAAAAAAAAAAAAAAAAAAAAA"]
-    assert StateMessage(BoardState(names=names), BOARD_STATE, 3).fallback == ""
+    assert prepared_state(BoardState(names=names), BOARD_STATE, 3).fallback == ""
 
 
-@pytest.mark.parametrize(
-    ("blank", "marked", "text"),
-    [
-        (b"\0" * 8, b"\0" * 8, "0 places"),
-        (b"\0" * 8, b"AA\0\0AA\0\0", "2 places"),
-        (b"\0" * 8, b"\0AA\0\0\0\0\0", "0 places"),
-        (b"\0" * 8, b"AA", "size"),
-    ],
-)
-def test_what_is_not_one_place(blank: bytes, marked: bytes, text: str) -> None:
-    """None, several, or another size: the layout is not understood."""
-    with pytest.raises(UnknownLayout, match=text):
-        place_of(blank, marked, b"AA")
+def test_places_of_numbers_are_those_that_all_messages_agree_on() -> None:
+    """Zero without the numbers, and the same mark with them."""
+    blank = [b"\0\0\0\0z", b"\0\0\0\1z"]
+    marked = [b"\0AAAz", b"\0ABAz"]
+    assert changing(blank, marked).tolist() == [1]
+    with pytest.raises(UnknownLayout, match="size"):
+        changing(blank, [b"A"])
