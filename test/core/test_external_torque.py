@@ -109,7 +109,8 @@ def test_a_joint_is_what_its_torque_allows(bench: Bench) -> None:
     assert bench.torques.joint(1) == without_torque(outer)
 
 
-def test_a_reconfiguration_sets_timeouts_and_forgets_what_is_known(bench: Bench) -> None:
+def test_a_reconfiguration_sets_timeouts_and_keeps_the_torque(bench: Bench) -> None:
+    """A live parameter, of whichever joint, refuses no mode that needs the torque."""
     bench.torques.take(1, 1.0)
     bench.fill(0.05)
     assert bench.torques.known[1]
@@ -117,8 +118,8 @@ def test_a_reconfiguration_sets_timeouts_and_forgets_what_is_known(bench: Bench)
     stronger = replace(changed.joints[1], motor=replace(MOTOR, gear_ratio=100.0))
     joints = (changed.joints[0], stronger, changed.joints[2])
     bench.torques.reconfigure(replace(changed, joints=joints))
-    assert bench.torques.known.tolist() == [True, False, False]
-    assert bench.torques.joint(1) == without_torque(stronger)
+    assert bench.torques.known.tolist() == [True, True, False]
+    assert bench.torques.joint(1) == stronger
     assert bench.fill(0.4).values[Row.TORQUE, 1] == 1.0
     assert bench.torques.joint(1) == stronger
     assert bench.fill(0.6).values[Row.TORQUE, 1] == pytest.approx(2.0 * 3.0 * PER_AMPERE)

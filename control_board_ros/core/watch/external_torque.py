@@ -37,15 +37,15 @@ class ExternalTorques:
         self._torques, self._stamps = np.zeros(state.n), np.full(state.n, -NEVER)
         self.known = np.array([joint.torque_sensor for joint in config.joints])
         self.reconfigure(config)
+        self.known[self.joints] = False
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take new timeouts."""
+        """Set new timeouts; joints with a torque keep it."""
         self._config = config
         self.joints = [j for j, own in enumerate(config.joints) if own.external_torque]
         self._timeouts = [config.joints[j].timeouts.torque_sensor for j in self.joints]
         self._without = {j: without_torque(config.joints[j]) for j in self.joints}
         self._per_ampere = np.array([own.motor.torque_per_ampere for own in config.joints])
-        self.known[self.joints] = False
 
     def take(self, j: int, torque: float) -> None:
         """Set the torque of a joint, N·m."""
