@@ -58,9 +58,8 @@ def _axis(k: int, coupling: Coupling, joints: Mapping[str, UrdfJoint]) -> UrdfJo
     low, high = -np.inf, np.inf
     for i in alone:
         joint = joints[coupling.physical_joints[i]]
-        if joint.lower is not None and joint.upper is not None:
-            ends = (np.array([joint.lower, joint.upper]) - coupling.offset[i]) / matrix[i, k]
-            low, high = max(low, float(ends.min())), min(high, float(ends.max()))
+        ends = (np.array([joint.lower, joint.upper]) - coupling.offset[i]) / matrix[i, k]
+        low, high = max(low, float(ends.min())), min(high, float(ends.max()))
     shares = np.abs(matrix[moved, k]).tolist()
     speeds = [j.velocity / c for j, c in zip(own, shares, strict=True) if j.velocity is not None]
     damping = sum(c * c * (j.damping or 0.0) for j, c in zip(own, shares, strict=True))
@@ -72,8 +71,8 @@ def _axis(k: int, coupling: Coupling, joints: Mapping[str, UrdfJoint]) -> UrdfJo
         kind=JointKind.PRISMATIC if own[0].kind.slides else turning,
         parent=own[0].parent,
         child=own[0].child,
-        lower=low if bounded else None,
-        upper=high if bounded else None,
+        lower=low,
+        upper=high,
         effort=None,
         velocity=min(speeds, default=None),
         mimic=None,
@@ -174,7 +173,7 @@ def beyond_limits(urdf: Urdf, ranges: Mapping[str, Range]) -> tuple[str, str] | 
         reach += coupling.offset[:, None]
         for i, joint in enumerate(coupling.physical_joints):
             low, high = limits[joint]
-            if low is None or high is None:
+            if np.isinf(high - low):
                 continue
             way = np.linspace(reach[i, 0], reach[i, 1], 33)
             if i in coupling.curved:

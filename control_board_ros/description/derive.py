@@ -100,7 +100,7 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
 def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
     """Friction: the URDF's <dynamics>, else a share of the torque limit."""
     velocity, torque = values["limits.velocity"], values["limits.torque"]
-    viscous = _or(joint.damping, 0.5 * FRICTION_SHARE * torque / velocity)
+    viscous = joint.damping or 0.5 * FRICTION_SHARE * torque / velocity
     stable = load.inertia_min / (4.0 * STEP)
     if joint.kind.slides and viscous > stable and "motor.viscous" not in values:
         text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
@@ -108,7 +108,7 @@ def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assu
         assumed.warn(joint.name, text, what, "give motor.viscous and a higher physics_rate")
         viscous = stable
     values.setdefault("motor.viscous", viscous)
-    values.setdefault("motor.coulomb", _or(joint.friction, FRICTION_SHARE * torque))
+    values.setdefault("motor.coulomb", joint.friction or FRICTION_SHARE * torque)
     lost = values["motor.coulomb"] + values["motor.viscous"] * velocity
     if lost > MOST_LOST * torque:
         text = f"{lost:.3g} of {torque:.3g} {joint.kind.force_unit}"
@@ -187,10 +187,6 @@ def thermal(values: dict[str, Any], name: str, assumed: Assumed) -> None:
         what = "the nominal current overheats the winding"
         advice = "give a smaller limits.nominal_current or motor.thermal_resistance"
         assumed.warn(name, f"{hottest:.0f} °C of {limit:.0f} °C", what, advice)
-
-
-def _or(value: float | None, default: float) -> float:
-    return default if value is None else value
 
 
 UNBOUNDED = 1e6  # rad, travel of a continuous joint
@@ -287,8 +283,8 @@ def _start_values(values: dict[str, Any], kind: JointKind) -> None:
 
 def _travel(values: dict[str, Any], joint: UrdfJoint) -> None:
     give = values.setdefault
-    low = give("limits.hard_lower", -UNBOUNDED if joint.lower is None else joint.lower)
-    high = give("limits.hard_upper", UNBOUNDED if joint.upper is None else joint.upper)
+    low = give("limits.hard_lower", joint.lower if math.isfinite(joint.lower) else -UNBOUNDED)
+    high = give("limits.hard_upper", joint.upper if math.isfinite(joint.upper) else UNBOUNDED)
     inside = 0.02 * max(high - low, 0.0)
     inside = min(inside, joint.kind.choose(2.0 * DEGREE, inside))
     give("limits.lower", low + inside)

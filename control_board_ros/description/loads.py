@@ -156,10 +156,7 @@ def loads(
         gravity: In world axes, m/s².
     """
     if limits is None:
-        limits = {
-            joint.name: (_or(joint.lower, -math.pi), _or(joint.upper, math.pi))
-            for joint in urdf.axes
-        }
+        limits = {joint.name: (joint.lower, joint.upper) for joint in urdf.axes}
     poses = sample_poses(urdf, limits)
     joints = moved_joints(urdf.tree, poses, _driven(urdf, limits))
     torques = [gravity_torque(joint, np.array(gravity)) for joint in joints]
@@ -244,7 +241,3 @@ def evenly_spread(dimension: int, count: int) -> Array:
         found += all(prime % k for k in range(2, math.isqrt(prime) + 1))
     steps: Array = math.sqrt(prime) * np.arange(1, count + 1, dtype=np.float64)
     return steps % 1.0
-
-
-def _or(value: float | None, default: float) -> float:
-    return default if value is None else value

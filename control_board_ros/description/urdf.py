@@ -112,7 +112,7 @@ class UrdfJoint:
     """A movable joint of a URDF.
 
     Attributes: kind (``revolute``, ``continuous`` or ``prismatic``), lower and upper (rad or m;
-    None for continuous), effort (N·m or N) and velocity (rad/s or m/s; None where it
+    infinite for continuous), effort (N·m or N) and velocity (rad/s or m/s; None where it
     gives none above zero), damping (N·m·s/rad or N·s/m) and friction (N·m or N), likewise,
     mimic (None: an independent joint).
     """
@@ -121,8 +121,8 @@ class UrdfJoint:
     kind: JointKind
     parent: str
     child: str
-    lower: float | None
-    upper: float | None
+    lower: float
+    upper: float
     effort: float | None
     velocity: float | None
     mimic: Mimic | None
@@ -271,9 +271,8 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
     has = joint_of(element)
     if not any(has.axis):
         raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")
-    bounded = kind != "continuous"
     unlimited = element.find("limit") is None
-    if bounded and (unlimited or not has.lower < has.upper):
+    if kind != "continuous" and (unlimited or not has.lower < has.upper):
         found = "no <limit>" if unlimited else f"lower {has.lower:g}, upper {has.upper:g}"
         raise UrdfError(
             f"{source}: joint {name!r} has {found}; give it <limit lower=… upper=…> with "
@@ -284,8 +283,8 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
         kind=JointKind(kind),
         parent=has.parent,
         child=has.child,
-        lower=has.lower if bounded else None,
-        upper=has.upper if bounded else None,
+        lower=has.lower,
+        upper=has.upper,
         effort=_known(has.effort),
         velocity=_known(has.velocity),
         mimic=None

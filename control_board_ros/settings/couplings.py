@@ -26,9 +26,7 @@ from ..core.model.coupling import ARGUMENTS, FUNCTIONS, Coupling, FourBar
 from ..description.couplings import couple
 from ..description.urdf import Urdf
 from ..text import nearest
-from .params_file import Entry, SettingsError, convert, shown
-
-Entries = dict[str, Entry]
+from .params_file import Entries, Entry, SettingsError, convert, shown
 
 COUPLINGS = "couplings"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

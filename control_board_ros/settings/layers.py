@@ -12,7 +12,7 @@ from typing import Any
 from ..core.config.parameter import Parameter
 from ..description.urdf import Urdf
 from ..text import nearest
-from .params_file import Entry, Layer, SettingsError, convert, shown
+from .params_file import Entries, Entry, Layer, SettingsError, convert, shown
 from .poses import POSES, known_names
 from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
 
@@ -25,8 +25,6 @@ RESERVED = {JOINT_DEFAULTS: "all joints", "poses": "the poses", "qos_overrides":
 
 #: Parameters with names of joints.
 LISTS, GROUPS = ("joints", "parts"), "calibration_groups"
-
-Entries = dict[str, Entry]
 
 
 def robot_of(layers: Sequence[Layer]) -> tuple[str, Path | None, str]:

@@ -40,7 +40,6 @@ from .couplings import (
 )
 from .couplings import values_of as couplings_of
 from .layers import (
-    Entries,
     find_config,
     joints_of,
     merged,
@@ -51,7 +50,7 @@ from .layers import (
     unknown,
     without_ros,
 )
-from .params_file import Entry, Layer, SettingsError, convert, read_file
+from .params_file import Entries, Entry, Layer, SettingsError, convert, read_file
 from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, levels_of, take_parts
 from .poses import POSES, poses_of, values_of
 from .schema import BOARD, JOINT, JOINT_DEFAULTS, find_row

@@ -31,11 +31,14 @@ class Entry:
     where: str
 
 
+Entries = dict[str, Entry]
+
+
 @dataclass(slots=True)
 class Layer:
     """Parameters of one source: entries by flat name, and the base folder of relative paths."""
 
-    entries: dict[str, Entry] = field(default_factory=dict)
+    entries: Entries = field(default_factory=dict)
     folder: Path | None = None
     path: Path | None = None
 

@@ -14,14 +14,13 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 
 from ..core.config.parameter import Kind, Parameter
-from .params_file import Entry, SettingsError, convert, shown
+from .params_file import Entries, Entry, SettingsError, convert, shown
 
 PARTS = "parts"
 #: The robot's own node; not allowed as a part's name.
 ROBOT = "robot"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
-Entries = dict[str, Entry]
 Table = dict[str, tuple[str, ...]]
 
 PARTS_ROW = Parameter(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +24,7 @@ ROBOTS = ["iiwa", "panda", f"{DATA}/cartpole.urdf", f"{DATA}/r2d2.urdf"]
 
 
 def ranges(urdf: Urdf) -> dict[str, tuple[float, float]]:
-    return {
-        one.name: (-math.pi if one.lower is None else one.lower, one.upper or math.pi)
-        for one in urdf.joints
-        if one.mimic is None
-    }
+    return {one.name: (one.lower, one.upper) for one in urdf.joints if one.mimic is None}
 
 
 def tiny(text: str) -> Loads:

@@ -26,9 +26,8 @@ from ..config import SimulationConfig
 from ..drive import StateReader
 from ..errors import PlantError, PlantGone
 from .camera import Camera
-from .followers import Followers
 from .prepare import prepare
-from .transmission import Transmission
+from .transmission import Followers, Transmission
 from .world import Box, bullet, connect, load
 
 MOVING = (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)

@@ -24,10 +24,9 @@ from ...core.config.config import BoardConfig
 from ...core.terms.measurement import Array
 from ..config import SimulationConfig
 from ..errors import PlantGone
-from .followers import Followers
 from .mujoco_spec import FOLLOWER_ARMATURE, GEAR, Builder
 from .prepare import Fitted, fit
-from .transmission import Transmission
+from .transmission import Followers, Transmission
 
 Indices = slice | NDArray[np.intp]
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]

@@ -135,15 +135,9 @@ def _coupled(board: BoardConfig, urdf: Urdf) -> tuple[Coupling | None, tuple[Sto
     coupled = {joint for one in urdf.coupled for joint in one.coupling.physical_joints}
     given = {joint.name: joint for joint in urdf.joints}
     return coupling, tuple(
-        own[name]
-        if name not in coupled
-        else Stops(name, _or(given[name].lower, -math.inf), _or(given[name].upper, math.inf))
+        own[name] if name not in coupled else Stops(name, given[name].lower, given[name].upper)
         for name in coupling.physical_joints
     )
-
-
-def _or(value: float | None, default: float) -> float:
-    return default if value is None else value
 
 
 def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between the axes of a board and the physical joints of a body (SPEC Y3)."""
+"""Between the axes of a board and the joints of a body: couplings (SPEC Y3), and followers."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.model.coupling import Coupling
 from ...core.terms.measurement import Array
+from ...description.urdf import Mimic
 
 
 class Transmission:
@@ -44,3 +45,21 @@ class Transmission:
         """Take the state of the axes, shape (2, n), from that of the joints."""
         axes[0] = self._coupling.axis_positions(joints[0])
         axes[1] = self._coupling.axis_velocities(joints[1], axes[0])
+
+
+class Followers:
+    """Targets of the followers, independent of the physics; attribute ``joints``: their names."""
+
+    def __init__(self, mimics: Sequence[Mimic], board_names: Sequence[str]) -> None:
+        self.joints = [mimic.follower for mimic in mimics]
+        self._followed = [
+            (board_names.index(mimic.leader), mimic.multiplier, mimic.offset) for mimic in mimics
+        ]
+
+    def targets(self, state: Array) -> tuple[list[float], list[float]]:
+        """Target positions and velocities for a state of the board's joints, shape (2, n)."""
+        positions, velocities = state.tolist()
+        return (
+            [multiplier * positions[j] + offset for j, multiplier, offset in self._followed],
+            [multiplier * velocities[j] for j, multiplier, _ in self._followed],
+        )
