@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether what runs in every cycle is compiled, or its source runs as Python, and why.
+"""Whether the modules of the control cycle are compiled, or run as Python, and why.
 
 A compiled module is beside its source and is imported in its place. It records which source it
 was made from; where that has changed since, as in an editable checkout, the source runs.
@@ -13,7 +13,7 @@ from importlib.machinery import EXTENSION_SUFFIXES, SourceFileLoader
 from importlib.util import module_from_spec, source_hash, spec_from_file_location
 from pathlib import Path
 
-#: What is compiled where that is possible; setup.py (COMPILED) names the same modules.
+#: Modules that are compiled where possible; setup.py (COMPILED) names the same ones.
 MODULES = (
     "control_board_ros.core.model.dynamics",
     "control_board_ros.core.laws.laws",
@@ -57,7 +57,7 @@ def is_compiled() -> bool:
 
 
 def _uncompiled() -> list[str]:
-    """Those of MODULES that run as Python."""
+    """The MODULES that run as Python."""
     files = {name: str(importlib.import_module(name).__file__) for name in MODULES}
     return [name for name in MODULES if not files[name].endswith(tuple(EXTENSION_SUFFIXES))]
 

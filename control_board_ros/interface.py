@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every topic, service and action of a board, once: name, type, QoS and meaning.
 
-The node offers these, the client asks for them, and docs/interface.md is made from them; a test
+The node offers these, the client uses them, and docs/interface.md is made from them; a test
 compares them, and a running node, with a golden copy (test/support/interface_table.py). Types are
 text until they are loaded, so that importing this module imports no message.
 """
@@ -35,7 +35,7 @@ class QoS:
     latched: bool = False
 
     def profile(self) -> Any:
-        """A new rclpy QoSProfile; rclpy writes ``qos_overrides`` into the one it is given."""
+        """A new rclpy QoSProfile, as rclpy writes ``qos_overrides`` into it."""
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
         reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
@@ -67,13 +67,13 @@ class Endpoint:
     """A topic, service or action of a board.
 
     Attributes:
-        kind: what it is: the board publishes a topic and listens to a command.
+        kind: the board publishes a topic and subscribes to a command.
         name: below the node's with ``~/``, absolute with ``/``, else below the node's namespace.
         type: full name of the interface, ``package/msg/Name``.
         qos: of the topic; of a service's requests and responses, and of an action's services.
-        meaning: for people, in sentences.
-        reference: the kind of reference that a command sets, where it sets one.
-        optional: whether there are boards that do not offer it.
+        meaning: in sentences.
+        reference: the kind of reference that a command sets, if any.
+        optional: whether some boards do not offer it.
     """
 
     kind: Literal["topic", "command", "service", "action"]
@@ -86,7 +86,7 @@ class Endpoint:
 
     @property
     def short(self) -> str:
-        """The name without what it is below: ``set_control_mode``, ``command/position``."""
+        """The name without the node's: ``set_control_mode``, ``command/position``."""
         return self.name.removeprefix("~").removeprefix("/")
 
     def of(self, board: str) -> str:
@@ -110,17 +110,17 @@ def full(kind: str, name: str) -> str:
 
 
 def topic(name: str, type_: str, qos: QoS, meaning: str, *, optional: bool = False) -> Endpoint:
-    """What the board publishes."""
+    """A topic that the board publishes."""
     return Endpoint("topic", name, full("msg", type_), qos, meaning, optional=optional)
 
 
 def command(name: str, type_: str, meaning: str, reference: K | None = None) -> Endpoint:
-    """What the board listens to: fire and forget; ``qos_overrides`` parameters change the QoS."""
+    """A topic that the board subscribes to; ``qos_overrides`` parameters change its QoS."""
     return Endpoint("command", name, full("msg", type_), STREAM, meaning, reference)
 
 
 def service(name: str, type_: str, meaning: str) -> Endpoint:
-    """What the board answers."""
+    """A service of the board."""
     return Endpoint("service", name, full("srv", type_), REQUESTS, meaning)
 
 
@@ -143,13 +143,13 @@ MODES = topic(
     "~/modes",
     "JointModes",
     LATCHED,
-    "Modes of every joint, on every change, also of a change that lasts one cycle.",
+    "Modes of every joint, on every change, including one that lasts a single cycle.",
 )
 STATE = topic(
     "~/state",
     "BoardState",
     STREAM,
-    "What the board measures and follows, `state_rate` times a second on average, on whole "
+    "Readings and references of every joint, `state_rate` times a second on average, on whole "
     "control cycles; at most one per cycle.",
 )
 FAULTS = topic("~/faults", "JointFaults", LATCHED, "The joints in fault now, on every change.")
@@ -157,9 +157,9 @@ REQUEST_LOG = topic(
     "~/requests",
     "Request",
     HISTORY,
-    "Each service call that changes something and each goal of an action, with its answer, once "
-    "it is answered: who listens sees what the board was asked. Calls that read (`get_…`, "
-    "`list_…`) and `~/step` are left out.",
+    "Each service call that changes something and each goal of an action, with its answer, when "
+    "it is answered: a log of the requests to the board. Calls that read (`get_…`, `list_…`) and "
+    "`~/step` are left out.",
 )
 CONTROLLER_STATE = topic(
     "~/controller_state",
@@ -239,15 +239,15 @@ JOINT_TRAJECTORY = command(
 JOINT_COMMANDS = command(
     "~/joint_commands",
     "sensor_msgs/msg/JointState",
-    "References as the mode of each joint accepts them: of its position, velocity and effort that "
-    "of its control mode; NaN is no command. For ros2_control's topic-based hardware; see "
+    "References that the mode of each joint accepts: its position, velocity or effort, by its "
+    "control mode; NaN is no command. For ros2_control's topic-based hardware; see "
     "[Joint commands](#joint-commands).",
 )
 EXTERNAL_TORQUE = command(
     "~/external_torque",
     "TorqueCommand",
-    "Simulation only, with `allow_fault_injection`: a push on the joints, N·m, until the next "
-    "one.",
+    "Simulation only, with `allow_fault_injection`: external torques on the joints, N·m, until "
+    "the next message.",
 )
 
 EXTERNAL_TORQUE_SENSOR = command(
@@ -262,8 +262,8 @@ HEARTBEAT = Endpoint(
     "~/heartbeat",
     "std_msgs/msg/Empty",
     NEWEST,
-    "Sign of life of what supervises the board; with `heartbeat_timeout` above 0 its silence is "
-    "an emergency stop.",
+    "Sign of life of the board's supervisor; with `heartbeat_timeout` above 0 its silence is an "
+    "emergency stop.",
 )
 
 # -- services ---------------------------------------------------------------------------------
@@ -281,18 +281,18 @@ GET_INTERACTION_MODE = service(
     "~/get_interaction_mode", "GetInteractionMode", "Read the interaction modes of joints."
 )
 GET_AVAILABLE_MODES = service(
-    "~/get_available_modes", "GetAvailableModes", "Read which modes each joint implements."
+    "~/get_available_modes", "GetAvailableModes", "Read the modes that each joint implements."
 )
 GET_DRIVES = service(
     "~/get_drives",
     "GetDrives",
-    "Read which set-points the drives of joints accept, and which loop runs where.",
+    "Read the set-points that the drives of joints accept, and where each loop runs.",
 )
 SEND_REFERENCE = service(
     "~/send_reference",
     "SendReference",
-    "Send references of one kind, as its command topic does, and answer for each joint: for one "
-    "command, or to see what becomes of it. Streams go by topic.",
+    "Send references of one kind, as its command topic does, and answer for each joint: for "
+    "single commands. Topics are for streams.",
 )
 SET_IMPEDANCE = service(
     "~/set_impedance", "SetImpedance", "Set the virtual spring and damper of joints, at any time."
@@ -314,17 +314,17 @@ GET_REFERENCES = service(
 SET_BRAKE = service(
     "~/set_brake",
     "SetBrake",
-    "Choose how the brakes of joints are worked.",
+    "Set the brake modes of joints.",
 )
 GET_BRAKE = service(
     "~/get_brake",
     "GetBrake",
-    "Read how the brakes of joints are worked, and whether they are closed.",
+    "Read the brake modes of joints, and whether their brakes are closed.",
 )
 GET_COUPLING = service(
     "~/get_coupling",
     "GetCoupling",
-    "Read how the board's axes and the physical joints hang together.",
+    "Read the coupling of the board's axes with the physical joints.",
 )
 STOP = service(
     "~/stop",
@@ -337,13 +337,13 @@ GET_FAULTS = service(
 RECOVER = service(
     "~/recover",
     "Recover",
-    "Clear the faults of joints and go back to the modes they had before, in one control cycle.",
+    "Clear the faults of joints and restore the modes before them, in one control cycle.",
 )
 GET_FREEZE_FRAME = service(
     "~/get_freeze_frame",
     "GetFreezeFrame",
-    "Read what the board measured and followed around a joint's last fault, also after it was "
-    "cleared: 1.5 s before and 0.5 s after it, every control cycle.",
+    "Read the readings and references around a joint's last fault, also after it was cleared: "
+    "1.5 s before and 0.5 s after it, every control cycle.",
 )
 EMERGENCY_STOP = service(
     "~/emergency_stop",
@@ -352,33 +352,33 @@ EMERGENCY_STOP = service(
     "`data: false` releases it, and the joints stay in HW_FAULT until FORCE_IDLE or `~/recover`.",
 )
 LIST_POSES = service(
-    "~/list_poses", "ListPoses", "Read which poses there are, and what one of them is made of."
+    "~/list_poses", "ListPoses", "Read the names of the poses, and the positions of one of them."
 )
 SAVE_POSE = service(
     "~/save_pose",
     "SavePose",
-    "Save a pose of the user's, or replace one, in the user's own file.",
+    "Save or replace a pose in the user's own file.",
 )
 GET_MOTORS = service(
     "~/get_motors",
     "GetMotors",
-    "Read what is known of the motors of joints and of their amplifiers.",
+    "Read the state and the limits of the motors of joints and of their amplifiers.",
 )
 SET_MOTORS = service(
     "~/set_motors",
     "SetMotors",
-    "Set what amplifiers of joints may do, within what is configured.",
+    "Set the limits of the amplifiers of joints, within the configured ones.",
 )
 GET_PIDS = service("~/get_pids", "GetPids", "Read the state of one control loop of joints.")
 SET_PIDS = service(
     "~/set_pids",
     "SetPids",
-    "Reset one control loop of joints, or set what is added to its output.",
+    "Reset one control loop of joints, or set the offset of its output.",
 )
 SET_ENCODERS = service(
     "~/set_encoders",
     "SetEncoders",
-    "Say what the encoders of joints read where they are now.",
+    "Set the readings of the encoders of joints at their present positions.",
 )
 CONFIGURE = service(
     "~/configure",
@@ -390,7 +390,7 @@ POWER_CYCLE = service("~/power_cycle", "std_srvs/srv/Trigger", "Back to power-on
 INJECT_FAULT = service(
     "~/inject_fault",
     "InjectFault",
-    "Break something in the simulated joints, so that the board finds it.",
+    "Inject a fault into simulated joints, for the board to detect.",
 )
 CLEAR_INJECTED_FAULTS = service(
     "~/clear_injected_faults",
@@ -400,13 +400,14 @@ CLEAR_INJECTED_FAULTS = service(
 PAUSE = service(
     "~/pause",
     "std_srvs/srv/SetBool",
-    "Simulation only: `data: true` stops simulated time, `data: false` lets it go on.",
+    "Simulation only: `data: true` stops simulated time, `data: false` resumes it.",
 )
 STEP = service("~/step", "Step", "Advance a paused simulation.")
 RESET = service(
     "~/reset",
     "std_srvs/srv/Trigger",
-    "Simulation only: back to the initial pose and power-on, without pushes and injected faults.",
+    "Simulation only: back to the initial pose and power-on, without external torques and "
+    "injected faults.",
 )
 
 # -- actions ----------------------------------------------------------------------------------
@@ -421,13 +422,13 @@ GO_TO_POSE = action(
 FOLLOW_JOINT_TRAJECTORY = action(
     "~/follow_joint_trajectory",
     "control_msgs/action/FollowJointTrajectory",
-    "Follow a trajectory to its end within tolerances, as MoveIt asks for it; see "
+    "Follow a trajectory to its end within tolerances, as requested by MoveIt; see "
     "[Trajectories](#trajectories).",
 )
 
-#: What a managed node offers besides (``lifecycle``), by rclpy's own means.
+#: Additional services of a managed node (``lifecycle``), by rclpy's own means.
 LIFECYCLE = (
-    service("~/change_state", "lifecycle_msgs/srv/ChangeState", "Ask for a transition."),
+    service("~/change_state", "lifecycle_msgs/srv/ChangeState", "Request a transition."),
     service("~/get_state", "lifecycle_msgs/srv/GetState", "Read the state of the node."),
     service("~/get_available_states", "lifecycle_msgs/srv/GetAvailableStates", "List all states."),
     service(
@@ -509,7 +510,7 @@ YARP: tuple[Endpoint, ...] = tuple(
         service(
             "~/get_available_modes",
             "yarp_control_msgs/srv/GetAvailableControlModes",
-            "Read which modes can be set, or which of them every joint implements.",
+            "Read the modes that can be set, or those that every joint implements.",
         ),
         service(
             "~/get_joints_names",
@@ -528,9 +529,9 @@ ENDPOINTS: tuple[Endpoint, ...] = tuple(
     for value in list(globals().values())
     if isinstance(value, Endpoint) and value is not PART_JOINT_STATES
 )
-#: What an operator notes about a board, in words: no board's, anybody may publish it, and
-#: recorders receive it.
-NOTES = topic("~/notes", "std_msgs/msg/String", QoS(depth=100), "What an operator notes.")
+#: Notes of an operator about a board: no board's topic; any node may publish it, and recorders
+#: receive it.
+NOTES = topic("~/notes", "std_msgs/msg/String", QoS(depth=100), "Notes of an operator.")
 PUBLISHED = tuple(e for e in ENDPOINTS if e.kind == "topic")
 COMMAND_TOPICS = tuple(e for e in ENDPOINTS if e.kind == "command")
 SERVICES = tuple(e for e in ENDPOINTS if e.kind == "service")

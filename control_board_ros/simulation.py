@@ -21,7 +21,7 @@ from .sim.plant import Body, SimulatedPlant
 
 
 def made_board(settings: Settings) -> Board:
-    """The board of settings, with the parts of a robot of several."""
+    """The board of settings, with the parts of a robot."""
     if not settings.parts:
         return Board(settings.board)
     parts = {name: settings.part(name).board for name in settings.parts}
@@ -29,11 +29,11 @@ def made_board(settings: Settings) -> Board:
 
 
 class Simulation:
-    """A board that drives a simulated plant; time passes only in ``step`` and ``run``.
+    """A board and its simulated plant; time passes only in ``step`` and ``run``.
 
     Attributes:
-        board: The control board; of a robot of several parts it has their groups.
-        plant: What it drives.
+        board: The control board; with the groups of a robot's parts.
+        plant: The simulated plant.
     """
 
     def __init__(

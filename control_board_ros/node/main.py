@@ -90,7 +90,7 @@ def run(
     Args:
         arguments: of the command line.
         ended: set when it shall end.
-        at_once: set when it shall not wait until the robot is parked; None: never.
+        at_once: set when it shall end without parking the robot; None: never.
 
     Raises:
         KnownError: it cannot run, or did not end as it should.
@@ -150,7 +150,7 @@ def serve(
     """Run the node until ``ended`` is set.
 
     Returns:
-        What ended the control loop, if it failed; and why the robot could not be parked, if so.
+        The failure of the control loop, if any; and the reason why the robot is not parked, or ''.
     """
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -189,7 +189,7 @@ def serve(
 
 
 def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> str:
-    """Print the welcome, wait for the end, and park; returns why it is not parked, if so."""
+    """Print the welcome, wait for the end, and park; returns as ``park``."""
     from .process.lifecycle import starts_alone
 
     await_first_cycles(boards, ended)
@@ -217,7 +217,7 @@ def park(boards: Boards, at_once: threading.Event) -> str:
 
 
 def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
-    """Let the joints leave NOT_CONFIGURED, where they do so by themselves (N2)."""
+    """Wait until joints have left NOT_CONFIGURED, where they do so without a request (N2)."""
     from .process.lifecycle import starts_alone
 
     if not starts_alone(boards.settings.values):

@@ -62,14 +62,14 @@ def parse_yaml(text: str, source: str) -> Mapping | Leaf | None:
         line = mark.line + 1 if mark is not None else 1
         lines = text.splitlines()
         tab = "\t" in lines[line - 1] if line <= len(lines) else False
-        hint = "; indent with spaces, not tabs" if tab else "; mend the YAML there"
+        hint = "; indent with spaces, not tabs" if tab else "; correct the YAML there"
         reason = " ".join(str(error.problem or error.context).split())
         raise SettingsError(f"{source}:{line}: not YAML ({reason}){hint}") from None
     except UnicodeEncodeError:
         raise SettingsError(f"{source}: is no UTF-8 text; write it as UTF-8") from None
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())[:120]
-        raise SettingsError(f"{source}: not YAML ({reason}); mend the file") from None
+        raise SettingsError(f"{source}: not YAML ({reason}); correct the file") from None
 
 
 class _Builder:

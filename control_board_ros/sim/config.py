@@ -90,36 +90,36 @@ class DriveModel:
     """The drive between the board and a motor: its loops follow what ``drive`` names (S7)."""
 
     rate: float = parameter(
-        "Of its loops, in whole physics steps; 0: one step each",
+        "Rate of its loops, in whole physics steps; 0: one step each",
         "Hz",
         default=0.0,
         low=0.0,
         high=100000.0,
     )
     resolution: float = parameter(
-        "Step of the positions that it is handed; 0: none",
+        "Resolution of received positions; 0: none",
         "rad or m",
         default=0.0,
         low=0.0,
         high=1.0,
     )
     torque_resolution: float = parameter(
-        "Step of the torques that it is handed; 0: none", "N·m or N", default=0.0, low=0.0
+        "Resolution of received torques; 0: none", "N·m or N", default=0.0, low=0.0
     )
     velocity: float = parameter(
-        "The fastest velocity that it follows, whatever the board commands; 0: any",
+        "Greatest velocity that it follows, whatever the board commands; 0: any",
         "rad/s or m/s",
         default=0.0,
         low=0.0,
     )
     torque: float = parameter(
-        "The greatest torque that it gives, whatever the board asks; 0: limits.torque",
+        "Greatest torque, whatever the board commands; 0: limits.torque",
         "N·m or N",
         default=0.0,
         low=0.0,
     )
     watchdog: float = parameter(
-        "Silence after which it does its on_silence; 0: it has none",
+        "Silence after which it applies on_silence; 0: no watchdog",
         "s",
         default=0.1,
         low=0.0,

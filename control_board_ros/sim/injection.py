@@ -137,9 +137,7 @@ class Injector:
         self.active = False
 
     def check(self, joint: int, kind: str) -> None:
-        """Check that a joint can have a fault; raises ValueError: unknown kind, or no such
-        sensor.
-        """
+        """Raise ValueError where a joint cannot have a fault: unknown kind, or no such sensor."""
         config = self._joints[joint]
         if kind not in KINDS and kind not in LASTING:
             known = ", ".join((*KINDS, *LASTING))

@@ -104,7 +104,7 @@ class DriveLink:
 
     @property
     def reasons(self) -> Mapping[int, str]:
-        """What each drive whose watchdog struck reports, by joint."""
+        """The reports of drives whose watchdog struck, by joint."""
         return self._watchdogs.reasons
 
     def pass_on(self, actuation: Actuation, motors: Motors, deaf: Collection[int]) -> Actuation:

@@ -7,7 +7,7 @@
     plant.push("elbow", 5.0)       # external torque, N·m, until it is set to 0
     plant.inject("elbow", "encoder", persistent=True)   # see injection.KINDS
     plant.clear_injected()
-    plant.reset()                  # home pose at rest, cold motors, no faults; time goes on
+    plant.reset()                  # home pose at rest, cold motors, no faults; time continues
     plant.time, plant.body         # s of simulated time; the body: ideal, in pybullet or in MuJoCo
     plant.close()
 
