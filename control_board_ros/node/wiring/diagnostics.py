@@ -14,10 +14,11 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from ...compiled import describe
+from ...core.state import Snapshot
 from ...core.terms.faults import FaultCode, FaultRecord
-from ...core.terms.vocabs import ControlMode, InteractionMode
 from ...core.watch.causes import HOT, STRAINED
 from ..loop.loop import ControlLoop
+from ..loop.snapshots import StampedModes
 from ..loop.timing import scheduling
 
 
@@ -67,22 +68,12 @@ class Diagnostics:
     def joint_statuses(self) -> list[DiagnosticStatus]:
         snapshots = self._snapshots
         state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
-        rejected, late = state.rejected_commands.tolist(), self._loop.late_answers
+        late = self._loop.late_answers
         found = [
-            self._joint_status(
-                name,
-                (modes.control[j], modes.interaction[j]),
-                faults.records[j],
-                (rejected[j], rejected[j] - self._rejected[j]),
-                (float(state.temperature[j]), self._hottest[j]),
-                float(state.current[j]),
-                float(state.overload[j]),
-                (bool(state.brake[j]), bool(state.brake_slips[j])),
-                late[j] if late else None,
-            )
-            for j, name in enumerate(self._names)
+            self._joint_status(j, state, modes, faults.records[j], late[j] if late else None)
+            for j in range(len(self._names))
         ]
-        self._rejected = rejected
+        self._rejected = state.rejected_commands.tolist()
         return found
 
     def loop_status(self) -> DiagnosticStatus:
@@ -126,45 +117,38 @@ class Diagnostics:
         return self._status("loop", level, text, values.items())
 
     def _joint_status(
-        self,
-        name: str,
-        modes: tuple[ControlMode, InteractionMode],
-        fault: FaultRecord,
-        rejected: tuple[int, int],
-        temperature: tuple[float, float],
-        current: float,
-        overload: float,
-        brake: tuple[bool, bool],
-        late: int | None,
+        self, j: int, state: Snapshot, modes: StampedModes, fault: FaultRecord, late: int | None
     ) -> DiagnosticStatus:
-        level, text = DiagnosticStatus.OK, modes[0].name
+        mode, rejected = modes.control[j], int(state.rejected_commands[j])
+        temperature, overload = float(state.temperature[j]), float(state.overload[j])
+        level, text = DiagnosticStatus.WARN, mode.name
         if fault.active:
             level, text = DiagnosticStatus.ERROR, f"HW_FAULT: {fault.text}; send FORCE_IDLE"
-        elif brake[1]:
-            level = DiagnosticStatus.WARN
-            text = f"{modes[0].name}; its brake slips: support the joint, and look at the brake"
-        elif rejected[1]:
-            level = DiagnosticStatus.WARN
-            text = f"{modes[0].name}; {rejected[1]} commands rejected in the last second"
-        elif overload > STRAINED or temperature[0] > temperature[1] - HOT:
-            level = DiagnosticStatus.WARN
-            text = f"{modes[0].name}; near a fault by heat: reduce its load"
+        elif state.brake_slips[j]:
+            text += "; its brake slips: support the joint, and look at the brake"
+        elif new := rejected - self._rejected[j]:
+            text += f"; {new} commands rejected in the last second"
+        elif overload > STRAINED or temperature > self._hottest[j] - HOT:
+            text += "; near a fault by heat: reduce its load"
+        else:
+            level = DiagnosticStatus.OK
+        brake = "closed" if state.brake[j] else "open or none"
         values = {
-            "control mode": modes[0].code,
-            "interaction mode": modes[1].code,
+            "control mode": mode.code,
+            "interaction mode": modes.interaction[j].code,
             "fault": fault.text if fault.active else "no fault",
             "fault code": fault.code if fault.active else -1,
             "last fault": fault.text,
-            "rejected commands": rejected[0],
-            "temperature (°C)": f"{temperature[0]:.1f}",
-            "temperature limit (°C)": f"{temperature[1]:.1f}",
-            "current (A)": f"{current:.2f}",
+            "rejected commands": rejected,
+            "temperature (°C)": f"{temperature:.1f}",
+            "temperature limit (°C)": f"{self._hottest[j]:.1f}",
+            "current (A)": f"{state.current[j]:.2f}",
             "I2t (%)": f"{100.0 * overload:.0f}",
-            "brake": "slips" if brake[1] else "closed" if brake[0] else "open or none",
+            "brake": "slips" if state.brake_slips[j] else brake,
         }
         if late is not None:
             values["late answers"] = late
-        return self._status(name, level, text, values.items())
+        return self._status(self._names[j], level, text, values.items())
 
     def _status(
         self, name: str, level: bytes, text: str, values: Iterable[tuple[str, object]]
