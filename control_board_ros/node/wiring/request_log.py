@@ -102,9 +102,9 @@ class RequestLog:
                 service, "answered", request, response, started, success=success, message=message
             )
 
-    def goal(self, action: Endpoint, handle: Any) -> Goal:
+    def goal(self, action: Endpoint, handle: Any) -> GoalRecord:
         """The record of a received goal."""
-        return Goal(self, action, handle)
+        return GoalRecord(self, action, handle)
 
     def publish(self) -> None:
         """Publish the noted answers; for the publishing thread."""
@@ -133,7 +133,7 @@ class RequestLog:
         return message
 
 
-class Goal:
+class GoalRecord:
     """Records one goal; ``handle`` is rclpy's."""
 
     def __init__(self, log: RequestLog, action: Endpoint, handle: Any) -> None:
