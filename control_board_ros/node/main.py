@@ -189,7 +189,7 @@ def serve(
 
 
 def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> str:
-    """Print the welcome, wait for the end, and park; returns as ``park``."""
+    """Print the welcome, wait for the end, and park; returns as ``parked``."""
     from .process.lifecycle import starts_alone
 
     await_first_cycles(boards, ended)
@@ -198,22 +198,21 @@ def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> 
     waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
     say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits))
     ended.wait()
-    return park(boards, at_once) if parks and boards.loop.failure is None else ""
+    return parked(boards, at_once) if parks and boards.loop.failure is None else ""
 
 
-def park(boards: Boards, at_once: threading.Event) -> str:
+def parked(boards: Boards, at_once: threading.Event) -> str:
     """Move the robot to the pose park (R6); returns the reason of a failure, or an empty text."""
-    from .process.parking import Parking
+    from .process.parking import park
 
     def announce(time: float) -> None:
         say(f"parking, {time:.1f} s; a second Ctrl-C ends at once, without power\n")
 
-    parking = Parking(boards.main.member, boards.settings.poses[PARK], announce)
-    parking.run(at_once)
+    reason = park(boards.main.member, boards.settings.poses[PARK], announce, at_once)
     if at_once.is_set():
         complain("not parked: a second signal came; the joints are without power where they were")
         return ""
-    return parking.reason
+    return reason
 
 
 def await_first_cycles(boards: Boards, ended: threading.Event) -> None:

@@ -18,7 +18,7 @@ from control_board_ros.core.goals.poses import start_parking
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop.loop import ControlLoop, Member
-from control_board_ros.node.process.parking import PAUSED, Parking
+from control_board_ros.node.process.parking import PAUSED, park
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.testing import board_process
 
@@ -45,9 +45,7 @@ def parked(loop: ControlLoop, pose: Pose = PARK, at_once: bool = False) -> tuple
     second = threading.Event()
     if at_once:
         second.set()
-    parking = Parking(Member(loop, loop.board), pose, told.append)
-    parking.run(second)
-    return parking.reason, told
+    return park(Member(loop, loop.board), pose, told.append, second), told
 
 
 def test_it_goes_to_park_first(loop: ControlLoop) -> None:
@@ -118,9 +116,8 @@ def test_a_joint_that_faults_on_the_way_ends_it(loop: ControlLoop) -> None:
         with loop.exclusive() as board:
             board.set_control_mode("b", "torq")
 
-    parking = Parking(Member(loop, loop.board), slow, hurt)
-    parking.run(threading.Event())
-    assert "b left for HW_FAULT" in parking.reason
+    reason = park(Member(loop, loop.board), slow, hurt, threading.Event())
+    assert "b left for HW_FAULT" in reason
 
 
 @pytest.mark.ros

@@ -15,10 +15,13 @@ from ..loop.loop import Member
 PERIOD = 0.02
 
 PAUSED = "the simulation is paused; resume it first, with: cbctl resume"
+LEFT = "a second signal came"
 
 
-class Parking:
-    """The move to the pose park, monitored by a thread of its own.
+def park(
+    member: Member, pose: Pose, on_start: Callable[[float], None], at_once: threading.Event
+) -> str:
+    """Move to the pose park, in a thread of its own, until the end or until ``at_once`` is set.
 
     The caller can stop waiting at any time, also where the control loop hangs with its lock.
 
@@ -26,53 +29,50 @@ class Parking:
         member: the joints, all of them.
         pose: the target.
         on_start: called with the duration of the move, s.
+        at_once: ends the wait.
 
-    Attributes: reason (why the robot is not parked; empty when it is parked).
+    Returns:
+        Why the robot is not parked; empty when it is.
     """
+    reasons: list[str] = []
 
-    def __init__(self, member: Member, pose: Pose, on_start: Callable[[float], None]) -> None:
-        self._member, self._pose, self._on_start = member, pose, on_start
-        self._left = threading.Event()
-        self.reason = "a second signal came"
-
-    def run(self, at_once: threading.Event) -> None:
-        """Park until the end or a failure, or until ``at_once`` is set."""
-        thread = threading.Thread(target=self._watch, name="parking", daemon=True)
-        thread.start()
-        while thread.is_alive() and not at_once.is_set():
-            thread.join(PERIOD)
-        self._left.set()
-
-    def _watch(self) -> None:
+    def move() -> None:
         try:
-            reason = self._park()
+            reasons.append(_move(member, pose, on_start, at_once))
         except RequestError as error:
-            reason = str(error)
-        if not self._left.is_set():
-            self.reason = reason
+            reasons.append(str(error))
 
-    def _park(self) -> str:
-        """Start and wait for the end; returns the reason of a failure, or an empty text."""
-        member = self._member
-        if reason := self._stopped():
+    thread = threading.Thread(target=move, name="parking", daemon=True)
+    thread.start()
+    while thread.is_alive() and not at_once.is_set():
+        thread.join(PERIOD)
+    return reasons[0] if reasons else LEFT
+
+
+def _move(
+    member: Member, pose: Pose, on_start: Callable[[float], None], left: threading.Event
+) -> str:
+    """Start and wait for the end; returns as ``park``."""
+    if reason := _stopped(member):
+        return reason
+    with member.exclusive() as board:
+        if left.is_set():  # while this thread waited for the lock
+            return LEFT
+        task = start_parking(board, pose)
+        time = task.remaining_time()
+    on_start(time)
+    while not left.wait(PERIOD):
+        if reason := _stopped(member):
             return reason
-        with member.exclusive() as board:
-            if self._left.is_set():  # while this thread waited for the lock
-                return self.reason
-            task = start_parking(board, self._pose)
-            time = task.remaining_time()
-        self._on_start(time)
-        while not self._left.wait(PERIOD):
-            if reason := self._stopped():
-                return reason
-            with member.exclusive():
-                outcome = task.outcome()
-            if outcome is not None:
-                return "" if outcome.success else outcome.message
-        return self.reason
+        with member.exclusive():
+            outcome = task.outcome()
+        if outcome is not None:
+            return "" if outcome.success else outcome.message
+    return LEFT
 
-    def _stopped(self) -> str:
-        """The reason why no joint moves; empty while time passes."""
-        if self._member.loop.failure is not None:
-            return "the control loop failed"
-        return PAUSED if self._member.loop.paused else ""
+
+def _stopped(member: Member) -> str:
+    """The reason why no joint moves; empty while time passes."""
+    if member.loop.failure is not None:
+        return "the control loop failed"
+    return PAUSED if member.loop.paused else ""
