@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.conformance.limits import SPEED, TORQUE, TURN, described_limits
+from control_board_ros.conformance.limits import SPEED, TORQUE, described_limits
 from control_board_ros.panel.robot import NO_ROBOT, read
 from control_board_ros.recording.reading import kinds_of
 from control_board_ros.urdf_xml import UrdfError, heard, heard_joints
@@ -43,7 +43,8 @@ def test_a_bad_description_is_none_for_all_who_hear_it(urdf: str) -> None:
     assert kinds_of(urdf, ("j",)) == {"j": "revolute"}
     assert read(urdf, "") is NO_ROBOT
     found = described_limits(board(urdf), "j")
-    assert (found.lower, found.upper, found.velocity, found.torque) == (*TURN, SPEED, TORQUE)
+    ends = found.lower, found.upper
+    assert (*ends, found.velocity, found.torque) == (-math.inf, math.inf, SPEED, TORQUE)
 
 
 def test_joints_have_what_can_be_read_of_their_limits() -> None:
