@@ -18,13 +18,13 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
+from ..drives.faults import WATCHDOG
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits, Wanted
+from ..drives.plant import Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import objects as o
@@ -78,7 +78,7 @@ class Cia402Drives:
         self._parts, self._powered, self._enabled = [0] * n, [False] * n, [0] * n
         #: What an answer consists of: a bit for each PDO.
         self._whole = [7 if k in self.traits.motor_encoders else 3 for k in range(n)]
-        self._reset, self._restarted = [False] * n, [False] * n
+        self._reset = [False] * n
         self._left: list[DriveFault | None] = [None] * n
         self._idle = [True] * n  # since it was set up
 
@@ -86,26 +86,22 @@ class Cia402Drives:
         """Counts per turn of the encoders at the motors, 0 where there is none."""
         return [float(axis.own["motor_counts"]) for axis in self._axes]
 
-    def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
+    def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
         self._line.open()
-        self._setup, self._joints = setup, joints
-        self._wait = budget(setup.period)
-        found = []
-        for k, axis in enumerate(self._axes):
-            kinds = uploads(self._line, axis.id, o.DEVICE_TYPE, ATTEMPTS)
-            kind = only(kinds, axis, self._options.bus, "cia402")
-            if kind & 0xFFFF != o.PROFILE:
-                raise PlantSettingsError(
-                    f"{axis.name}: id {axis.id} has profile {kind & 0xFFFF}; {o.PROFILE} "
-                    "(drives) is supported"
-                )
-            found.append(self._set_up(k))
-        return found
+        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
-    def _set_up(self, k: int) -> Found:
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """No power, watchdog, PDOs, and what it is; it is operational afterwards."""
-        line, axis, sdo = self._line, self._axes[k], Sdo(self._line, self._axes[k].id)
+        line, axis = self._line, self._axes[k]
+        kinds = uploads(line, axis.id, o.DEVICE_TYPE, attempts)
+        kind = only(kinds, axis, self._options.bus, "cia402")
+        if kind & 0xFFFF != o.PROFILE:
+            raise PlantSettingsError(
+                f"{axis.name}: id {axis.id} has profile {kind & 0xFFFF}; {o.PROFILE} "
+                "(drives) is supported"
+            )
+        sdo = Sdo(line, axis.id)
         line.send(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))
         for word in (0, FAULT_RESET, 0):  # a fault of before, as that of its watchdog, is over
             sdo.put(o.CONTROL, 0, "<H", word)
@@ -125,14 +121,14 @@ class Cia402Drives:
             map_pdo(sdo, function, axis.id, kept)
         if k in self.traits.motor_encoders:
             map_pdo(sdo, o.TPDO3, axis.id, o.MOTOR)
-        self._powered[k] = self._reset[k] = self._restarted[k] = False
+        self._powered[k] = self._reset[k] = False
         self._enabled[k], self._left[k], self._idle[k] = 0, None, True
         line.send(o.NMT, bytes([o.START, axis.id]))
         return found_of(sdo, axis.id, limits_of(sdo, scale))
 
     def _set_watchdog(self, k: int, sdo: Sdo) -> None:
         """The consumer's heartbeat, and what follows when it is missing."""
-        joint, axis = self._joints[k], self._axes[k]
+        joint, axis = self._setup.joints[k], self._axes[k]
         silence = OnSilence.FREE if joint is None else joint.on_silence
         watch = o.MASTER << 16 | max(1, int(1e3 * self._setup.timeout))
         items = [(o.CONSUMER_HEARTBEAT, 1, "<I", watch)]
@@ -150,15 +146,15 @@ class Cia402Drives:
         # Where it exists: stay operational without heartbeat, and so report it.
         sdo.accepts(o.ERROR_BEHAVIOUR, 1, "<B", 1)
 
-    def exchange(self, wanted: Wanted, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._line, answers
+        line = self._line
         line.drain(self._take)
         if wanted:
             line.send(o.HEARTBEAT | o.MASTER, bytes([o.OPERATIONAL]))
         for k, (kind, value) in wanted.items():
             self._parts[k] = 0
-            if self._restarted[k]:  # its PDOs are not ours; and in this two drives differ
+            if self._answers.restarted[k]:  # its PDOs are not ours; and in this two drives differ
                 question = struct.pack("<BHBI", 0x40, o.IDENTITY, o.SERIAL, 0)
                 line.send(o.SDO_REQUEST | self._axes[k].id, question)
             else:
@@ -166,13 +162,10 @@ class Cia402Drives:
         line.send(o.SYNC, b"")
         line.gather(self._take, wanted, self._wait)
 
-    def clear_fault(self, drive: int) -> Found | None:
-        """A reset by the next control word; a drive that was away is set up again."""
-        anew, lost = None, self._restarted[drive] or not self._parts[drive]
-        if lost and uploads(self._line, self._axes[drive].id, o.DEVICE_TYPE, 1):
-            anew = self._set_up(drive)
-        self._reset[drive], self._left[drive] = True, None
-        return anew
+    def clear_fault(self, k: int) -> None:
+        """A reset by the next control word; a drive that was away is to be set up again."""
+        self._answers.restarted[k] = not self._parts[k]
+        self._reset[k], self._left[k] = True, None
 
     def close(self) -> None:
         """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""
@@ -218,8 +211,8 @@ class Cia402Drives:
             answers.foreign += function in o.ANSWERS
             return None
         if function == o.HEARTBEAT and data[:1] == bytes([o.BOOT_UP]):
-            self._restarted[k], answers.faults[k] = True, RESTARTED
-        elif self._restarted[k]:
+            answers.restarted[k], answers.faults[k] = True, None
+        elif answers.restarted[k]:
             if function == o.SDO_ANSWER:
                 answers.came(k, data)
                 return k

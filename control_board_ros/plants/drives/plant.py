@@ -7,6 +7,7 @@ this gives it directions, ratios and offsets, keeps the last answer of each, and
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,18 +16,12 @@ from typing import Protocol
 
 import numpy as np
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array, SetPoints
-from ..interface import (
-    Description,
-    DriveFault,
-    DriveLimits,
-    JointDescription,
-    Readings,
-    Setup,
-)
+from ..interface import Description, DriveFault, DriveLimits, JointDescription, Readings, Setup
 from .axes import Axes, Axis
+from .can_line import ATTEMPTS
+from .faults import RESTARTED
 
 #: Surplus answers that mean two drives with one id; an exchange without forgives some.
 CLASHES, FORGIVEN = 3.0, 0.3
@@ -36,9 +31,6 @@ NONE = DriveLimits()
 #: Set-points of an exchange by the place of their drive, with values at its output, shape
 #: (VALUES,), see core.set_points.Value; a drive that is missing here receives nothing.
 Wanted = Mapping[int, tuple[SetPoint, Sequence[float]]]
-#: Watchdog and restart of a drive that has no fault number of its own for them.
-WATCHDOG = DriveFault(0, "watchdog: no command within its timeout")
-RESTARTED = DriveFault(0, "drive restarted")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +62,7 @@ class Answers:
         motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
             there is none.
         faults: Of each drive, or None.
+        restarted: Which drives lost their set-up: they get no power until they are set up again.
         times: When each answered last, s; -inf: never.
         heard: The raw answers of each in this exchange.
         missed, foreign, malformed: Counts: exchanges that a drive did not answer in time, frames
@@ -83,6 +76,7 @@ class Answers:
          self.voltage) = np.zeros((6, count))  # fmt: skip
         self.motor_position = np.full(count, math.nan)
         self.faults: list[DriveFault | None] = [None] * count
+        self.restarted = [False] * count
         self.times = np.full(count, -math.inf)
         self.heard: list[dict[bytes, None]] = [{} for _ in range(count)]
         self.missed = self.foreign = self.malformed = 0
@@ -125,20 +119,33 @@ class Driver(Protocol):
 
     traits: Traits
 
-    def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> Sequence[Found]:
-        """Open the bus, check each drive, set its watchdog; none gets power by it."""
-        ...
+    def open(self, setup: Setup, answers: Answers) -> None:
+        """Open the bus.
 
-    def exchange(self, wanted: Wanted, answers: Answers) -> None:
-        """Send the set-points, and fill ``answers`` with what comes until the time is up."""
-        ...
-
-    def clear_fault(self, drive: int) -> Found | None:
-        """Reset the fault of a drive by its place; it has no power.
-
-        Returns:
-            Its identity where it was set up again, for it may be another.
+        Args:
+            setup: Of the plant, its joints in the order of the drives.
+            answers: To fill in each exchange.
         """
+        ...
+
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
+        """Check a drive by its place, and set its watchdog; it has no power afterwards.
+
+        Args:
+            k: Its place.
+            attempts: To find it.
+
+        Raises:
+            ConnectionError: it does not answer, or two drives answer as one.
+        """
+        ...
+
+    def exchange(self, wanted: Wanted) -> None:
+        """Send set-points, and read answers until all are there or the time is up."""
+        ...
+
+    def clear_fault(self, k: int) -> None:
+        """Reset the fault of a drive by its place; it has no power."""
         ...
 
     def close(self) -> None:
@@ -163,7 +170,7 @@ class DrivesPlant:
         self._shafts = any(axis.motor_turns for axis in axes)
         self.answers = Answers(axes)
         self._timeout, self._period, self._free = math.inf, 0.0, [True] * len(axes)
-        self._found: tuple[Found | None, ...] = (None,) * len(axes)
+        self._found: list[Found | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
         self._clashes, self._owed, self._last = self._no_clashes()
         #: Since when each drive owes an answer, s: a loop that pauses is owed none.
@@ -212,7 +219,8 @@ class DrivesPlant:
         self._asked.fill(math.inf)
         self._timeout, self._period = setup.timeout, setup.period
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
-        self._found = tuple(self.driver.open(setup, setup.joints))
+        self.driver.open(setup, self.answers)
+        self._found = [self.driver.set_up(k) for k in range(len(self.axes))]
         self.exchange(self._off)
 
     def exchange(self, wanted: SetPoints) -> Readings:
@@ -221,10 +229,13 @@ class DrivesPlant:
         begin, sent = self._clock(), self._at_drives(wanted)
         for heard in answers.heard:
             heard.clear()
-        self.driver.exchange(sent, answers)
+        self.driver.exchange(sent)
         self._notice_clashes(sent)
         late = answers.times < begin
-        faults: list[str | DriveFault | None] = list(answers.faults)
+        faults: list[str | DriveFault | None] = [
+            fault or (RESTARTED if restarted else None)
+            for fault, restarted in zip(answers.faults, answers.restarted, strict=True)
+        ]
         for k, count in enumerate(self._clashes):
             if count >= CLASHES:
                 faults[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
@@ -263,8 +274,9 @@ class DrivesPlant:
 
     def _at_drives(self, wanted: SetPoints) -> dict[int, tuple[SetPoint, list[float]]]:
         values = self._axes.to_drive(wanted).T.tolist()
-        kinds = map(SetPoint, wanted.kinds.tolist())
-        return dict(enumerate(zip(kinds, values, strict=True)))
+        kinds = wanted.kinds.copy()
+        kinds[self.answers.restarted] = SetPoint.OFF
+        return dict(enumerate(zip(map(SetPoint, kinds.tolist()), values, strict=True)))
 
     def _notice_clashes(self, sent: Wanted) -> None:
         """More answers than questions, that differ from each other, are those of two drives."""
@@ -281,15 +293,20 @@ class DrivesPlant:
                 self._last[k] = next(reversed(heard))
 
     def clear_fault(self, joint: int) -> None:
+        """Reset the fault of a drive; one that restarted is set up again, once it answers."""
         self._clashes[joint] = 0.0
-        if (anew := self.driver.clear_fault(joint)) is not None:
-            self._found = (*self._found[:joint], anew, *self._found[joint + 1 :])
+        if not self.answers.restarted[joint]:
+            self.driver.clear_fault(joint)
+            return
+        with contextlib.suppress(ConnectionError):
+            self._found[joint] = self.driver.set_up(joint, attempts=1)
+            self.answers.restarted[joint] = False
 
     def let_go(self) -> None:
         """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
         off = self._at_drives(self._off)
         free = {k: item for k, item in off.items() if self._free[k]}
-        self.driver.exchange(free, self.answers)
+        self.driver.exchange(free)
 
     def close(self) -> None:
         self.driver.close()

@@ -202,8 +202,11 @@ class ServoBus:
                 break
             take(*self._parts(packet))
 
-    def read(self, item: Item, drives: Sequence[int], take: Take, answers: Answers) -> None:
-        """Read an item of several servos at once, until all answered or the time is up."""
+    def read(
+        self, item: Item, drives: Sequence[int], take: Take, answers: Answers, seconds: float
+    ) -> None:
+        """Read an item of several servos at once, until all answered or the time is up, s."""
+        self.port.wait = seconds
         left, more = set(drives), self._library.receive
         self.protocol.syncReadTx(self.port, *item, list(drives), len(drives), *more)
         self.port.setPacketTimeout(0)

@@ -11,13 +11,13 @@ import struct
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import budget
+from ..drives.can_line import ATTEMPTS, budget
+from ..drives.faults import WATCHDOG, flagged
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits, Wanted
+from ..drives.plant import Answers, Found, Traits, Wanted
 from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -58,23 +58,19 @@ class DynamixelDrives:
         n = len(self._axes)
         self._models: list[t.Model] = [t.MODELS[1020]] * n
         self._kinds = [SetPoint.OFF] * n
-        self._restarted, self._without = [False] * n, [0] * n
+        self._without = [0] * n
 
-    def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
+    def open(self, setup: Setup, answers: Answers) -> None:
         """Open the port; see ``drives.plant.Driver``."""
-        self._setup, self._joints = setup, joints
-        bus = self._bus
-        bus.open()
-        found = []
-        for k, axis in enumerate(self._axes):
-            only(bus.models(axis.id), axis, self._options.bus, "dynamixel")
-            found.append(self._set_up(k))
-        bus.port.wait = budget(setup.period)
-        return found
+        self._bus.open()
+        self._answers, self._wait = answers, budget(setup.period)
+        self._watch = watchdog_steps(setup.timeout)
 
-    def _set_up(self, k: int) -> Found:
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """Torque off, what is read, watchdog; returns what it is."""
-        bus, drive, name = self._bus, self._axes[k].id, self._axes[k].name
+        bus, axis = self._bus, self._axes[k]
+        only(bus.models(axis.id, attempts), axis, self._options.bus, "dynamixel")
+        drive, name = axis.id, axis.name
         number = bus.get(drive, t.MODEL)
         if (model := t.MODELS.get(number)) is None:
             raise PlantSettingsError(
@@ -93,8 +89,7 @@ class DynamixelDrives:
             for byte in range(item.length):
                 bus.put(drive, Item(place, 2), item.address + byte)
                 place += 2
-        bus.put(drive, t.WATCHDOG, watchdog_steps(self._setup.timeout))
-        self._restarted[k] = False
+        bus.put(drive, t.WATCHDOG, self._watch)
         bounded = self._position_mode == t.POSITION_MODE
         limits = DriveLimits(
             lower=angle(bus.get(drive, t.MIN_POSITION, signed=True)) if bounded else None,
@@ -104,11 +99,9 @@ class DynamixelDrives:
         )
         return replace(identity(bus, drive), limits=limits)
 
-    def exchange(self, wanted: Wanted, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        kinds = {
-            k: SetPoint.OFF if self._restarted[k] else kind for k, (kind, _) in wanted.items()
-        }
+        kinds = {k: kind for k, (kind, _) in wanted.items()}
         changed = {k: kind for k, kind in kinds.items() if kind is not self._kinds[k]}
         if changed:
             self._sync(t.TORQUE, dict.fromkeys(changed, 0))
@@ -119,20 +112,17 @@ class DynamixelDrives:
             for k, kind in changed.items():
                 self._kinds[k], self._without[k] = kind, 0
         self._goals(kinds, wanted)
-        self._read(wanted, answers)
+        self._read(wanted)
 
-    def clear_fault(self, drive: int) -> Found | None:
-        """A reboot clears a shutdown; then the servo is set up again."""
-        bus, axis = self._bus, self._axes[drive].id
-        if self._restarted[drive]:
-            return self._set_up(drive) if bus.models(axis, attempts=1) else None
+    def clear_fault(self, k: int) -> None:
+        """A reboot clears a shutdown, a new watchdog one that tripped."""
+        bus, axis = self._bus, self._axes[k].id
         if bus.get(axis, t.ERROR):
             bus.protocol.reboot(bus.port, axis)
-            self._restarted[drive] = True
+            self._answers.restarted[k] = True
         else:
             bus.put(axis, t.WATCHDOG, 0)
-            bus.put(axis, t.WATCHDOG, watchdog_steps(self._setup.timeout))
-        return None
+            bus.put(axis, t.WATCHDOG, self._watch)
 
     def close(self) -> None:
         """Torque off, and leave the port."""
@@ -167,18 +157,16 @@ class DynamixelDrives:
             },
         )
 
-    def _read(self, drives: Collection[int], answers: Answers) -> None:
+    def _read(self, drives: Collection[int]) -> None:
         """What is read of each, by the place of its indirect data."""
-
-        def take(drive: int, data: bytes) -> None:
-            self._take(drive, data, answers)
-
-        self._bus.drain(take)
+        self._bus.drain(self._take)
         for place in {self._models[k].data for k in drives}:
-            asked = [self._axes[k].id for k in drives if self._models[k].data == place]
-            self._bus.read(Item(place, t.READ_LENGTH), sorted(asked), take, answers)
+            ids = sorted(self._axes[k].id for k in drives if self._models[k].data == place)
+            item = Item(place, t.READ_LENGTH)
+            self._bus.read(item, ids, self._take, self._answers, self._wait)
 
-    def _take(self, drive: int, data: bytes, answers: Answers) -> None:
+    def _take(self, drive: int, data: bytes) -> None:
+        answers = self._answers
         if (k := answers.place(drive)) is None:
             return
         if len(data) != t.READ_LENGTH:
@@ -186,7 +174,7 @@ class DynamixelDrives:
         else:
             found = struct.unpack(t.READ_FORMAT, data)
             answers.faults[k] = self._judge(k, *found[:3])
-            if not self._restarted[k]:
+            if not answers.restarted[k]:
                 current, velocity, position, volts, degrees = found[3:]
                 answers.position[k] = angle(position)
                 answers.velocity[k] = velocity * t.SPEED
@@ -196,11 +184,9 @@ class DynamixelDrives:
 
     def _judge(self, k: int, torque: int, error: int, watchdog: int) -> DriveFault | None:
         if error:
-            return DriveFault(error, t.error_name(error))
+            return flagged(error, t.ERRORS)
         if watchdog == 0:  # what it reads is not set up any more
-            self._restarted[k] = True
-        if self._restarted[k]:
-            return RESTARTED
+            self._answers.restarted[k] = True
         if watchdog == t.TRIPPED:
             return WATCHDOG
         self._without[k] = 0 if torque or not self._kinds[k] else self._without[k] + 1
@@ -227,7 +213,7 @@ def identity(bus: ServoBus, drive: int) -> Found:
         type=t.MODELS[number].name if number in t.MODELS else f"model {number}",
         firmware=str(bus.get(drive, t.FIRMWARE)),
         voltage=bus.get(drive, t.VOLTAGE) * t.VOLT,
-        fault=DriveFault(error, t.error_name(error)) if error else None,
+        fault=flagged(error, t.ERRORS),
     )
 
 

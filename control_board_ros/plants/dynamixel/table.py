@@ -80,8 +80,3 @@ MODELS = {
     1210: Model("XC330-T181", 1e-3, 208),
     1220: Model("XC330-T288", 1e-3, 208),
 }
-
-
-def error_name(bits: int) -> str:
-    """Hardware errors in words."""
-    return ", ".join(name for bit, name in ERRORS.items() if bits & bit) or "see its manual"

@@ -13,13 +13,13 @@ import struct
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import budget
+from ..drives.can_line import ATTEMPTS, budget
+from ..drives.faults import flagged
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
+from ..drives.plant import Answers, Found, Traits, Wanted
 from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -53,32 +53,28 @@ class FeetechDrives:
         n = len(self._axes)
         self._kinds, self._modes = [SetPoint.OFF] * n, [t.POSITION_MODE] * n
         self._torque, self._without = [0] * n, [0] * n
-        self._had, self._restarted = [False] * n, [False] * n
+        self._had = [False] * n
 
-    def open(self, setup: Setup, _joints: Sequence[JointConfig | None]) -> list[Found]:
+    def open(self, setup: Setup, answers: Answers) -> None:
         """Open the port; see ``drives.plant.Driver``."""
-        bus = self._bus
-        bus.open()
-        found = []
-        for k, axis in enumerate(self._axes):
-            only(bus.models(axis.id), axis, self._options.bus, "feetech")
-            found.append(self._set_up(k))
-        bus.port.wait = budget(setup.period)
-        return found
+        self._bus.open()
+        self._answers, self._wait = answers, budget(setup.period)
 
-    def _set_up(self, k: int) -> Found:
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """No torque, no ramps; returns what it is."""
-        bus, drive, name = self._bus, self._axes[k].id, self._axes[k].name
+        bus, axis = self._bus, self._axes[k]
+        only(bus.models(axis.id, attempts), axis, self._options.bus, "feetech")
+        drive = axis.id
         if (number := bus.get(drive, t.MODEL)) not in t.MODELS:
             raise PlantSettingsError(
-                f"{name}: id {drive} is of model {number}; supported: "
+                f"{axis.name}: id {drive} is of model {number}; supported: "
                 + ", ".join(t.MODELS.values())
             )
         # Behind the lock a mode acts, and is not stored.
         for item, value in ((t.TORQUE, 0), (t.LOCK, 1), (t.ACCELERATION, 0)):
             bus.put(drive, item, value)
         bus.put(drive, t.MODE, t.POSITION_MODE)
-        self._kinds[k], self._modes[k], self._restarted[k] = SetPoint.OFF, t.POSITION_MODE, False
+        self._kinds[k], self._modes[k] = SetPoint.OFF, t.POSITION_MODE
         self._torque[k], self._without[k], self._had[k] = 0, 0, False
         lower, upper = bus.get(drive, t.MIN_POSITION), bus.get(drive, t.MAX_POSITION)
         limits = DriveLimits(
@@ -89,12 +85,10 @@ class FeetechDrives:
         )
         return replace(identity(bus, drive), limits=limits)
 
-    def exchange(self, wanted: Wanted, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
         bus, ids = self._bus, [axis.id for axis in self._axes]
-        kinds = {
-            k: SetPoint.OFF if self._restarted[k] else kind for k, (kind, _) in wanted.items()
-        }
+        kinds = {k: kind for k, (kind, _) in wanted.items()}
         powered = {k: kind for k, kind in kinds.items() if kind is not SetPoint.OFF}
         modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != self._modes[k]}
         bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
@@ -114,26 +108,20 @@ class FeetechDrives:
                 self._kinds[k], self._without[k], self._had[k] = kind, 0, False
             self._modes[k] = modes.get(k, self._modes[k])
 
-        def take(drive: int, data: bytes) -> None:
-            self._take(drive, data, answers)
-
-        bus.drain(take)
+        bus.drain(self._take)
         if wanted:
-            bus.read(t.READ, [ids[k] for k in wanted], take, answers)
+            bus.read(t.READ, [ids[k] for k in wanted], self._take, self._answers, self._wait)
 
-    def clear_fault(self, drive: int) -> Found | None:
-        """Torque off resets a shutdown; a servo that restarted is set up again."""
-        bus, axis = self._bus, self._axes[drive].id
-        if self._restarted[drive]:
-            return self._set_up(drive) if bus.models(axis, attempts=1) else None
-        bus.put(axis, t.TORQUE, 0)
-        return None
+    def clear_fault(self, k: int) -> None:
+        """Torque off resets a shutdown."""
+        self._bus.put(self._axes[k].id, t.TORQUE, 0)
 
     def close(self) -> None:
         """Torque off, and leave the port."""
         self._bus.close(self._axes)
 
-    def _take(self, drive: int, data: bytes, answers: Answers) -> None:
+    def _take(self, drive: int, data: bytes) -> None:
+        answers = self._answers
         if (k := answers.place(drive)) is None:
             return
         if len(data) != t.READ.length:
@@ -149,14 +137,12 @@ class FeetechDrives:
             answers.came(k, data)
 
     def _judge(self, k: int, status: int) -> DriveFault | None:
-        if status:
-            return DriveFault(status, t.error_name(status))
         powered = self._kinds[k] is not SetPoint.OFF
         self._had[k] = powered and (self._had[k] or bool(self._torque[k]))
         self._without[k] = self._without[k] + 1 if powered and not self._torque[k] else 0
         if self._without[k] >= UNPOWERED:
-            self._restarted[k] = True
-        return RESTARTED if self._restarted[k] else None
+            self._answers.restarted[k] = True
+        return flagged(status, t.ERRORS)
 
 
 def part(data: bytes, item: Item) -> int:
@@ -192,7 +178,7 @@ def identity(bus: ServoBus, drive: int) -> Found:
         type=t.MODELS.get(number, f"model {number}"),
         firmware=f"{firmware & 0xFF}.{firmware >> 8}",
         voltage=bus.get(drive, t.VOLTAGE) * t.VOLT,
-        fault=DriveFault(status, t.error_name(status)) if status else None,
+        fault=flagged(status, t.ERRORS),
     )
 
 

@@ -38,11 +38,6 @@ ERRORS = {
 }
 
 
-def error_name(bits: int) -> str:
-    """Errors in words."""
-    return ", ".join(name for bit, name in ERRORS.items() if bits & bit) or "see its manual"
-
-
 def signed(number: int, sign: int = SIGN) -> int:
     """The value of a magnitude with a bit for its sign."""
     return -(number & ~(1 << sign)) if number >> sign & 1 else number

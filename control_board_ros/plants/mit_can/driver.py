@@ -7,19 +7,19 @@ They accept ``impedance`` as it is, and ``torque`` as an impedance with k = d = 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Sequence
 from typing import Any
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
+from ..drives.faults import coded, flagged
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
+from ..drives.plant import Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
+from . import damiao as d
 from . import frames as f
 from . import robstride as r
 
@@ -43,15 +43,16 @@ class MitDrives:
         self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         n = len(self._axes)
         self._ranges = [self._check(axis) for axis in self._axes]
-        #: Of RobStride's motors; the next one whose faults are requested.
-        self._power = {k: r.Power(self._ranges[k]) for k, axis in enumerate(self._axes)
-                       if axis.own["model"] != f.DAMIAO}  # fmt: skip
-        self._turn = 0
+        self._robstride = {
+            k: r.Faults(self._ranges[k])
+            for k, axis in enumerate(self._axes)
+            if axis.own["model"] != f.DAMIAO
+        }
+        self._turn = 0  # of RobStride's: whose faults are requested
         #: By the id of an answer's frame, and that in its first byte.
         self._places: dict[tuple[int, int], int] = {}
         self._masters: set[int] = set()
-        self._words = [0] * n
-        self._powered, self._enabled, self._restarted = [False] * n, [False] * n, [False] * n
+        self._powered, self._enabled = [False] * n, [False] * n
 
     def _check(self, axis: Axis) -> f.Ranges:
         """Its ranges, as far as they are known before it answers.
@@ -73,55 +74,41 @@ class MitDrives:
             )
         return found
 
-    def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
+    def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
         self._line.open()
-        self._setup, self._joints = setup, joints
-        self._wait = budget(setup.period)
+        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
         self._places.clear()
         self._check_gains()
-        return [self._set_up(k) for k in range(len(self._axes))]
 
-    def _set_up(self, k: int) -> Found:
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """No power, MIT mode, watchdog; returns what it is."""
-        self._powered[k] = self._enabled[k] = self._restarted[k] = False
-        firmware = self._set_up_robstride(k) if k in self._power else self._set_up_damiao(k)
-        ranges, model = self._ranges[k], str(self._axes[k].own["model"])
-        return Found(
-            id=self._axes[k].id,
-            type="Damiao" if model == f.DAMIAO else f"RobStride {model.upper()}",
-            firmware=firmware,
-            limits=DriveLimits(
-                lower=-ranges.position,
-                upper=ranges.position,
-                velocity=ranges.velocity,
-                torque=ranges.torque,
-            ),
-        )
-
-    def _set_up_damiao(self, k: int) -> str:
         line, axis = self._line, self._axes[k]
-        told = registers(line, axis.id, f.MASTER_ID, first=True)
-        master = only(told, axis, self._options.bus, "mit_can")
+        find = d.masters if k not in self._robstride else r.faults
+        answer = only(find(line, axis.id, attempts), axis, self._options.bus, "mit_can")
+        master = r.MASTER if k in self._robstride else answer
         self._places[master, axis.id] = k
         self._masters.add(master)
-        line.send(axis.id, f.DISABLE)
-        line.send(axis.id, f.CLEAR)
-        put(line, axis.id, f.CONTROL_MODE, f.MIT_MODE)
-        put(line, axis.id, f.TIMEOUT, int(self._setup.timeout / f.TIMEOUT_STEP))
-        self._ranges[k] = f.Ranges(*(get(line, axis.id, f.POSITION_RANGE + n) for n in range(3)))
-        return f"{int(get(line, axis.id, f.SOFTWARE))}"
-
-    def _set_up_robstride(self, k: int) -> str:
-        line, axis = self._line, self._axes[k]
-        only(faults(line, axis.id), axis, self._options.bus, "mit_can")
-        self._places[r.MASTER, axis.id] = k
-        line.send(axis.id, f.DISABLE)
-        self._masters.add(r.MASTER)
-        line.send(axis.id, f.CLEAR)
-        line.send(axis.id, r.RUN_MIT)
-        self._power[k], self._words[k] = r.Power(self._ranges[k]), 0
-        return ""
+        for data in (f.DISABLE, f.CLEAR):
+            line.send(axis.id, data)
+        self._powered[k] = self._enabled[k] = False
+        if k in self._robstride:
+            line.send(axis.id, r.RUN_MIT)
+            self._robstride[k] = r.Faults(self._ranges[k])
+            kind, firmware = f"RobStride {str(axis.own['model']).upper()}", ""
+        else:
+            d.put(line, axis.id, d.CONTROL_MODE, d.MIT_MODE)
+            d.put(line, axis.id, d.TIMEOUT, int(self._setup.timeout / d.TIMEOUT_STEP))
+            self._ranges[k] = f.Ranges(*(d.get(line, axis.id, number) for number in d.RANGES))
+            kind, firmware = "Damiao", f"{int(d.get(line, axis.id, d.SOFTWARE))}"
+        ranges = self._ranges[k]
+        limits = DriveLimits(
+            lower=-ranges.position,
+            upper=ranges.position,
+            velocity=ranges.velocity,
+            torque=ranges.torque,
+        )
+        return Found(id=axis.id, type=kind, firmware=firmware, limits=limits)
 
     def _check_gains(self) -> None:
         """Positions are followed by k and d of the board's own gains: they must fit the frame.
@@ -130,7 +117,7 @@ class MitDrives:
             PlantSettingsError: they do not; with the ratios that hold them.
         """
         needed = {}
-        for n, (joint, ranges) in enumerate(zip(self._joints, self._ranges, strict=True)):
+        for n, (joint, ranges) in enumerate(zip(self._setup.joints, self._ranges, strict=True)):
             if joint is not None:
                 gains = joint.position_pid
                 most = max(gains.kp / ranges.stiffest, gains.kd / ranges.most_damped)
@@ -148,38 +135,34 @@ class MitDrives:
                 f"[{option}={math.ceil(10.0 * ratio) / 10.0}]"
             )
 
-    def exchange(self, wanted: Wanted, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._line, answers
+        line = self._line
         line.drain(self._take)
         for k, (kind, value) in wanted.items():
             drive = self._axes[k].id
-            lost = k in self._power and (self._power[k].lost or self._words[k])
-            on = kind is not SetPoint.OFF and not (self._restarted[k] or lost)
+            on = kind is not SetPoint.OFF
+            if k in self._robstride and self._robstride[k].found:
+                on = False
             if on and not self._powered[k]:
                 line.send(drive, f.ENABLE)
             self._powered[k] = on
             if not on:
                 self._enabled[k] = False
             line.send(drive, self._command(k, kind, value) if on else f.DISABLE)
-        if blind := [k for k in self._power if k in wanted]:
+        if asked := [k for k in self._robstride if k in wanted]:
             self._turn += 1
-            line.send(self._axes[blind[self._turn % len(blind)]].id, r.READ_FAULTS)
+            line.send(self._axes[asked[self._turn % len(asked)]].id, r.READ_FAULTS)
         line.gather(self._take, wanted, self._wait)
 
-    def clear_fault(self, drive: int) -> Found | None:
-        """Clear faults; set up again a motor that restarted."""
-        anew = None
-        line, axis = self._line, self._axes[drive].id
-        if drive in self._power:
-            for data in (f.CLEAR, f.DISABLE, r.RUN_MIT):
-                line.send(axis, data)
-            self._power[drive], self._powered[drive] = r.Power(self._ranges[drive]), False
-        elif not self._restarted[drive]:
-            line.send(axis, f.CLEAR)
-        elif registers(line, axis, f.MASTER_ID):
-            anew = self._set_up(drive)
-        return anew
+    def clear_fault(self, k: int) -> None:
+        """Clear faults; see ``drives.plant.Driver``."""
+        robstride = k in self._robstride
+        for data in (f.CLEAR, f.DISABLE, r.RUN_MIT) if robstride else (f.CLEAR,):
+            self._line.send(self._axes[k].id, data)
+        if robstride:
+            self._robstride[k].reset()
+            self._powered[k] = False
 
     def close(self) -> None:
         """Power off, and leave the bus."""
@@ -187,16 +170,16 @@ class MitDrives:
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         springs = kind is SetPoint.IMPEDANCE
-        asked = (
+        command = (
             value[Value.POSITION],
             value[Value.VELOCITY],
             value[Value.STIFFNESS] if springs else 0.0,
             value[Value.DAMPING] if springs else 0.0,
             value[Value.TORQUE],
         )
-        if k in self._power:
-            self._power[k].asked = asked
-        return f.packed(self._ranges[k], *asked)
+        if k in self._robstride:
+            self._robstride[k].command = command
+        return f.packed(self._ranges[k], *command)
 
     def _take(self, message: Any) -> int | None:
         answers, data, source = self._answers, bytes(message.data), message.arbitration_id
@@ -208,14 +191,27 @@ class MitDrives:
         k = self._places.get((source, data[0] if source == r.MASTER else data[0] & 0xF))
         if k is None:
             answers.foreign += 1
-        elif k in self._power:
-            return self._hear_robstride(k, data)
-        elif data[2] != f.GET:
-            self._move(k, data)
-            answers.temperature[k] = data[7]
-            answers.faults[k] = self._judge(k, data[0] >> 4)
-            return k
-        return None
+            return None
+        if k in self._robstride:
+            return self._take_robstride(k, data)
+        if data[2] == d.GET:
+            return None
+        self._move(k, data)
+        answers.temperature[k] = data[7]
+        answers.faults[k] = self._judge(k, data[0] >> 4)
+        return k
+
+    def _take_robstride(self, k: int, data: bytes) -> int | None:
+        faults = self._robstride[k]
+        if (word := r.fault_word(data)) is None:
+            motion = self._move(k, data)
+            self._answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
+            if self._powered[k]:
+                faults.compare(*motion)
+        else:
+            faults.word = word
+        self._answers.faults[k] = faults.found
+        return k if word is None else None
 
     def _move(self, k: int, data: bytes) -> tuple[float, float, float]:
         """Store the motion of an answer; rad, rad/s, N·m."""
@@ -225,100 +221,33 @@ class MitDrives:
         answers.came(k, data)
         return found
 
-    def _hear_robstride(self, k: int, data: bytes) -> int | None:
-        power, word = self._power[k], r.fault_word(data)
-        if word is None:
-            found = self._move(k, data)
-            self._answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
-            if self._powered[k]:
-                power.hear(*found)
-        else:
-            self._words[k] = word
-        lost = r.POWERLESS if power.lost else None
-        self._answers.faults[k] = r.fault(self._words[k]) or lost
-        return k if word is None else None
-
     def _judge(self, k: int, state: int) -> DriveFault | None:
-        if state == f.ENABLED:
+        if state == d.ENABLED:
             self._enabled[k] = self._powered[k]
-        elif state == f.DISABLED and self._powered[k] and self._enabled[k]:
-            self._restarted[k] = True
-        if state not in (f.DISABLED, f.ENABLED):
-            return DriveFault(state, f.FAULTS.get(state, "see its manual"))
-        return RESTARTED if self._restarted[k] else None
-
-
-def faults(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[bytes]:
-    """What RobStride motors of that id answer for their faults."""
-
-    def pick(message: Any) -> bytes | None:
-        data = bytes(message.data)
-        mine = message.arbitration_id == r.MASTER and len(data) == 8 and data[0] == drive
-        return data if mine and r.fault_word(data) is not None else None
-
-    return line.answers(drive, r.READ_FAULTS, pick, attempts)
-
-
-def registers(line: CanLine, drive: int, number: int, *, first: bool = False) -> list[int]:
-    """What drives of that id have in a register of whole numbers; of several, if ``first``."""
-    question = bytes([drive, 0, f.GET, number, 0, 0, 0, 0])
-    attempts = ATTEMPTS if first else 1
-    told = line.answers(f.REGISTERS, question, lambda m: _register(m, drive, number), attempts)
-    return [int.from_bytes(data, "little") for data in told]
-
-
-def get(line: CanLine, drive: int, number: int) -> float:
-    """A register of a drive."""
-    data = _ask(line, drive, bytes([drive, 0, f.GET, number, 0, 0, 0, 0]), number)
-    if number in f.WHOLE:
-        return float(int.from_bytes(data, "little"))
-    value: float = struct.unpack("<f", data)[0]
-    return value
-
-
-def put(line: CanLine, drive: int, number: int, value: int) -> None:
-    """Write a register of whole numbers, until it is lost with the power."""
-    _ask(line, drive, struct.pack("<BBBBI", drive, 0, f.SET, number, value), number)
-
-
-def _ask(line: CanLine, drive: int, data: bytes, number: int) -> bytes:
-    found = line.ask(f.REGISTERS, data, lambda m: _register(m, drive, number))
-    if found is None:
-        raise ConnectionError(f"id {drive} does not answer for register {number}")
-    return found
-
-
-def _register(message: Any, drive: int, number: int) -> bytes | None:
-    data = bytes(message.data)
-    if len(data) == 8 and data[:2] == bytes([drive, 0]) and data[2] in (f.GET, f.SET):
-        return data[4:] if data[3] == number and message.arbitration_id < f.REGISTERS else None
-    return None
+        elif state == d.DISABLED and self._powered[k] and self._enabled[k]:
+            self._answers.restarted[k] = True
+        return None if state in (d.DISABLED, d.ENABLED) else coded(state, d.FAULTS)
 
 
 def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
     """What answers on a bus."""
+    found = []
     with CanLine(bus) as line:
-        found = []
         for drive in ids:
-            for _ in registers(line, drive, f.MASTER_ID):
+            for _ in d.masters(line, drive):
                 line.send(drive, f.DISABLE)
                 states = [m.data[0] >> 4 for m in line.collect(PATIENCE / 10) if len(m.data) == 8]
-                fault = next((state for state in states if state in f.FAULTS), 0)
-                found.append(
-                    Found(
-                        id=drive,
-                        type="Damiao",
-                        firmware=f"{int(get(line, drive, f.SOFTWARE))}",
-                        fault=DriveFault(fault, f.FAULTS[fault]) if fault else None,
-                    )
-                )
+                faults = [coded(state, d.FAULTS) for state in states if state in d.FAULTS]
+                firmware = f"{int(d.get(line, drive, d.SOFTWARE))}"
+                fault = faults[0] if faults else None
+                found.append(Found(id=drive, type="Damiao", firmware=firmware, fault=fault))
         for drive in IDS:
             line.send(drive, f.DISABLE)
         mine = [m for m in line.collect(2.0 * PATIENCE) if m.arbitration_id == r.MASTER]
         for drive in sorted({m.data[0] for m in mine if len(m.data) == 8}):
-            word = next((r.fault_word(data) or 0 for data in faults(line, drive)), 0)
-            found.append(Found(id=drive, type="RobStride", fault=r.fault(word)))
-        return found
+            word = next(iter(r.faults(line, drive)), 0)
+            found.append(Found(id=drive, type="RobStride", fault=flagged(word, r.FAULTS)))
+    return found
 
 
 make = maker(

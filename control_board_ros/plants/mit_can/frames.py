@@ -4,7 +4,7 @@
 Command    q 16 bit · q̇ 12 · k 12 · d 12 · τ 12
 Answer     id and state · q 16 · q̇ 12 · τ 12 · temperature of bridge and winding, °C
 
-Registers, states and faults are Damiao's; those of RobStride are in ``robstride``.
+What the makes add is in ``damiao`` and ``robstride``.
 """
 
 from __future__ import annotations
@@ -13,23 +13,6 @@ from typing import NamedTuple
 
 DAMIAO = "damiao"
 ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB))
-#: Where registers are read and written: frame, orders.
-REGISTERS, GET, SET = 0x7FF, 0x33, 0x55
-MASTER_ID, DRIVE_ID, TIMEOUT, CONTROL_MODE, SOFTWARE = 7, 8, 9, 10, 14
-POSITION_RANGE, VELOCITY_RANGE, TORQUE_RANGE = 21, 22, 23
-WHOLE = {MASTER_ID, DRIVE_ID, TIMEOUT, CONTROL_MODE, SOFTWARE}
-#: s per count of TIMEOUT; the mode of these frames.
-TIMEOUT_STEP, MIT_MODE = 50e-6, 1
-DISABLED, ENABLED = 0, 1
-FAULTS = {
-    0x8: "over-voltage",
-    0x9: "under-voltage",
-    0xA: "over-current",
-    0xB: "bridge over-temperature",
-    0xC: "winding over-temperature",
-    0xD: "watchdog: communication lost",
-    0xE: "overload",
-}
 
 
 class Ranges(NamedTuple):

@@ -10,7 +10,11 @@ watchdog or a restart took the power from is noticed by the torque that it does 
 
 from __future__ import annotations
 
+from typing import Any
+
 from ..drives.axes import Axis
+from ..drives.can_line import ATTEMPTS, CanLine
+from ..drives.faults import flagged
 from ..errors import PlantSettingsError
 from ..interface import DriveFault
 from . import frames as f
@@ -29,17 +33,17 @@ MODELS = {
     "rs06": f.Ranges(12.57, 50.0, 36.0, 5000.0, 100.0),
 }
 FAULTS = {
-    0: "over temperature",
-    1: "driver chip",
-    2: "under-voltage",
-    3: "over-voltage",
-    4: "over-current of phase B",
-    5: "over-current of phase C",
-    7: "encoder not calibrated",
-    8: "hardware identification",
-    9: "position initialization",
-    14: "stall overload",
-    16: "over-current of phase A",
+    1 << 0: "over temperature",
+    1 << 1: "driver chip",
+    1 << 2: "under-voltage",
+    1 << 3: "over-voltage",
+    1 << 4: "over-current of phase B",
+    1 << 5: "over-current of phase C",
+    1 << 7: "encoder not calibrated",
+    1 << 8: "hardware identification",
+    1 << 9: "position initialization",
+    1 << 14: "stall overload",
+    1 << 16: "over-current of phase A",
 }
 #: Share of its range from which a commanded torque counts; share of that which is none;
 #: answers until it is reported.
@@ -71,10 +75,16 @@ def ranges(axis: Axis) -> f.Ranges:
     return found
 
 
-def fault(word: int) -> DriveFault | None:
-    """The names of a word of faults."""
-    names = ", ".join(name for bit, name in FAULTS.items() if word >> bit & 1)
-    return DriveFault(word, names or "see its manual") if word else None
+def faults(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[int]:
+    """The words of faults of motors with this id: none, one, or several."""
+
+    def pick(message: Any) -> bytes | None:
+        data = bytes(message.data)
+        mine = message.arbitration_id == MASTER and len(data) == 8 and data[0] == drive
+        return data[1:5] if mine and fault_word(data) is not None else None
+
+    found = line.answers(drive, READ_FAULTS, pick, attempts)
+    return [int.from_bytes(data, "little") for data in found]
 
 
 def fault_word(data: bytes) -> int | None:
@@ -82,19 +92,31 @@ def fault_word(data: bytes) -> int | None:
     return int.from_bytes(data[1:5], "little") if data[5:] == bytes(3) else None
 
 
-class Power:
-    """Whether a motor gives the commanded torque."""
+class Faults:
+    """Faults of a motor, and whether it gives the commanded torque.
+
+    Attributes: word (its faults, as it answers), command (q, q̇, k, d, τ of the last frame).
+    """
 
     def __init__(self, ranges: f.Ranges) -> None:
-        self._ranges, self._without = ranges, 0
-        self.asked = (0.0, 0.0, 0.0, 0.0, 0.0)
-        self.lost = False
+        self._most, self.word = ranges.torque, 0
+        self.reset()
 
-    def hear(self, q: float, dq: float, torque: float) -> None:
+    def reset(self) -> None:
+        """A motor that gave no torque gets another try."""
+        self._without, self.command = 0, (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def found(self) -> DriveFault | None:
+        """Those that it reports, or a loss of power."""
+        lost = POWERLESS if self._without >= PATIENT else None
+        return flagged(self.word, FAULTS) or lost
+
+    def compare(self, q: float, dq: float, torque: float) -> None:
         """Compare an answer (rad, rad/s, N·m) with the command before it."""
-        at, rate, k, d, forward = self.asked
-        wanted = abs(forward + k * (at - q) + d * (rate - dq))
-        wanted = min(wanted, self._ranges.torque)
-        none = wanted > ASKED * self._ranges.torque and abs(torque) < GIVEN * wanted
+        if self._without >= PATIENT:
+            return
+        at, rate, k, d, forward = self.command
+        wanted = min(abs(forward + k * (at - q) + d * (rate - dq)), self._most)
+        none = wanted > ASKED * self._most and abs(torque) < GIVEN * wanted
         self._without = self._without + 1 if none else 0
-        self.lost = self.lost or self._without >= PATIENT

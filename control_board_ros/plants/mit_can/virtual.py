@@ -10,6 +10,7 @@ from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from ..virtual.world import World
+from . import damiao as d
 from . import frames as f
 from . import robstride as r
 
@@ -21,8 +22,8 @@ USUAL = f.Ranges(12.5, 30.0, 10.0)
 
 def given(ranges: f.Ranges, command: Sequence[float], position: float, velocity: float) -> float:
     """Torque of a motor that follows a command, N·m: τ + k (q - position) + d (q̇ - velocity)."""
-    q, dq, k, d, torque = command
-    wanted = torque + k * (q - position) + d * (dq - velocity)
+    q, dq, k, damping, torque = command
+    wanted = torque + k * (q - position) + damping * (dq - velocity)
     return max(-ranges.torque, min(ranges.torque, wanted))
 
 
@@ -48,16 +49,16 @@ class VirtualMit:
 
     def reboot(self) -> None:
         """Its supply was gone for a moment."""
-        self.state = self.persists or f.DISABLED
+        self.state = self.persists or d.DISABLED
         self.registers: dict[int, float] = {
-            f.MASTER_ID: 0x10 + self.id,
-            f.DRIVE_ID: self.id,
-            f.TIMEOUT: 0,
-            f.CONTROL_MODE: 2,
-            f.SOFTWARE: 5013,
-            f.POSITION_RANGE: self.ranges.position,
-            f.VELOCITY_RANGE: self.ranges.velocity,
-            f.TORQUE_RANGE: self.ranges.torque,
+            d.MASTER_ID: 0x10 + self.id,
+            d.DRIVE_ID: self.id,
+            d.TIMEOUT: 0,
+            d.CONTROL_MODE: 2,
+            d.SOFTWARE: 5013,
+            d.POSITION_RANGE: self.ranges.position,
+            d.VELOCITY_RANGE: self.ranges.velocity,
+            d.TORQUE_RANGE: self.ranges.torque,
         }
         self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
         self._quiet = self.torque = 0.0
@@ -74,16 +75,16 @@ class VirtualMit:
         """The frames that it answers with."""
         if self.silent or len(data) != 8:
             return
-        master = int(self.registers[f.MASTER_ID])
-        if frame_id == f.REGISTERS and data[0] == self.id and data[1] == 0:
+        master = int(self.registers[d.MASTER_ID])
+        if frame_id == d.REGISTERS and data[0] == self.id and data[1] == 0:
             number = data[3]
             if number not in self.registers:
                 return
-            if data[2] == f.SET:
-                kind = "<I" if number in f.WHOLE else "<f"
+            if data[2] == d.SET:
+                kind = "<I" if number in d.WHOLE else "<f"
                 self.registers[number] = struct.unpack(kind, data[4:])[0]
             value = self.registers[number]
-            told = struct.pack("<I", int(value)) if number in f.WHOLE else struct.pack("<f", value)
+            told = struct.pack("<I", int(value)) if number in d.WHOLE else struct.pack("<f", value)
             yield master, data[:4] + told
         elif frame_id == self.id:
             self._quiet = 0.0
@@ -93,27 +94,27 @@ class VirtualMit:
             yield master, f.answer(self.ranges, head, *moves, bytes([30, 35]))
 
     def _obey(self, data: bytes) -> None:
-        fault = self.state not in (f.DISABLED, f.ENABLED)
+        fault = self.state not in (d.DISABLED, d.ENABLED)
         if data == f.ENABLE:
             if not fault:
-                self.state, self._command = f.ENABLED, (0.0, 0.0, 0.0, 0.0, 0.0)
+                self.state, self._command = d.ENABLED, (0.0, 0.0, 0.0, 0.0, 0.0)
         elif data == f.DISABLE:
             if not fault:
-                self.state = f.DISABLED
+                self.state = d.DISABLED
         elif data == f.CLEAR:
             if fault:
-                self.state = self.persists or f.DISABLED
-        elif self.registers[f.CONTROL_MODE] == f.MIT_MODE:
+                self.state = self.persists or d.DISABLED
+        elif self.registers[d.CONTROL_MODE] == d.MIT_MODE:
             self._command = f.command(self.ranges, data)
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
         """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self._position, self._velocity = position, velocity
         self._quiet += seconds
-        watch = self.registers[f.TIMEOUT] * f.TIMEOUT_STEP
-        if self.state == f.ENABLED and 0.0 < watch < self._quiet:
+        watch = self.registers[d.TIMEOUT] * d.TIMEOUT_STEP
+        if self.state == d.ENABLED and 0.0 < watch < self._quiet:
             self.state = LOST
-        on = self.state == f.ENABLED
+        on = self.state == d.ENABLED
         self.torque = given(self.ranges, self._command, position, velocity) if on else 0.0
         return self.torque
 
@@ -141,13 +142,13 @@ class VirtualRobStride:
 
     def reboot(self) -> None:
         """Its supply was gone for a moment."""
-        self.state, self.faults, self._mode = f.DISABLED, self.persists, 0
+        self.state, self.faults, self._mode = d.DISABLED, self.persists, 0
         self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
         self._quiet = self.torque = 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         """A fault; one that persists is there again after each reset."""
-        self.state, self.faults, self.persists = f.DISABLED, code, code if persists else 0
+        self.state, self.faults, self.persists = d.DISABLED, code, code if persists else 0
 
     def heal(self) -> None:
         """The cause is gone; the fault stays until it is cleared."""
@@ -168,9 +169,9 @@ class VirtualRobStride:
     def _obey(self, data: bytes) -> None:
         if data == f.ENABLE:
             if not self.faults:
-                self.state, self._command = f.ENABLED, (0.0, 0.0, 0.0, 0.0, 0.0)
+                self.state, self._command = d.ENABLED, (0.0, 0.0, 0.0, 0.0, 0.0)
         elif data == f.DISABLE:
-            self.state = f.DISABLED
+            self.state = d.DISABLED
         elif data == f.CLEAR:
             self.faults = self.persists
         elif data[:6] == b"\xff" * 6 and data[7] == f.ENABLE[7] and data[6] < 3:
@@ -183,8 +184,8 @@ class VirtualRobStride:
         self._position, self._velocity = position, velocity
         self._quiet += seconds
         if self._quiet > CAN_TIMEOUT:
-            self.state = f.DISABLED
-        on = self.state == f.ENABLED
+            self.state = d.DISABLED
+        on = self.state == d.ENABLED
         self.torque = given(self.ranges, self._command, position, velocity) if on else 0.0
         return self.torque
 

@@ -19,13 +19,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
+from ..drives.faults import coded
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
+from ..drives.plant import Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -54,14 +54,14 @@ class MoteusDrives:
         self._line = CanLine(options.bus, fd=True)
         n = len(self._axes)
         self._kp, self._kd, self._most = [1.0] * n, [1.0] * n, [math.nan] * n
-        self._running, self._restarted = [False] * n, [False] * n
+        self._running = [False] * n
 
-    def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
+    def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
         import moteus
 
         self._line.open()
-        self._setup, self._joints = setup, joints
+        self._setup, self._answers = setup, answers
         self._wait = budget(setup.period)
         resolution = moteus.QueryResolution()
         resolution.q_current = moteus.F32
@@ -69,15 +69,11 @@ class MoteusDrives:
             moteus.Controller(id=axis.id, query_resolution=resolution) for axis in self._axes
         ]
         self._templates = [f.template(drive) for drive in self._drives]
-        found = []
-        for k, axis in enumerate(self._axes):
-            told = only(identify(self._line, axis.id), axis, self._options.bus, "moteus")
-            found.append(self._set_up(k, told))
-        return found
 
-    def _set_up(self, k: int, found: Found) -> Found:
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
-        line, axis, joint = self._line, self._axes[k], self._joints[k]
+        line, axis, joint = self._line, self._axes[k], self._setup.joints[k]
+        found = only(identify(line, axis.id, attempts), axis, self._options.bus, "moteus")
         line.send(axis.id, f.padded(self._drives[k].make_stop().data))
         silence = OnSilence.FREE if joint is None else joint.on_silence
         ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
@@ -90,7 +86,7 @@ class MoteusDrives:
         self._kd[k] = number("servo.pid_position.kd")
         if joint is not None:  # S4: the smaller acts
             self._most[k] = joint.limits.torque / axis.ratio
-        self._restarted[k] = self._running[k] = False
+        self._running[k] = False
         lower, upper = (number(f"servopos.position_{end}") for end in ("min", "max"))
         limits = DriveLimits(
             lower=lower * f.REV if math.isfinite(lower) else None,
@@ -100,23 +96,17 @@ class MoteusDrives:
         )
         return replace(found, limits=limits)
 
-    def exchange(self, wanted: Wanted, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._line, answers
+        line = self._line
         line.drain(self._take)
         for k, (kind, value) in wanted.items():
             line.send(0x8000 | self._axes[k].id, f.padded(self._command(k, kind, value)))
         line.gather(self._take, wanted, self._wait)
 
-    def clear_fault(self, drive: int) -> Found | None:
-        """A stop clears it; a drive that restarted is set up again."""
-        anew = None
-        if self._restarted[drive]:
-            found = identify(self._line, self._axes[drive].id, attempts=1)
-            if found:
-                anew = self._set_up(drive, found[0])
-        self._line.send(self._axes[drive].id, f.padded(self._drives[drive].make_stop().data))
-        return anew
+    def clear_fault(self, k: int) -> None:
+        """A stop clears it."""
+        self._line.send(self._axes[k].id, f.padded(self._drives[k].make_stop().data))
 
     def close(self) -> None:
         """Stop all drives, and leave the bus."""
@@ -124,7 +114,7 @@ class MoteusDrives:
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         drive = self._drives[k]
-        if kind is SetPoint.OFF or self._restarted[k]:
+        if kind is SetPoint.OFF:
             self._running[k] = False
             return bytes(drive.make_stop(query=True).data)
         if kind is SetPoint.CURRENT:
@@ -180,11 +170,9 @@ class MoteusDrives:
         if mode in f.RUNNING:
             self._running[k] = True
         elif mode in f.STARTING and self._running[k]:
-            self._restarted[k], self._running[k] = True, False
-        if self._restarted[k]:
-            return RESTARTED
+            self._answers.restarted[k], self._running[k] = True, False
         if mode == f.FAULT:
-            return DriveFault(fault, f.FAULTS.get(fault, "see its manual"))
+            return coded(fault, f.FAULTS)
         return f.WATCHDOG if mode == f.TIMEOUT else None
 
 
@@ -223,7 +211,7 @@ def _found(drive: int, answers: list[bytes]) -> Iterator[Found]:
             type=f"moteus model {model}" if model > 0 else "moteus",
             firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
             voltage=float(told.get(Register.VOLTAGE, math.nan)),
-            fault=DriveFault(fault, f.FAULTS.get(fault, "see its manual")) if fault else None,
+            fault=coded(fault, f.FAULTS) if fault else None,
         )
 
 

@@ -13,13 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, REMOTE, CanLine, budget
+from ..drives.faults import flagged
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
+from ..drives.plant import Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -51,23 +51,19 @@ class OdriveDrives:
         n = len(self._axes)
         self._parameters: list[Mapping[str, f.Endpoint]] = [{}] * n
         self._kinds, self._turn = [SetPoint.OFF] * n, 0
-        self._closed, self._restarted = [False] * n, [False] * n
+        self._closed = [False] * n
         self._awaited: list[set[int]] = [set() for _ in self._axes]
 
-    def open(self, setup: Setup, _joints: Sequence[JointConfig | None]) -> list[Found]:
+    def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
         self._line.open()
-        self._setup, self._wait = setup, budget(setup.period)
-        found = []
-        for k, axis in enumerate(self._axes):
-            told = ask(self._line, axis.id, f.VERSION, ATTEMPTS)
-            data = only(told, axis, self._options.bus, "odrive_can")
-            found.append(self._set_up(k, f.Version.parse(data)))
-        return found
+        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
-    def _set_up(self, k: int, version: f.Version) -> Found:
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """No power, and the watchdog; returns what it is."""
         line, axis = self._line, self._axes[k]
+        answers = ask(line, axis.id, f.VERSION, attempts)
+        version = f.Version.parse(only(answers, axis, self._options.bus, "odrive_can"))
         firmware = ".".join(map(str, f.FIRMWARE))
         if version.protocol != f.PROTOCOL or not version.firmware.startswith(f"{firmware}."):
             raise PlantSettingsError(
@@ -81,7 +77,7 @@ class OdriveDrives:
             self._parameters[k] = f.endpoints(version, file)
             self._put(k, f.WATCHDOG_TIMEOUT, self._setup.timeout)
             self._put(k, f.WATCHDOG_ENABLED, True)
-        self._kinds[k], self._closed[k], self._restarted[k] = SetPoint.OFF, False, False
+        self._kinds[k], self._closed[k] = SetPoint.OFF, False
         found = found_of(line, axis.id, version)
         if not self._parameters[k]:
             return found
@@ -93,13 +89,13 @@ class OdriveDrives:
         )
         return replace(found, limits=limits)
 
-    def exchange(self, wanted: Wanted, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._line, answers
+        line = self._line
         line.drain(self._take)
         self._turn = (self._turn + 1) % len(IN_TURN)
         for k, (kind, value) in wanted.items():
-            self._command(k, SetPoint.OFF if self._restarted[k] else kind, value)
+            self._command(k, kind, value)
             questions = f.ESTIMATES, IN_TURN[self._turn]
             self._awaited[k] = set(questions)
             for command in questions:
@@ -135,15 +131,9 @@ class OdriveDrives:
                     line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], number))
             line.send(frame(drive, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
 
-    def clear_fault(self, drive: int) -> Found | None:
-        """Errors are cleared by a command; a drive that restarted is set up again."""
-        anew = None
-        axis = self._axes[drive]
-        if self._restarted[drive]:
-            for data in ask(self._line, axis.id, f.VERSION, 1)[:1]:
-                anew = self._set_up(drive, f.Version.parse(data))
-        self._line.send(frame(axis.id, f.CLEAR), b"\0")
-        return anew
+    def clear_fault(self, k: int) -> None:
+        """Errors are cleared by a command."""
+        self._line.send(frame(self._axes[k].id, f.CLEAR), b"\0")
 
     def close(self) -> None:
         """Power off, and leave the bus."""
@@ -176,10 +166,8 @@ class OdriveDrives:
         if state == f.CLOSED_LOOP:
             self._closed[k] = self._kinds[k] is not SetPoint.OFF
         elif self._closed[k] and not errors & ~1:  # as after its start, and it was on
-            self._restarted[k] = True
-        if self._restarted[k]:
-            return RESTARTED
-        return DriveFault(errors, f.error_name(errors)) if errors else None
+            self._answers.restarted[k] = True
+        return flagged(errors, f.ERRORS)
 
     def _get(self, k: int, name: str) -> float:
         """A parameter."""
@@ -236,7 +224,7 @@ def found_of(line: CanLine, drive: int, version: f.Version) -> Found:
         type=f"ODrive {version.hardware}",
         firmware=version.firmware,
         voltage=struct.unpack("<ff", supply[0])[0] if supply else math.nan,
-        fault=DriveFault(errors, f.error_name(errors)) if errors else None,
+        fault=flagged(errors, f.ERRORS),
     )
 
 

@@ -133,11 +133,6 @@ def endpoints(version: Version, file: str) -> Mapping[str, Endpoint]:
     return made
 
 
-def error_name(bits: int) -> str:
-    """Errors in words."""
-    return ", ".join(name for bit, name in ERRORS.items() if bits & bit) or "see its manual"
-
-
 def mode(control: int) -> bytes:
     """Data of Set_Controller_Mode."""
     return struct.pack("<II", control, PASSTHROUGH)
