@@ -9,7 +9,7 @@ import pytest
 
 moteus = pytest.importorskip("moteus")
 
-from control_board_ros.plants.moteus import virtual_frames  # noqa: E402
+from control_board_ros.plants.moteus import frames, virtual_frames  # noqa: E402
 
 NUMBERS = {
     "position": 0.125,
@@ -28,7 +28,7 @@ def test_the_usual_command_is_read_as_the_library_reads_it() -> None:
     resolution.q_current = moteus.F32
     drive = moteus.Controller(id=1, query_resolution=resolution)
     data = bytes(drive.make_position(**NUMBERS, query=True).data)
-    head = virtual_frames.COMMAND.unpack_from(data)
+    head = frames.POSITIONS.unpack_from(data)
     assert (head[0], head[7], head[9]) == virtual_frames.HEADS, "the library writes it otherwise"
     assert virtual_frames.read(data) == virtual_frames.parse(data)
     nowhere = bytes(drive.make_position(**NUMBERS | {"position": math.nan}, query=True).data)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import canopen
@@ -19,7 +19,6 @@ from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVari
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
-from ..virtual.world import World
 from . import objects as o
 from .states import FAULT_RESET, TRANSITIONS, Mode, State, command_of
 
@@ -165,10 +164,6 @@ class VirtualCia402:
     def fail(self, code: int, *, persists: bool = False) -> None:
         """A fault; one that persists is there again after each reset."""
         self.state, self._error, self.persists = State.FAULT, code, code if persists else 0
-
-    def heal(self) -> None:
-        """The cause is gone; the fault stays until its reset."""
-        self.persists = 0
 
     # --- the wire ---------------------------------------------------------------------------
 
@@ -316,6 +311,4 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualCia402:
     return made
 
 
-def virtual_bus(world: World, drives: Sequence[VirtualCia402], address: str = "") -> VirtualCanBus:
-    """The drives on a bus of python-can."""
-    return VirtualCanBus(world, drives, address)
+virtual_bus = VirtualCanBus

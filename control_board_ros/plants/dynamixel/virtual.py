@@ -87,9 +87,9 @@ class VirtualDynamixel:
         ):
             self.table.set(item, value)
         self.torque = 0.0
-        self._restart()
+        self.reboot()
 
-    def _restart(self) -> None:
+    def reboot(self) -> None:
         """As after its supply was gone: the RAM area is as the maker made it."""
         self.table.bytes[EEPROM:] = bytes(len(self.table.bytes) - EEPROM)
         for k in range(28):
@@ -99,19 +99,11 @@ class VirtualDynamixel:
         if self.persists:
             self.fail(self.persists, persists=True)
 
-    def reboot(self) -> None:
-        """Its supply was gone for a moment."""
-        self._restart()
-
     def fail(self, code: int, *, persists: bool = False) -> None:
         """A hardware error; it shuts down. One that persists is there again after a restart."""
         self.persists = code if persists else 0
         self.table.set(t.ERROR, code)
         self.table.set(t.TORQUE, 0)
-
-    def heal(self) -> None:
-        """The cause is gone; the error stays until a restart."""
-        self.persists = 0
 
     # --- the wire ---------------------------------------------------------------------------
 
@@ -132,7 +124,7 @@ class VirtualDynamixel:
                 yield self._status(error)
         elif instruction == REBOOT and drive == self.id:
             yield self._status(0)
-            self._restart()
+            self.reboot()
             self._away = REBOOT_TIME
         elif instruction == SYNC_READ and self.id in data[4:]:
             yield self._status(0, self._read(*_places(data)))

@@ -83,10 +83,6 @@ class VirtualFeetech:
         self.table.set(t.STATUS, code)
         self.table.set(t.TORQUE, 0)
 
-    def heal(self) -> None:
-        """The cause is gone; the error stays until its torque is switched off."""
-        self.persists = 0
-
     # --- the wire ---------------------------------------------------------------------------
 
     def on_packet(self, packet: Packet) -> Iterator[bytes]:

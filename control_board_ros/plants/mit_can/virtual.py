@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
-from ..virtual.world import World
 from . import damiao as d
 from . import frames as f
 from . import robstride as r
@@ -66,10 +65,6 @@ class VirtualMit:
     def fail(self, code: int, *, persists: bool = False) -> None:
         """A fault; one that persists is there again after each reset."""
         self.state, self.persists = code, code if persists else 0
-
-    def heal(self) -> None:
-        """The cause is gone; the fault stays until it is cleared."""
-        self.persists = 0
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
         """The frames that it answers with."""
@@ -150,10 +145,6 @@ class VirtualRobStride:
         """A fault; one that persists is there again after each reset."""
         self.state, self.faults, self.persists = d.DISABLED, code, code if persists else 0
 
-    def heal(self) -> None:
-        """The cause is gone; the fault stays until it is cleared."""
-        self.persists = 0
-
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
         """The frames that it answers with."""
         if self.silent or frame_id != self.id or len(data) != 8:
@@ -208,8 +199,4 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMit | Virtual
     )
 
 
-def virtual_bus(
-    world: World, drives: Sequence[VirtualMit | VirtualRobStride], address: str = ""
-) -> VirtualCanBus:
-    """The motors on a bus of python-can."""
-    return VirtualCanBus(world, drives, address)
+virtual_bus = VirtualCanBus

@@ -8,60 +8,32 @@ library. Positions are in revolutions here, as in the drive.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from functools import partial
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
-from ..virtual.world import World
-from .virtual_frames import (
-    R_COMMAND_D_CURRENT,
-    R_COMMAND_FEEDFORWARD_TORQUE,
-    R_COMMAND_ILIMIT_SCALE,
-    R_COMMAND_KD_SCALE,
-    R_COMMAND_KP_SCALE,
-    R_COMMAND_POSITION,
-    R_COMMAND_POSITION_MAX_TORQUE,
-    R_COMMAND_Q_CURRENT,
-    R_COMMAND_TIMEOUT,
-    R_COMMAND_VELOCITY,
-    R_FAULT,
-    R_FIRMWARE_VERSION,
-    R_MODE,
-    R_MULTIPLEX_ID,
-    R_POSITION,
-    R_Q_CURRENT,
-    R_REGISTER_MAP_VERSION,
-    R_TEMPERATURE,
-    R_TORQUE,
-    R_VELOCITY,
-    R_VOLTAGE,
-    R_VOLTAGEDQ_D,
-    R_VOLTAGEDQ_Q,
-    answer,
-    padded,
-    read,
-)
+from . import frames as f
+from . import virtual_frames as v
 
-REV = 2.0 * math.pi
-STOPPED, FAULT, ENABLING, VOLTAGE, CURRENT, POSITION, TIMEOUT = 0, 1, 2, 8, 9, 10, 11
-ZERO_VELOCITY, BRAKE = 12, 15
+ENABLING, CURRENT, POSITION, ZERO_VELOCITY, BRAKE = 2, 9, 10, 12, 15
 #: s that a drive prepares its bridge after it was stopped.
 ENABLE_TIME = 5e-3
 #: What a command that does not name a register means.
 UNNAMED = {
-    R_COMMAND_POSITION: 0.0,
-    R_COMMAND_VELOCITY: 0.0,
-    R_COMMAND_FEEDFORWARD_TORQUE: 0.0,
-    R_COMMAND_KP_SCALE: 1.0,
-    R_COMMAND_KD_SCALE: 1.0,
-    R_COMMAND_POSITION_MAX_TORQUE: math.nan,
-    R_COMMAND_TIMEOUT: 0.0,
-    R_COMMAND_ILIMIT_SCALE: 1.0,
-    R_COMMAND_Q_CURRENT: 0.0,
-    R_COMMAND_D_CURRENT: 0.0,
-    R_VOLTAGEDQ_Q: 0.0,
-    R_VOLTAGEDQ_D: 0.0,
+    v.R_COMMAND_POSITION: 0.0,
+    v.R_COMMAND_VELOCITY: 0.0,
+    v.R_COMMAND_FEEDFORWARD_TORQUE: 0.0,
+    v.R_COMMAND_KP_SCALE: 1.0,
+    v.R_COMMAND_KD_SCALE: 1.0,
+    v.R_COMMAND_POSITION_MAX_TORQUE: math.nan,
+    v.R_COMMAND_TIMEOUT: 0.0,
+    v.R_COMMAND_ILIMIT_SCALE: 1.0,
+    v.R_COMMAND_Q_CURRENT: 0.0,
+    v.R_COMMAND_D_CURRENT: 0.0,
+    v.R_VOLTAGEDQ_Q: 0.0,
+    v.R_VOLTAGEDQ_D: 0.0,
 }
 
 
@@ -84,7 +56,7 @@ class VirtualMoteus:
     SOME_FAULT = 35
 
     def __init__(self, drive: int, torque_constant: float = 0.5, resistance: float = 0.1) -> None:
-        self.id, self.mode, self.fault, self.persists = drive, STOPPED, 0, 0
+        self.id, self.mode, self.fault, self.persists = drive, f.STOPPED, 0, 0
         self.supply, self.silent = 24.0, False
         self.version, self.register_map = 0x010100, 5
         self._constant, self._resistance = torque_constant, resistance
@@ -107,20 +79,16 @@ class VirtualMoteus:
     def reboot(self) -> None:
         """As after its supply was gone: stopped, with the configuration that it has stored."""
         self.conf: dict[str, float] = dict(self.stored)
-        self.mode, self.fault = STOPPED, 0
+        self.mode, self.fault = f.STOPPED, 0
         self._stream = b""
         self._enabling = self._left = self._integral = 0.0
-        self._next, self._control = STOPPED, math.nan
+        self._next, self._control = f.STOPPED, math.nan
         self._command: dict[int, float] = dict(UNNAMED)
         self.torque = self.current = 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         """A fault of the drive; one that persists is there again after each stop."""
-        self.mode, self.fault, self.persists = FAULT, code, code if persists else 0
-
-    def heal(self) -> None:
-        """The cause is gone; the fault stays until a stop."""
-        self.persists = 0
+        self.mode, self.fault, self.persists = f.FAULT, code, code if persists else 0
 
     # --- the wire ---------------------------------------------------------------------------
 
@@ -129,34 +97,34 @@ class VirtualMoteus:
         if frame_id & 0x7F != self.id or frame_id & 0x80 or self.silent:
             return
         try:
-            found = read(data)
+            found = v.read(data)
             for line in found.said:
                 self._hear(line)
-            if R_MODE in found.writes:
-                self._order(int(found.writes[R_MODE]), found.writes)
-            told = answer(found.reads, self._registers()) if found.reads else b""
+            if v.R_MODE in found.writes:
+                self._order(int(found.writes[v.R_MODE]), found.writes)
+            told = v.answer(found.reads, self._registers()) if found.reads else b""
             for channel, most in found.wanted:
                 piece, self._stream = self._stream[:most], self._stream[most:]
                 told += bytes([0x41, channel, len(piece)]) + piece
         except Exception:  # noqa: BLE001 - no frame of its protocol: it does nothing
             return
         if frame_id & 0x8000 and 0 < len(told) <= 64:
-            yield self.id << 8 | frame_id >> 8 & 0x7F, padded(told)
+            yield self.id << 8 | frame_id >> 8 & 0x7F, f.padded(told)
 
     def _order(self, mode: int, writes: Mapping[int, float]) -> None:
-        if mode == STOPPED:
-            self.mode, self.fault = (FAULT, self.persists) if self.persists else (STOPPED, 0)
+        if mode == f.STOPPED:
+            self.mode, self.fault = (f.FAULT, self.persists) if self.persists else (f.STOPPED, 0)
             self._control = math.nan
             return
-        if self.mode in (FAULT, TIMEOUT):  # left by a stop only
+        if self.mode in (f.FAULT, f.TIMEOUT):  # left by a stop only
             return
         self._command = UNNAMED | {key: value for key, value in writes.items() if key in UNNAMED}
-        timeout = self._command[R_COMMAND_TIMEOUT]
+        timeout = self._command[v.R_COMMAND_TIMEOUT]
         self._left = timeout if timeout != 0.0 else self.conf["servo.default_timeout_s"]
         if self.mode == mode:
-            self._place(self._command[R_COMMAND_POSITION])
+            self._place(self._command[v.R_COMMAND_POSITION])
             return
-        if self.mode == STOPPED:
+        if self.mode == f.STOPPED:
             self.mode, self._enabling = ENABLING, ENABLE_TIME
         elif self.mode != ENABLING:
             self._enter(mode)
@@ -169,7 +137,7 @@ class VirtualMoteus:
             return
         self.mode, self._integral, self._control = mode, 0.0, math.nan
         if mode == POSITION:
-            self._place(self._command[R_COMMAND_POSITION])
+            self._place(self._command[v.R_COMMAND_POSITION])
 
     def _place(self, position: float) -> None:
         if not math.isnan(position):
@@ -180,17 +148,17 @@ class VirtualMoteus:
     def _registers(self) -> dict[int, float]:
         """What can be read of it."""
         return {
-            R_MODE: self.mode,
-            R_POSITION: self._position,
-            R_VELOCITY: self._velocity,
-            R_TORQUE: self.torque,
-            R_Q_CURRENT: self.current,
-            R_VOLTAGE: self.supply,
-            R_TEMPERATURE: 30.0,
-            R_FAULT: self.fault,
-            R_FIRMWARE_VERSION: self.version,
-            R_REGISTER_MAP_VERSION: self.register_map,
-            R_MULTIPLEX_ID: self.id,
+            v.R_MODE: self.mode,
+            v.R_POSITION: self._position,
+            v.R_VELOCITY: self._velocity,
+            v.R_TORQUE: self.torque,
+            v.R_Q_CURRENT: self.current,
+            v.R_VOLTAGE: self.supply,
+            v.R_TEMPERATURE: 30.0,
+            v.R_FAULT: self.fault,
+            v.R_FIRMWARE_VERSION: self.version,
+            v.R_REGISTER_MAP_VERSION: self.register_map,
+            v.R_MULTIPLEX_ID: self.id,
         }
 
     def _hear(self, data: bytes) -> None:
@@ -208,17 +176,17 @@ class VirtualMoteus:
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
         """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
-        self._position, self._velocity = position / REV, velocity / REV
+        self._position, self._velocity = position / f.REV, velocity / f.REV
         if self.mode == ENABLING:
             self._enabling -= seconds
             if self._enabling <= 0.0:
                 self._enter(self._next)
-        if self.mode not in (STOPPED, FAULT) and self.supply < 4.0:
+        if self.mode not in (f.STOPPED, f.FAULT) and self.supply < 4.0:
             self.fail(40)
         if self.mode == POSITION:
             self._left -= seconds  # NaN: without a watchdog
             if self._left <= 0.0:
-                self.mode = TIMEOUT
+                self.mode = f.TIMEOUT
                 self._control = self._position
         self.torque = self._torque(seconds)
         self.current = self.torque / self._constant
@@ -227,21 +195,21 @@ class VirtualMoteus:
     def _torque(self, seconds: float) -> float:
         command, most = self._command, self.conf["servo.max_current_A"] * self._constant
         if self.mode == POSITION:
-            bound = command[R_COMMAND_POSITION_MAX_TORQUE]
+            bound = command[v.R_COMMAND_POSITION_MAX_TORQUE]
             most = most if math.isnan(bound) else min(most, bound)
-            torque = self._position_loop(seconds) + command[R_COMMAND_FEEDFORWARD_TORQUE]
+            torque = self._position_loop(seconds) + command[v.R_COMMAND_FEEDFORWARD_TORQUE]
         elif self.mode == CURRENT:
-            torque = command[R_COMMAND_Q_CURRENT] * self._constant
-        elif self.mode == VOLTAGE:
-            torque = self._shorted(command[R_VOLTAGEDQ_Q])
+            torque = command[v.R_COMMAND_Q_CURRENT] * self._constant
+        elif self.mode == f.VOLTAGE_DQ:
+            torque = self._shorted(command[v.R_VOLTAGEDQ_Q])
         elif self.mode == BRAKE or (
-            self.mode == TIMEOUT and self.conf["servo.timeout_mode"] == BRAKE
+            self.mode == f.TIMEOUT and self.conf["servo.timeout_mode"] == BRAKE
         ):
             torque = self._shorted(0.0)
-        elif self.mode == TIMEOUT and self.conf["servo.timeout_mode"] == POSITION:
+        elif self.mode == f.TIMEOUT and self.conf["servo.timeout_mode"] == POSITION:
             command = self._command = dict(UNNAMED)
             torque = self._position_loop(seconds)
-        elif self.mode == TIMEOUT and self.conf["servo.timeout_mode"] == ZERO_VELOCITY:
+        elif self.mode == f.TIMEOUT and self.conf["servo.timeout_mode"] == ZERO_VELOCITY:
             most = min(most, self.conf["servo.timeout_max_torque_Nm"])
             torque = -self.conf["servo.pid_position.kd"] * self._velocity
         else:
@@ -250,13 +218,13 @@ class VirtualMoteus:
 
     def _shorted(self, volts: float) -> float:
         """Torque of the winding behind a voltage."""
-        emf = self._constant * self._velocity * REV
+        emf = self._constant * self._velocity * f.REV
         return self._constant * (volts - emf) / self._resistance
 
     def _position_loop(self, seconds: float) -> float:
         command, conf = self._command, self.conf
         low, high = conf["servopos.position_min"], conf["servopos.position_max"]
-        rate = command[R_COMMAND_VELOCITY]
+        rate = command[v.R_COMMAND_VELOCITY]
         rate = 0.0 if math.isnan(rate) else rate
         self._control += rate * seconds
         if not (low <= self._control or math.isnan(low)):
@@ -264,11 +232,11 @@ class VirtualMoteus:
         if not (self._control <= high or math.isnan(high)):
             self._control, rate = high, 0.0
         error = self._control - self._position
-        scale, limit = command[R_COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
+        scale, limit = command[v.R_COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
         self._integral += conf["servo.pid_position.ki"] * error * seconds
         self._integral = scale * max(-limit, min(limit, self._integral))
-        stiffness = conf["servo.pid_position.kp"] * command[R_COMMAND_KP_SCALE]
-        damping = conf["servo.pid_position.kd"] * command[R_COMMAND_KD_SCALE]
+        stiffness = conf["servo.pid_position.kp"] * command[v.R_COMMAND_KP_SCALE]
+        damping = conf["servo.pid_position.kd"] * command[v.R_COMMAND_KD_SCALE]
         return stiffness * error + damping * (rate - self._velocity) + self._integral
 
 
@@ -280,17 +248,15 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMoteus:
     made = VirtualMoteus(axis.id, motor.torque_per_ampere / ratio, motor.resistance)
     made.supply = motor.supply_voltage
     made.stored |= {
-        "servo.pid_position.kp": gains.kp * REV / ratio**2,
-        "servo.pid_position.kd": gains.kd * REV / ratio**2,
-        "servo.pid_position.ki": gains.ki * REV / ratio**2,
+        "servo.pid_position.kp": gains.kp * f.REV / ratio**2,
+        "servo.pid_position.kd": gains.kd * f.REV / ratio**2,
+        "servo.pid_position.ki": gains.ki * f.REV / ratio**2,
         "servo.pid_position.ilimit": min(gains.integral_limit, joint.limits.torque) / ratio,
         "servo.max_current_A": joint.limits.peak_current,
-        "servo.max_velocity": 1.5 * joint.limits.velocity * ratio / REV,
+        "servo.max_velocity": 1.5 * joint.limits.velocity * ratio / f.REV,
     }
     made.reboot()
     return made
 
 
-def virtual_bus(world: World, drives: Sequence[VirtualMoteus], address: str = "") -> VirtualCanBus:
-    """The drives on a bus of python-can."""
-    return VirtualCanBus(world, drives, address, fd=True)
+virtual_bus = partial(VirtualCanBus, fd=True)

@@ -17,6 +17,8 @@ from typing import NamedTuple
 from moteus import multiplex as mp
 from moteus.protocol import Register, Writer, scale_register
 
+from .frames import POSITIONS
+
 #: Registers, as plain numbers: they are looked up in every step.
 R_COMMAND_D_CURRENT = int(Register.COMMAND_D_CURRENT)
 R_COMMAND_FEEDFORWARD_TORQUE = int(Register.COMMAND_FEEDFORWARD_TORQUE)
@@ -54,8 +56,7 @@ SCALES = {
     R_TEMPERATURE: (1.0, 0.1, 1e-3),
     R_MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
 }
-#: The usual command: mode 10 and floats, with the bytes before each row of these.
-COMMAND = struct.Struct("<6s6f2sf2sf")
+#: The bytes before each row of floats of the usual command, which is that of mode 10.
 HEADS = (b"\x01\x00\x0a\x0c\x06\x20", b"\x0d\x27", b"\x0d\x2b")
 COMMANDED = (
     R_COMMAND_POSITION,
@@ -66,8 +67,6 @@ COMMANDED = (
     R_COMMAND_POSITION_MAX_TORQUE,
 )
 F32, FLOAT = int(mp.F32), struct.Struct("<f")
-#: The next length that CAN FD has, by length.
-LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 class Read(NamedTuple):
@@ -87,12 +86,12 @@ def read(data: bytes) -> Read:
     Raises:
         Exception: it is none of the protocol.
     """
-    if len(data) > COMMAND.size:
-        first, q, dq, torque, kp, kd, most, second, timeout, third, integral = COMMAND.unpack_from(
-            data
+    if len(data) > POSITIONS.size:
+        first, q, dq, torque, kp, kd, most, second, timeout, third, integral = (
+            POSITIONS.unpack_from(data)
         )
         if (first, second, third) == HEADS:
-            rest = question(data[COMMAND.size :])
+            rest = question(data[POSITIONS.size :])
             if not (rest.writes or rest.said or rest.wanted):
                 writes = dict(zip(COMMANDED, (q, dq, torque, kp, kd, most), strict=True))
                 writes[R_MODE] = 10
@@ -158,8 +157,3 @@ def whole(number: int, resolution: int, value: float) -> bytes:
     """The same, of an integer."""
     Writer(buffer := io.BytesIO()).write_mapped(value, *SCALES.get(number, (1, 1, 1)), resolution)
     return buffer.getvalue()
-
-
-def padded(data: bytes) -> bytes:
-    """Data of a length that CAN FD has, with NOPs."""
-    return data.ljust(next(size for size in LENGTHS if size >= len(data)), b"\x50")

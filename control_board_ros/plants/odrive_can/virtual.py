@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..drives.can_line import REMOTE
 from ..virtual.can_bus import VirtualCanBus
-from ..virtual.world import World
 from . import frames as f
 
 REV = 2.0 * math.pi
@@ -65,10 +64,6 @@ class VirtualOdrive:
     def fail(self, code: int, *, persists: bool = False) -> None:
         """An error, which disarms it; one that persists is there again after each clearing."""
         self.state, self.error, self.persists = f.IDLE, code, code if persists else 0
-
-    def heal(self) -> None:
-        """The cause is gone; the error stays until it is cleared."""
-        self.persists = 0
 
     # --- the wire ---------------------------------------------------------------------------
 
@@ -193,6 +188,4 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualOdrive:
     return made
 
 
-def virtual_bus(world: World, drives: Sequence[VirtualOdrive], address: str = "") -> VirtualCanBus:
-    """The axes on a bus of python-can."""
-    return VirtualCanBus(world, drives, address)
+virtual_bus = VirtualCanBus
