@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from ..core.config.parameter import ConfigError
 from ..settings.loading import Settings, load
@@ -79,7 +79,7 @@ def put_scan(plant: str, bus: str) -> int:
 def put_trial(given: argparse.Namespace) -> int:
     """Show the drives of a robot, move each a little, and write what was wrong into its file."""
     settings = load(given.robot)
-    whole, axes = made(settings)
+    plant = made(settings)
     names = [name for name in given.joints.split(",") if name] or list(settings.board.names)
     turned = {name: math.radians(float(degrees)) for name, degrees in pairs(given.turned).items()}
     if unknown := [name for name in (*names, *turned) if name not in settings.board.names]:
@@ -88,8 +88,8 @@ def put_trial(given: argparse.Namespace) -> int:
         )
     try:
         period = max(settings.board.period, PERIOD)
-        trial = Trial(whole, settings.board.joints, period, settings.values["plant_timeout"])
-        put_joints(trial, axes)
+        trial = Trial(plant, settings.board.joints, period, settings.values["plant_timeout"])
+        put_joints(trial, plant.axes)
         if not given.yes and not agreed("Give power to one joint after the other, 2° each?"):
             print("nothing was moved")
             return 1
@@ -101,30 +101,29 @@ def put_trial(given: argparse.Namespace) -> int:
             print(report(moved))
             wrong += not moved.follows
             seen = turned.get(name, moved.read if given.yes else looked(moved))
-            changed |= corrections(axes[joint], moved, seen)
+            changed |= corrections(plant.axes[joint], moved, seen)
     finally:
-        whole.close()
+        plant.close()
     return max(put_corrections(given.robot, changed), int(wrong > 0))
 
 
-def made(settings: Settings) -> tuple[Any, Sequence[Axis]]:
-    """The plant of a robot, and its axes.
+def made(settings: Settings) -> DrivesPlant:
+    """The drives of a robot.
 
     Raises:
-        PlantSettingsError: it is none of the drivers in the box.
+        PlantSettingsError: its plant is none of the drivers in the box.
     """
     name, arguments = settings.values["plant"], settings.values["plant_arguments"]
     if name.startswith("virtual/"):
         from .virtual.plant import make_virtual
 
-        virtual = make_virtual(name, settings, arguments)
-        return virtual, virtual.plant.axes
+        return make_virtual(name, settings, arguments)
     plant = make(name, settings.board.names, arguments) if name else None
     if not isinstance(plant, DrivesPlant):
         raise PlantSettingsError(
             f"plant: {name!r} is no driver in the box; known: {', '.join(DRIVERS)}"
         )
-    return plant, plant.axes
+    return plant
 
 
 def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:

@@ -153,6 +153,12 @@ class Driver(Protocol):
         ...
 
 
+class FarEnd(Protocol):
+    """Virtual drives, and what they move."""
+
+    def close(self) -> None: ...
+
+
 class DrivesPlant:
     """A DrivePlant over the drives of one bus.
 
@@ -160,11 +166,13 @@ class DrivesPlant:
         axes: One for each joint, in the board's order.
         driver: That talks to the drives, in the same order.
 
-    Attributes: axes, driver; answers (the last of each drive, and the counts).
+    Attributes: axes, driver; answers (the last of each drive, and the counts); far_end (virtual
+        drives that are closed with it, or None).
     """
 
     def __init__(self, axes: Sequence[Axis], driver: Driver) -> None:
         self.axes, self.driver = tuple(axes), driver
+        self.far_end: FarEnd | None = None
         self._clock: Callable[[], float] = time.monotonic
         self._axes = Axes(axes)
         self._shafts = any(axis.motor_turns for axis in axes)
@@ -310,6 +318,8 @@ class DrivesPlant:
 
     def close(self) -> None:
         self.driver.close()
+        if self.far_end is not None:
+            self.far_end.close()
 
 
 def silent(axis: Axis, age: float) -> str:

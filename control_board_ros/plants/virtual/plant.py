@@ -14,40 +14,45 @@ from typing import Any
 import numpy as np
 
 from ...core.config.config import BoardConfig
-from ...core.terms.measurement import Array, SetPoints
+from ...core.terms.measurement import Array
 from ...settings.loading import Settings
 from ...sim.config import SimulationConfig
 from ...sim.motor import SLIP_SPEED, smoothing_inertia
 from ...sim.plant import make_body
+from ..drives.maker import Make
 from ..drives.plant import DrivesPlant
 from ..entry_points import DRIVERS, pairs
 from ..errors import PlantSettingsError
-from ..interface import Description, Readings, Setup
 from .world import STEP, World
 
 
-def make_virtual(name: str, settings: Settings, arguments: Sequence[str]) -> VirtualPlant:
-    """The plant ``virtual/NAME``.
+def make_virtual(name: str, settings: Settings, arguments: Sequence[str]) -> DrivesPlant:
+    """The plant ``virtual/NAME``; it closes its virtual drives with itself.
 
     Args:
         name: As the user wrote it.
         settings: Of the board and of the body.
-        arguments: ``name=value`` each.
+        arguments: ``name=value`` each; ``bus`` is ignored.
 
     Raises:
-        PlantSettingsError: there is no such driver, its library is not installed, or an argument
-            makes no sense.
+        PlantSettingsError: the driver is unknown, its library is not installed, or it refuses an
+            argument.
     """
     driver = name.removeprefix("virtual/")
     if driver not in DRIVERS:
         known = ", ".join(f"virtual/{known}" for known in DRIVERS)
         raise PlantSettingsError(f"plant: {name[:60]!r} unknown; known: {known}")
+    options, board = pairs(arguments), settings.board
+    options.pop("bus", None)
     try:
-        return VirtualPlant(driver, settings.board, settings.simulation, pairs(arguments))
+        far_end = FarEnd(driver, board, settings.simulation, options)
+        plant = far_end.make(board.names, options | {"bus": far_end.bus.address})
     except ImportError as error:
         raise PlantSettingsError(
             f"plant: {name!r} needs {error.name}; pip install 'control_board_ros[{driver}]'"
         ) from None
+    plant.far_end = far_end
+    return plant
 
 
 class FarEnd:
@@ -60,7 +65,7 @@ class FarEnd:
         arguments: Of the user, for the driver; without ``bus``.
         address: Of a bus that other processes reach, interface and channel; empty: one of ours.
 
-    Attributes: world, bus, drives.
+    Attributes: make (of the driver), world, bus, drives.
     """
 
     def __init__(
@@ -72,8 +77,9 @@ class FarEnd:
         address: str = "",
     ) -> None:
         room = f"control_board_ros.plants.{driver}"
-        maker, virtual = import_module(f"{room}.driver").make, import_module(f"{room}.virtual")
-        axes = maker(board.names, arguments).axes
+        self.make: Make = import_module(f"{room}.driver").make
+        virtual = import_module(f"{room}.virtual")
+        axes = self.make(board.names, arguments).axes
         self.drives: Sequence[Any] = [
             virtual.virtual_drive(axis, joint)
             for axis, joint in zip(axes, board.joints, strict=True)
@@ -89,53 +95,6 @@ class FarEnd:
         """Nothing is at the other end any more; safe to call twice."""
         self.bus.close()
         self.world.body.close()
-
-
-class VirtualPlant:
-    """A DrivePlant whose drives are virtual.
-
-    Args:
-        driver: Its folder's name, as ``moteus``.
-        board: Its joints, in its order.
-        simulation: The body that the drives move.
-        arguments: Of the user, for the driver.
-
-    Attributes:
-        plant: The driver's own.
-        far_end: What is at the other end.
-    """
-
-    def __init__(
-        self,
-        driver: str,
-        board: BoardConfig,
-        simulation: SimulationConfig,
-        arguments: Mapping[str, str],
-    ) -> None:
-        given = {key: value for key, value in arguments.items() if key != "bus"}
-        self.far_end = FarEnd(driver, board, simulation, given)
-        maker = import_module(f"control_board_ros.plants.{driver}.driver").make
-        bus = self.far_end.bus.address
-        self.plant: DrivesPlant = maker(board.names, {**given, "bus": bus})
-
-    def describe(self) -> Description:
-        return self.plant.describe()
-
-    def connect(self, setup: Setup) -> None:
-        self.plant.connect(setup)
-
-    def exchange(self, wanted: SetPoints) -> Readings:
-        return self.plant.exchange(wanted)
-
-    def clear_fault(self, joint: int) -> None:
-        self.plant.clear_fault(joint)
-
-    def let_go(self) -> None:
-        self.plant.let_go()
-
-    def close(self) -> None:
-        self.plant.close()
-        self.far_end.close()
 
 
 def friction(board: BoardConfig, simulation: SimulationConfig) -> Array:
