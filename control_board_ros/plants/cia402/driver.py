@@ -13,25 +13,25 @@ the heartbeat of this driver (0x1016), a frame per exchange.
 
 from __future__ import annotations
 
-import math
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
-from ..drives.axes import Axis, Options
+from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.faults import WATCHDOG
 from ..drives.maker import maker, only
 from ..drives.plant import Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
-from ..interface import DriveFault, DriveLimits, Setup
+from ..interface import DriveFault, Setup
 from . import objects as o
+from .identity import REV, UNKNOWN, Scale, found_of, limits_of, scale_of
 from .sdo import Sdo, uploads
 from .states import FAULT_RESET, TOWARDS_POWER, Mode, State, state_of
 
-REV = 2.0 * math.pi
 IDS = range(1, 127)
 MODES = {
     SetPoint.POSITION: Mode.CSP,
@@ -46,14 +46,40 @@ ON_SILENCE = {
 #: Exchanges with power from which on its loss is the drive's own doing.
 SETTLED = 3
 LOST = DriveFault(0, "it took its power off by itself; is safe torque off released?")
-LARGEST = (1 << 31) - 1, (1 << 15) - 1
 
 
-class Scale:
-    """Units of one drive per unit at its output: counts/rad, (counts/s)/(rad/s), ‰/(N·m)."""
+@dataclass(slots=True)
+class Drive:
+    """One drive since it was set up.
 
-    def __init__(self, position: float, velocity: float, torque: float) -> None:
-        self.position, self.velocity, self.torque = position, velocity, torque
+    Attributes:
+        scale: Its units.
+        offset: Whether it has a torque offset.
+        whole: What an answer consists of, a bit for each PDO.
+        parts: Those that came in this exchange.
+        state, error: As its PDOs report them.
+        counts: Its position.
+        word: The last control word.
+        powered: Whether it is to have power.
+        enabled: Exchanges in which it had power since then.
+        idle: Whether it had none since it was set up.
+        reset: Whether the next control word resets its fault.
+        left: Why it took its power off by itself.
+    """
+
+    scale: Scale = UNKNOWN
+    offset: bool = True
+    whole: int = 3
+    parts: int = 0
+    state: State = State.SWITCH_ON_DISABLED
+    error: int = 0
+    counts: int = 0
+    word: int = 0
+    powered: bool = False
+    enabled: int = 0
+    idle: bool = True
+    reset: bool = False
+    left: DriveFault | None = None
 
 
 class Cia402Drives:
@@ -68,23 +94,12 @@ class Cia402Drives:
             set_points=tuple(kind for kind, m in MODES.items() if m.name.lower() in names),
             on_silence=tuple(ON_SILENCE),
             torque=True,
-            motor_encoders=frozenset(k for k, counts in enumerate(self._counts()) if counts > 0.0),
+            motor_encoders=frozenset(
+                k for k, axis in enumerate(self._axes) if float(axis.own["motor_counts"]) > 0.0
+            ),
         )
         self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
-        n = len(self._axes)
-        self._scales, self._offsets = [Scale(1.0, 1.0, 1.0)] * n, [True] * n
-        self._raw = [0] * n  # position, counts
-        self._states, self._errors, self._words = [State.SWITCH_ON_DISABLED] * n, [0] * n, [0] * n
-        self._parts, self._powered, self._enabled = [0] * n, [False] * n, [0] * n
-        #: What an answer consists of: a bit for each PDO.
-        self._whole = [7 if k in self.traits.motor_encoders else 3 for k in range(n)]
-        self._reset = [False] * n
-        self._left: list[DriveFault | None] = [None] * n
-        self._idle = [True] * n  # since it was set up
-
-    def _counts(self) -> list[float]:
-        """Counts per turn of the encoders at the motors, 0 where there is none."""
-        return [float(axis.own["motor_counts"]) for axis in self._axes]
+        self._drives = [Drive() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
@@ -94,16 +109,16 @@ class Cia402Drives:
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """No power, watchdog, PDOs, and what it is; it is operational afterwards."""
         line, axis = self._line, self._axes[k]
-        kinds = uploads(line, axis.id, o.DEVICE_TYPE, attempts)
-        kind = only(kinds, axis, self._options.bus, "cia402")
-        if kind & 0xFFFF != o.PROFILE:
+        types = uploads(line, axis.id, o.DEVICE_TYPE, attempts)
+        profile = only(types, axis, self._options.bus, "cia402") & 0xFFFF
+        if profile != o.PROFILE:
             raise PlantSettingsError(
-                f"{axis.name}: id {axis.id} has profile {kind & 0xFFFF}; {o.PROFILE} "
-                "(drives) is supported"
+                f"{axis.name}: id {axis.id} has profile {profile}; {o.PROFILE} (drives) is "
+                "supported"
             )
         sdo = Sdo(line, axis.id)
         line.send(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))
-        for word in (0, FAULT_RESET, 0):  # a fault of before, as that of its watchdog, is over
+        for word in (0, FAULT_RESET, 0):  # an earlier fault, as that of its watchdog, is cleared
             sdo.put(o.CONTROL, 0, "<H", word)
         modes = sdo.get(o.SUPPORTED_MODES, 0, "<I")
         for kind in self.traits.set_points:
@@ -114,17 +129,18 @@ class Cia402Drives:
                     f"{' '.join(offered)}' to plant_arguments"
                 )
         self._set_watchdog(k, sdo)
-        self._scales[k] = scale = scale_of(axis, sdo)
-        self._offsets[k] = sdo.maybe(o.TORQUE_OFFSET, 0, "<h") is not None
+        self._drives[k] = drive = Drive(
+            scale=scale_of(axis, sdo),
+            offset=sdo.maybe(o.TORQUE_OFFSET, 0, "<h") is not None,
+        )
         for function, mapped in o.MAPPED.items():
-            kept = [item for item in mapped if item[0] != o.TORQUE_OFFSET or self._offsets[k]]
-            map_pdo(sdo, function, axis.id, kept)
+            kept = [item for item in mapped if item[0] != o.TORQUE_OFFSET or drive.offset]
+            sdo.map_pdo(function, kept)
         if k in self.traits.motor_encoders:
-            map_pdo(sdo, o.TPDO3, axis.id, o.MOTOR)
-        self._powered[k] = self._reset[k] = False
-        self._enabled[k], self._left[k], self._idle[k] = 0, None, True
+            drive.whole = 7
+            sdo.map_pdo(o.TPDO3, o.MOTOR)
         line.send(o.NMT, bytes([o.START, axis.id]))
-        return found_of(sdo, axis.id, limits_of(sdo, scale))
+        return found_of(sdo, axis.id, limits_of(sdo, drive.scale))
 
     def _set_watchdog(self, k: int, sdo: Sdo) -> None:
         """The consumer's heartbeat, and what follows when it is missing."""
@@ -153,8 +169,8 @@ class Cia402Drives:
         if wanted:
             line.send(o.HEARTBEAT | o.MASTER, bytes([o.OPERATIONAL]))
         for k, (kind, value) in wanted.items():
-            self._parts[k] = 0
-            if self._answers.restarted[k]:  # its PDOs are not ours; and in this two drives differ
+            self._drives[k].parts = 0
+            if self._answers.restarted[k]:  # it has no PDOs, but a serial number of its own
                 question = struct.pack("<BHBI", 0x40, o.IDENTITY, o.SERIAL, 0)
                 line.send(o.SDO_REQUEST | self._axes[k].id, question)
             else:
@@ -164,8 +180,9 @@ class Cia402Drives:
 
     def clear_fault(self, k: int) -> None:
         """A reset by the next control word; a drive that was away is to be set up again."""
-        self._answers.restarted[k] = not self._parts[k]
-        self._reset[k], self._left[k] = True, None
+        drive = self._drives[k]
+        self._answers.restarted[k] = not drive.parts
+        drive.reset, drive.left = True, None
 
     def close(self) -> None:
         """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""
@@ -177,31 +194,29 @@ class Cia402Drives:
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
         """The two PDOs of a drive."""
-        line, drive, scale = self._line, self._axes[k].id, self._scales[k]
-        on = kind is not SetPoint.OFF and self._left[k] is None
-        if on is not self._powered[k]:
-            self._powered[k], self._enabled[k] = on, 0
-        word = TOWARDS_POWER.get(self._states[k], 0) if on else 0
-        if self._reset[k]:
-            self._reset[k] = False
-            word = 0 if self._words[k] & FAULT_RESET else FAULT_RESET
-        self._words[k] = word
-        torque = whole(value[Value.TORQUE] * scale.torque, 1)
-        target, offset = (torque, 0) if kind is SetPoint.TORQUE else (0, torque if on else 0)
+        line, number, drive = self._line, self._axes[k].id, self._drives[k]
+        scale, on = drive.scale, kind is not SetPoint.OFF and drive.left is None
+        if on is not drive.powered:
+            drive.powered, drive.enabled = on, 0
+        word = TOWARDS_POWER.get(drive.state, 0) if on else 0
+        if drive.reset:
+            drive.reset = False
+            word = 0 if drive.word & FAULT_RESET else FAULT_RESET
+        drive.word = word
         mode = MODES[self.traits.set_points[0] if kind is SetPoint.OFF else kind]
+        position, speed, target, offset = drive.counts, 0, 0, 0
+        torque = whole(value[Value.TORQUE] * scale.torque, 16)
+        if kind is SetPoint.TORQUE:
+            target = torque
+        elif on:
+            offset = torque
+        if kind is SetPoint.POSITION:
+            position = whole(value[Value.POSITION] * scale.position, 32)
+        elif kind is SetPoint.VELOCITY:
+            speed = whole(value[Value.VELOCITY] * scale.velocity, 32)
         first = struct.pack(o.RPDO1_FORMAT, word, mode, target, offset)
-        follows = kind is SetPoint.POSITION
-        line.send(o.RPDO1 | drive, first if self._offsets[k] else first[:-2])
-        line.send(
-            o.RPDO2 | drive,
-            struct.pack(
-                o.RPDO2_FORMAT,
-                whole(value[Value.POSITION] * scale.position, 0) if follows else self._raw[k],
-                whole(value[Value.VELOCITY] * scale.velocity, 0)
-                if kind is SetPoint.VELOCITY
-                else 0,
-            ),
-        )
+        line.send(o.RPDO1 | number, first if drive.offset else first[:-2])
+        line.send(o.RPDO2 | number, struct.pack(o.RPDO2_FORMAT, position, speed))
 
     def _take(self, message: Any) -> int | None:
         answers, data = self._answers, bytes(message.data)
@@ -217,115 +232,50 @@ class Cia402Drives:
                 answers.came(k, data)
                 return k
         elif function in o.ANSWERS:
-            self._hear(k, function, data)
-            return k if self._parts[k] == self._whole[k] else None
+            self._read_pdo(k, function, data)
+            return k if self._drives[k].parts == self._drives[k].whole else None
         return None
 
-    def _hear(self, k: int, function: int, data: bytes) -> None:
-        """Take over one of the two PDOs of a drive."""
-        answers, scale = self._answers, self._scales[k]
+    def _read_pdo(self, k: int, function: int, data: bytes) -> None:
+        answers, drive = self._answers, self._drives[k]
         part, form = o.ANSWERS[function]
         if len(data) != struct.calcsize(form):
             answers.malformed += 1
             return
         found = struct.unpack(form, data)
         if function == o.TPDO1:
-            self._states[k], self._raw[k] = state_of(found[0]), found[1]
-            answers.position[k] = found[1] / scale.position
-            answers.torque[k] = found[2] / scale.torque
+            drive.state, drive.counts = state_of(found[0]), found[1]
+            answers.position[k] = found[1] / drive.scale.position
+            answers.torque[k] = found[2] / drive.scale.torque
             answers.came(k, data)
         elif function == o.TPDO2:
-            answers.velocity[k] = found[0] / scale.velocity
-            self._errors[k] = found[1]
+            answers.velocity[k] = found[0] / drive.scale.velocity
+            drive.error = found[1]
         else:
             answers.motor_position[k] = found[0] * REV / float(self._axes[k].own["motor_counts"])
-        answers.faults[k] = self._judge(k)
-        self._parts[k] |= part
-
-    def _judge(self, k: int) -> DriveFault | None:
-        state, code = self._states[k], self._errors[k]
-        if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            if self._idle[k] and code == o.HEARTBEAT_LOST:  # from its set-up to the first cycle
-                self._reset[k] = True
-                return None
-            return DriveFault(code, o.error_name(code))
-        if state is State.OPERATION_ENABLED:
-            self._idle[k] = False
-            self._enabled[k] += self._powered[k]
-        elif self._enabled[k] >= SETTLED and self._left[k] is None:
-            self._left[k] = WATCHDOG if state is State.QUICK_STOP_ACTIVE else LOST
-        return self._left[k]
+        answers.faults[k] = judge(drive)
+        drive.parts |= part
 
 
-def whole(value: float, size: int) -> int:
-    """A value as an integer of 32 (size 0) or 16 bits (1), at its end where it is beyond."""
-    most = LARGEST[size]
+def judge(drive: Drive) -> DriveFault | None:
+    """The fault of a drive, by its state and error code."""
+    if drive.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        if drive.idle and drive.error == o.HEARTBEAT_LOST:  # from its set-up to the first cycle
+            drive.reset = True
+            return None
+        return DriveFault(drive.error, o.error_name(drive.error))
+    if drive.state is State.OPERATION_ENABLED:
+        drive.idle = False
+        drive.enabled += drive.powered
+    elif drive.enabled >= SETTLED and drive.left is None:
+        drive.left = WATCHDOG if drive.state is State.QUICK_STOP_ACTIVE else LOST
+    return drive.left
+
+
+def whole(value: float, bits: int) -> int:
+    """A value as a signed integer, at its end where it is beyond."""
+    most = (1 << bits - 1) - 1
     return round(max(-most, min(most, value)))
-
-
-def scale_of(axis: Axis, sdo: Sdo) -> Scale:
-    """Units of a drive, by its options, or as the drive itself has them.
-
-    Raises:
-        PlantSettingsError: neither has them.
-    """
-    counts = float(axis.own["counts"])
-    if counts <= 0.0:
-        steps, turns = sdo.maybe(o.RESOLUTION, 1, "<I"), sdo.maybe(o.RESOLUTION, 2, "<I")
-        counts = steps / turns if steps and turns else 0.0
-    rated = float(axis.own["rated_torque"]) or 1e-3 * (sdo.maybe(o.RATED_TORQUE, 0, "<I") or 0)
-    for what, value, index in (
-        ("counts", counts, o.RESOLUTION),
-        ("rated_torque", rated, o.RATED_TORQUE),
-    ):
-        if value <= 0.0:
-            raise PlantSettingsError(
-                f"{axis.name}: id {axis.id} does not report its {what} (object 0x{index:04x}); "
-                f"add {axis.name}.{what}=… to plant_arguments"
-            )
-    speed = float(axis.own["velocity_counts"]) or counts
-    return Scale(counts / REV, speed / REV, 1e3 / rated)
-
-
-def limits_of(sdo: Sdo, scale: Scale) -> DriveLimits:
-    """The limits that a drive keeps, as far as it has such objects."""
-    lower = sdo.maybe(o.POSITION_LIMITS, 1, "<i")
-    upper = sdo.maybe(o.POSITION_LIMITS, 2, "<i")
-    bounded = lower is not None and upper is not None and lower < upper
-    speed, torque = sdo.maybe(o.MAX_SPEED, 0, "<I"), sdo.maybe(o.MAX_TORQUE, 0, "<H")
-    return DriveLimits(
-        lower=lower / scale.position if bounded and lower is not None else None,
-        upper=upper / scale.position if bounded and upper is not None else None,
-        velocity=speed * REV / 60.0 if speed else None,
-        torque=torque / scale.torque if torque else None,
-    )
-
-
-def map_pdo(sdo: Sdo, function: int, drive: int, mapped: Sequence[tuple[int, int]]) -> None:
-    """Map a PDO, synchronous: it is invalid meanwhile, as CiA 301 wants it."""
-    index, cob_id = o.PARAMETERS[function], function + drive
-    sdo.put(index, 1, "<I", cob_id | o.INVALID)
-    sdo.put(index, 2, "<B", o.SYNCHRONOUS)
-    sdo.put(index + 0x200, 0, "<B", 0)
-    for place, (target, bits) in enumerate(mapped, start=1):
-        sdo.put(index + 0x200, place, "<I", target << 16 | bits)
-    sdo.put(index + 0x200, 0, "<B", len(mapped))
-    sdo.put(index, 1, "<I", cob_id)
-
-
-def found_of(sdo: Sdo, drive: int, limits: DriveLimits | None = None) -> Found:
-    """What a drive is."""
-    state = state_of(sdo.get(o.STATUS, 0, "<H"))
-    code = sdo.maybe(o.ERROR_CODE, 0, "<H") or 0
-    volts = sdo.maybe(o.SUPPLY, 0, "<I")
-    return Found(
-        id=drive,
-        type=sdo.text(o.DEVICE_NAME) or "CiA 402",
-        firmware=sdo.text(o.SOFTWARE),
-        voltage=math.nan if volts is None else 1e-3 * volts,
-        fault=DriveFault(code, o.error_name(code)) if state is State.FAULT else None,
-        limits=limits or DriveLimits(),
-    )
 
 
 def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:

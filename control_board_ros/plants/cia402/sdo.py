@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import struct
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine
@@ -81,6 +82,22 @@ class Sdo:
         except self._failed:
             raise self._silent(index) from None
         return True
+
+    def map_pdo(self, function: int, mapped: Sequence[tuple[int, int]]) -> None:
+        """Map a PDO, synchronous: invalid until it is mapped, as CiA 301 requires.
+
+        Args:
+            function: Code of the PDO.
+            mapped: Objects with their bits.
+        """
+        index, cob_id = o.PARAMETERS[function], function + self._drive
+        self.put(index, 1, "<I", cob_id | o.INVALID)
+        self.put(index, 2, "<B", o.SYNCHRONOUS)
+        self.put(index + 0x200, 0, "<B", 0)
+        for place, (target, bits) in enumerate(mapped, start=1):
+            self.put(index + 0x200, place, "<I", target << 16 | bits)
+        self.put(index + 0x200, 0, "<B", len(mapped))
+        self.put(index, 1, "<I", cob_id)
 
     def _upload(self, index: int, subindex: int, size: int | None) -> bytes:
         try:

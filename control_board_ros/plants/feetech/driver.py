@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
@@ -35,6 +35,22 @@ IDS = range(253)
 UNPOWERED = 5
 
 
+@dataclass(slots=True)
+class Servo:
+    """One servo since it was set up.
+
+    Attributes: kind, mode (as requested), torque (whether it is on, by the last answer), without
+        (answers in a row without torque, while it should have it), had (it had torque since its
+        kind was requested).
+    """
+
+    kind: SetPoint = SetPoint.OFF
+    mode: int = t.POSITION_MODE
+    torque: bool = False
+    without: int = 0
+    had: bool = False
+
+
 class FeetechDrives:
     """The servos of one bus; see ``drives.plant.Driver``."""
 
@@ -50,10 +66,7 @@ class FeetechDrives:
             watchdog=False,
         )
         self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
-        n = len(self._axes)
-        self._kinds, self._modes = [SetPoint.OFF] * n, [t.POSITION_MODE] * n
-        self._torque, self._without = [0] * n, [0] * n
-        self._had = [False] * n
+        self._servos = [Servo() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
         """Open the port; see ``drives.plant.Driver``."""
@@ -74,8 +87,7 @@ class FeetechDrives:
         for item, value in ((t.TORQUE, 0), (t.LOCK, 1), (t.ACCELERATION, 0)):
             bus.put(drive, item, value)
         bus.put(drive, t.MODE, t.POSITION_MODE)
-        self._kinds[k], self._modes[k] = SetPoint.OFF, t.POSITION_MODE
-        self._torque[k], self._without[k], self._had[k] = 0, 0, False
+        self._servos[k] = Servo()
         lower, upper = bus.get(drive, t.MIN_POSITION), bus.get(drive, t.MAX_POSITION)
         limits = DriveLimits(
             lower=angle(lower) if lower < upper else None,
@@ -87,10 +99,10 @@ class FeetechDrives:
 
     def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        bus, ids = self._bus, [axis.id for axis in self._axes]
+        bus, servos, ids = self._bus, self._servos, [axis.id for axis in self._axes]
         kinds = {k: kind for k, (kind, _) in wanted.items()}
         powered = {k: kind for k, kind in kinds.items() if kind is not SetPoint.OFF}
-        modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != self._modes[k]}
+        modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != servos[k].mode}
         bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
         bus.sync(t.MODE, {ids[k]: bytes([mode]) for k, mode in modes.items()})
         bus.sync(t.GOALS, {ids[k]: goals(kind, wanted[k][1]) for k, kind in powered.items()})
@@ -99,15 +111,14 @@ class FeetechDrives:
             ids[k]: bytes([k in powered])
             for k, kind in kinds.items()
             if k in modes
-            or kind is not self._kinds[k]
-            or (self._torque[k] != (k in powered) and not self._had[k])
+            or kind is not servos[k].kind
+            or (servos[k].torque is not (k in powered) and not servos[k].had)
         }
         bus.sync(t.TORQUE, switches)
         for k, kind in kinds.items():
-            if kind is not self._kinds[k]:
-                self._kinds[k], self._without[k], self._had[k] = kind, 0, False
-            self._modes[k] = modes.get(k, self._modes[k])
-
+            if kind is not servos[k].kind:
+                servos[k].kind, servos[k].without, servos[k].had = kind, 0, False
+            servos[k].mode = modes.get(k, servos[k].mode)
         bus.drain(self._take)
         if wanted:
             bus.read(t.READ, [ids[k] for k in wanted], self._take, self._answers, self._wait)
@@ -127,7 +138,7 @@ class FeetechDrives:
         if len(data) != t.READ.length:
             answers.malformed += 1
         else:
-            self._torque[k] = part(data, t.TORQUE)
+            self._servos[k].torque = bool(part(data, t.TORQUE))
             answers.faults[k] = self._judge(k, part(data, t.STATUS))
             answers.position[k] = angle(part(data, t.POSITION))
             answers.velocity[k] = t.signed(part(data, t.VELOCITY)) * t.COUNT
@@ -137,10 +148,11 @@ class FeetechDrives:
             answers.came(k, data)
 
     def _judge(self, k: int, status: int) -> DriveFault | None:
-        powered = self._kinds[k] is not SetPoint.OFF
-        self._had[k] = powered and (self._had[k] or bool(self._torque[k]))
-        self._without[k] = self._without[k] + 1 if powered and not self._torque[k] else 0
-        if self._without[k] >= UNPOWERED:
+        servo = self._servos[k]
+        powered = servo.kind is not SetPoint.OFF
+        servo.had = powered and (servo.had or servo.torque)
+        servo.without = servo.without + 1 if powered and not servo.torque else 0
+        if servo.without >= UNPOWERED:
             self._answers.restarted[k] = True
         return flagged(status, t.ERRORS)
 
