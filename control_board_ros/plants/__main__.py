@@ -21,21 +21,21 @@ from .entry_points import DRIVERS, make, pairs
 from .errors import PlantSettingsError
 from .offers import limit_differences
 
-#: The slowest that drives are talked to here, s.
+#: Shortest period of exchanges here, s.
 PERIOD = 5e-3
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Prints an error in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Print it and end."""
+        """Print the message; exit code 2."""
         print(f"cbctl: {message}; see cbctl drives --help", file=sys.stderr)
         sys.exit(2)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Scan a bus, or try the drives of a robot; 0, 1 (it did not work), 2 (usage)."""
+    """Scan a bus, or try the drives of a robot; 0, 1 (failure), 2 (usage)."""
     parser = Parser(prog="cbctl drives")
     verbs = parser.add_subparsers(dest="verb", required=True)
     scan = verbs.add_parser("scan")
@@ -77,7 +77,7 @@ def put_scan(plant: str, bus: str) -> int:
 
 
 def put_trial(given: argparse.Namespace) -> int:
-    """Show the drives of a robot, move each a little, and write what was wrong into its file."""
+    """Show the drives of a robot, move each by 2°, and write corrections into its file."""
     settings = load(given.robot)
     plant = made(settings)
     names = [name for name in given.joints.split(",") if name] or list(settings.board.names)
@@ -143,10 +143,10 @@ def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
 
 
 def report(moved: Moved) -> str:
-    """What a joint did."""
-    asked, read = math.degrees(moved.asked), math.degrees(moved.read)
+    """The line that reports a move."""
+    commanded, read = math.degrees(moved.commanded), math.degrees(moved.read)
     end = "" if moved.follows else ": its drive does not follow; is it free, and its gain enough?"
-    return f"{moved.joint}: commanded {asked:+.2f}°, read {read:+.2f}°{end}"
+    return f"{moved.joint}: commanded {commanded:+.2f}°, read {read:+.2f}°{end}"
 
 
 def agreed(question: str) -> bool:
@@ -155,7 +155,7 @@ def agreed(question: str) -> bool:
 
 
 def looked(moved: Moved) -> float:
-    """By how much the joint turned, as the user saw, rad."""
+    """The angle by which the joint turned, as the user saw it, rad."""
     words = input(f"  {moved.joint} turned by (degrees, + as in its URDF; Enter: as read): ")
     try:
         return math.radians(float(words)) if words.strip() else moved.read
@@ -164,7 +164,7 @@ def looked(moved: Moved) -> float:
 
 
 def put_corrections(robot: str, changed: dict[str, str]) -> int:
-    """Write what was wrong into the robot's file."""
+    """Write corrections into the robot's file; returns the exit code."""
     if not changed:
         print("direction and ratio are as configured")
         return 0

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Somebody else's plant in a process of its own: the motors lose their power without the board.
+"""A third-party plant in a process of its own: without the board the motors lose their power.
 
-A thread cannot watch over a process that is stopped, killed, or whose interpreter hangs (B5).
+A thread cannot monitor a process that is stopped, killed, or whose interpreter hangs (B5).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..core.terms.measurement import SetPoints
 from .errors import PlantSettingsError
 from .interface import Description, Readings, Setup
 
-#: s that its process has to let go of the hardware.
+#: Time for its process to let go of the hardware, s.
 LEAVING = 1.0
 
 
@@ -32,10 +32,10 @@ class PlantApart:
         silence: Time without a request after which it disables its motors, s.
 
     Attributes:
-        process: That holds the plant.
+        process: The one that holds the plant.
 
     Raises:
-        PlantSettingsError: there is no such plant, or it refuses these joints or arguments.
+        PlantSettingsError: the plant is unknown, or refuses these joints or arguments.
     """
 
     process: subprocess.Popen[bytes]
@@ -71,7 +71,7 @@ class PlantApart:
         self._ask("clear_fault", joint)
 
     def close(self) -> None:
-        """Let the process disable the motors and end; it does so by itself if it hangs now."""
+        """Disconnect: the process disables the motors and ends, later if it hangs now."""
         if self._connection.closed:
             return
         self._connection.close()
@@ -105,10 +105,10 @@ class PlantApart:
         return self._answer()
 
     def _answer(self) -> Any:
-        """What the plant returned.
+        """The return value of the plant.
 
         Raises:
-            Exception: of the name and the text of what the plant raised.
+            Exception: the plant raised; of the same name and text.
         """
         try:
             kind, found = self._connection.recv()

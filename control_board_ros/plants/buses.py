@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several buses as one plant: each exchanges in a thread of its own, all of them at once.
+"""Several buses as one plant: each exchanges in a thread of its own, in parallel.
 
-A bus that answers too late for an exchange goes on with it: its joints have their last reading
-again, with its age, and what came late is used in the next exchange. Its set-points are then those
-of now, never those that it missed.
+A bus that is late for an exchange continues with it: its joints keep their last reading, with its
+age, and the late answer is used in the next exchange. The bus then receives the present
+set-points, never those that it missed.
 """
 
 from __future__ import annotations
@@ -21,52 +21,52 @@ import numpy as np
 from ..core.terms.measurement import Array, SetPoints
 from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings, Setup
 
-#: Part of the period that is waited for the answers of all buses.
+#: Share of the period for which an exchange waits for all buses.
 PATIENCE = 0.6
-#: s that a bus has to let go, and the first time to answer.
+#: Timeouts of letting go and of the first answer, s.
 LEAVING, FIRST = 1.0, 5.0
 
 
 class Bus:
-    """A plant in a thread of its own, with what it answered last."""
+    """A plant in a thread of its own, and its last answer."""
 
     def __init__(self, plant: DrivePlant, columns: slice) -> None:
         self.plant, self.columns = plant, columns
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="bus")
-        self._asked: Future[Readings] | None = None
-        self.asked_at = 0.0  # s
+        self._pending: Future[Readings] | None = None
+        self.started = 0.0  # s
         self.last: Readings | None = None
 
     def do(self, task: Callable[[], Any]) -> Future[Any]:
-        """Let its thread do something, after what it does."""
+        """Run a task in its thread, after those before it."""
         return self._thread.submit(task)
 
-    def ask(self, wanted: SetPoints) -> Future[Readings]:
-        """Exchange, unless the last one is not answered yet."""
-        if self._asked is None:
+    def exchange(self, wanted: SetPoints) -> Future[Readings]:
+        """Start an exchange, unless one is pending."""
+        if self._pending is None:
             own = self.columns
             mine = SetPoints(
                 wanted.kinds[own].copy(), wanted.values[:, own].copy(), wanted.released[own].copy()
             )
-            self.asked_at = time.monotonic()
-            self._asked = self.do(lambda: self.plant.exchange(mine))
-        return self._asked
+            self.started = time.monotonic()
+            self._pending = self.do(lambda: self.plant.exchange(mine))
+        return self._pending
 
-    def take(self) -> bool:
-        """Take its answer over, where it is there; whether it is.
+    def finish(self) -> bool:
+        """Store the answer of a finished exchange; false while it is pending.
 
         Raises:
-            Exception: what the exchange raised.
+            Exception: from the exchange.
         """
-        if self._asked is None or not self._asked.done():
+        if self._pending is None or not self._pending.done():
             return False
-        asked, self._asked = self._asked, None
-        self.last = asked.result()
+        done, self._pending = self._pending, None
+        self.last = done.result()
         return True
 
     def forget(self) -> None:
-        """After an error, and before a connection."""
-        self._asked = self.last = None
+        """Drop a pending exchange and the last answer."""
+        self._pending = self.last = None
 
     def end(self) -> None:
         """End its thread, unless it hangs."""
@@ -110,26 +110,29 @@ class Buses:
             task.result()
 
     def exchange(self, wanted: SetPoints) -> Readings:
-        """All buses at once; who is late is not waited for, but for the first reading.
+        """Exchange with all buses in parallel; only a first reading is waited for.
 
         Raises:
             TimeoutError: a bus has never answered.
-            Exception: what the exchange of a bus raised.
+            Exception: from the exchange of a bus.
         """
-        asked = [bus.ask(wanted) for bus in self._buses]
+        pending = [bus.exchange(wanted) for bus in self._buses]
         first = any(bus.last is None for bus in self._buses)
-        wait(asked, FIRST if first else PATIENCE * self._period)
+        wait(pending, FIRST if first else PATIENCE * self._period)
         ages = np.zeros(self._count)
         for k, bus in enumerate(self._buses):
-            if not bus.take():
+            if not bus.finish():
                 self.late[k] += 1
                 if bus.last is None:
                     raise TimeoutError(f"bus {k + 1} of {len(self._buses)} does not answer")
-                ages[bus.columns] = time.monotonic() - bus.asked_at + self._period
+                ages[bus.columns] = time.monotonic() - bus.started + self._period
         return self._joined([bus.last for bus in self._buses if bus.last is not None], ages)
 
     def _joined(self, found: Sequence[Readings], ages: Array) -> Readings:
-        """The readings of all joints; what one bus has not is not a number, none has is None."""
+        """Readings of all joints.
+
+        Where a bus has none of a motor quantity, its joints have NaN; any other is None for all.
+        """
         rows: dict[str, Any] = {}
         for name in [field.name for field in fields(Readings) if field.name != "faults"]:
             parts = [getattr(one, name) for one in found]
@@ -151,7 +154,7 @@ class Buses:
                 bus.do(partial(bus.plant.clear_fault, joint - bus.columns.start)).result()
 
     def let_go(self) -> None:
-        """All buses at once, as far as they still listen."""
+        """Let go of all buses in parallel, as far as they still respond."""
         wait([bus.do(bus.plant.let_go) for bus in self._buses], LEAVING)
 
     def close(self) -> None:

@@ -14,12 +14,12 @@ from .interface import DrivePlant, RobotPlant
 GROUP = "control_board_ros.plants"
 #: Drivers in the box, by the name of their folder, which is that of their extra.
 DRIVERS = ("moteus", "mit_can", "dynamixel", "cia402", "odrive_can", "feetech")
-#: What an entry point names: from the joints of the board and the user's arguments to a plant.
+#: What an entry point names: makes a plant from the board's joints and the user's arguments.
 Maker = Callable[[Sequence[str], Mapping[str, str]], RobotPlant | DrivePlant]
 
 
 def find(name: str) -> Maker:
-    """What makes the plant of that name.
+    """The maker of the plant of that name.
 
     Raises:
         PlantSettingsError: no package offers it, or its module cannot be imported.
@@ -52,7 +52,7 @@ def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPla
         arguments: Of the user, ``name=value`` each.
 
     Raises:
-        PlantSettingsError: there is none, or it refuses these joints or arguments.
+        PlantSettingsError: it is unknown, or refuses these joints or arguments.
     """
     given = pairs(arguments)
     maker = find(name)
@@ -69,7 +69,7 @@ def pairs(arguments: Sequence[str]) -> dict[str, str]:
     """The user's ``name=value`` as a mapping.
 
     Raises:
-        PlantSettingsError: one is none.
+        PlantSettingsError: an argument has another form.
     """
     given = {}
     for argument in arguments:

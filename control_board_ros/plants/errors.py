@@ -3,4 +3,4 @@
 
 
 class PlantSettingsError(ValueError):
-    """A plant that cannot be had as asked."""
+    """A plant cannot be made as configured."""

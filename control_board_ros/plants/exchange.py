@@ -19,12 +19,12 @@ from .interface import OF_MOTORS, DrivePlant, Readings, Setup
 
 
 class NonsenseError(ValueError):
-    """A plant returned what is no reading; one line."""
+    """A plant returned an invalid reading; one line."""
 
 
 @dataclass(slots=True)
 class Sample:
-    """What an exchange gave.
+    """The result of an exchange.
 
     Attributes: values (shape (ROWS, n)), faults (of the drives, by joint), applied (percent of
     PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)), motors
@@ -67,25 +67,25 @@ class Exchange:
         self.forget()
 
     def forget(self) -> None:
-        """After an error: nothing is known of power and positions."""
+        """Forget power and positions, after an error."""
         self._wanted = SetPoints.off(len(self.numbers))
         self._before: Array | None = None
         self._turned: Array | None = None
 
     def connect(self) -> None:
-        """Connect to the hardware, also again."""
+        """Connect to the hardware, or reconnect."""
         self.forget()
         self._plant.connect(self._setup)
 
     def run(self, wanted: SetPoints, faulty: dict[int, str]) -> Sample:
-        """Set-points, readings.
+        """Exchange set-points and readings.
 
         Args:
             wanted: Of the board's joints, in its order.
             faulty: Joints whose drive reported a fault in the last exchange.
 
         Raises:
-            NonsenseError: what came back is no reading.
+            NonsenseError: the plant returned an invalid reading.
         """
         for j in faulty:
             if not (wanted.powered[j] or self._wanted.powered[j]):
@@ -116,7 +116,7 @@ class Exchange:
 
     def _sample(self, found: Readings, wanted: SetPoints) -> Sample:
         if not isinstance(found, Readings):
-            raise NonsenseError(f"what was read is {type(found).__name__}; Readings are wanted")
+            raise NonsenseError(f"a reading is {type(found).__name__}; Readings is required")
         values = np.zeros((ROWS, len(self.numbers)))
         values[Row.POSITION] = position = self._row("position", found.position)
         if found.velocity is not None:
@@ -150,12 +150,12 @@ class Exchange:
         return settled
 
     def _motors(self, found: Readings) -> Array | None:
-        """What is measured of motors; a velocity that is not is the change of the position."""
-        told = [getattr(found, name) for name in OF_MOTORS]
-        if all(value is None for value in told):
+        """Readings of motors; a velocity that is not read is the change of the position."""
+        read = [getattr(found, name) for name in OF_MOTORS]
+        if all(value is None for value in read):
             return None
         rows = np.full((MOTOR_ROWS, len(self.numbers)), np.nan)
-        for row, name, value in zip(Motor, OF_MOTORS, told, strict=True):
+        for row, name, value in zip(Motor, OF_MOTORS, read, strict=True):
             if value is not None:
                 rows[row] = self._row(name, value)
         velocity, position = rows[Motor.VELOCITY], rows[Motor.POSITION]
@@ -176,13 +176,13 @@ class Exchange:
     def _row(self, what: str, found: object) -> Array:
         """An array of the plant, in the board's order."""
         if found is None:
-            raise NonsenseError(f"{what} is None; {self._count} numbers are wanted")
+            raise NonsenseError(f"{what} is None; {self._count} numbers are required")
         try:
             row = np.array(found, dtype=np.float64)
         except (TypeError, ValueError):
             raise NonsenseError(
-                f"{what} is {clean(repr(found), 60)}; {self._count} numbers are wanted"
+                f"{what} is {clean(repr(found), 60)}; {self._count} numbers are required"
             ) from None
         if row.shape != (self._count,):
-            raise NonsenseError(f"{what} has shape {row.shape}; ({self._count},) is wanted")
+            raise NonsenseError(f"{what} has shape {row.shape}; ({self._count},) is required")
         return np.array(row[self.numbers])

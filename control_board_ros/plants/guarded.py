@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Somebody else's plant as the board's own: whatever it does, the control loop goes on (B3).
+"""A third-party plant behind a guard: whatever it does, the control loop continues (B3).
 
-A thread of its own exchanges with the plant. ``read`` and ``write`` never wait for it: they take
-the last sample, and leave the next outputs. A joint has an alarm, FaultCode.PLANT with the
+A thread of its own exchanges with the plant. ``read`` and ``write`` never wait for it: they read
+the last sample, and store the next outputs. A joint has an alarm, FaultCode.PLANT with the
 reason in words, while
 
 * no answer came for ``timeout`` seconds,
-* the last exchange raised, or returned what is no reading,
-* its drive reports a fault of its own, which is reset there once the joint is without power.
+* the last exchange raised, or returned an invalid reading,
+* its drive reports a fault, which is reset in the drive once the joint is without power.
 
 After an error the thread reconnects, every RETRY seconds, with all joints without power.
 
-The thread watches the control loop, too (B5): outputs that are older than ``timeout`` count no
-more, and it disables all joints. A loop that continues then finds an alarm of each joint
-that it drove, and enables none before it has read the alarm.
+The thread also monitors the control loop (B5): outputs older than ``timeout`` are void, and it
+disables all joints. A loop that continues finds an alarm of each joint that it drove, and enables
+none before it has read that alarm.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def patience(timeout: float, period: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Set-points that the loop left: of which cycle, when (s)."""
+    """Set-points of the loop, with their cycle and time, s."""
 
     cycle: int
     time: float
@@ -75,8 +75,8 @@ class GuardedPlant:
     Args:
         plant: The third party's.
         board: Its joints are among the plant's.
-        timeout: After which a plant that does not answer is a fault, and a control loop that
-            is silent loses the power, s.
+        timeout: Silence of the plant that is a fault, and of the control loop that disables the
+            motors, s.
         clock: For tests, s.
         first: s to wait for the first sample.
 
@@ -118,9 +118,9 @@ class GuardedPlant:
         self._wanted = Wanted(0, clock(), self._off)
         process = getattr(plant, "process", None)
         self.processes = () if process is None else (process.pid,)
-        self._waiting = self._looked = clock()  # since when an answer is owed; the last reading
+        self._waiting = self._looked = clock()  # start of the overdue answer; last reading
         self._silence: dict[int, str] = {}  # of the loop: the reason by joint, until it acts on it
-        self._told = False  # whether the loop has read it
+        self._reported = False  # whether the loop has read it
         self._turn, self._answered = threading.Event(), threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="plant", daemon=True)
@@ -136,7 +136,7 @@ class GuardedPlant:
     def read(self) -> Measurement:
         """The last readings, with their alarms."""
         self._notice_silence()
-        self._told = True
+        self._reported = True
         error, sample = self._error or self._refusal, self._sample
         faults: dict[int, str] = {}
         motors = None
@@ -166,13 +166,13 @@ class GuardedPlant:
         )
 
     def write(self, actuation: Actuation) -> None:
-        """Leave the next outputs to the plant; one control period passes."""
+        """Store the next outputs for the plant; one control period passes."""
         now = self._clock()
         if not self.owes_an_answer:
             self._waiting = now
         self._notice_silence()
         wanted = actuation.set_points()
-        if self._silence and self._told and not wanted.powered[list(self._silence)].any():
+        if self._silence and self._reported and not wanted.powered[list(self._silence)].any():
             self._silence = {}
         self._cycle += 1
         self._wanted = Wanted(self._cycle, now, self._off if self._silence else wanted)
@@ -193,16 +193,16 @@ class GuardedPlant:
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def close(self) -> None:
-        """Take the power off and let go of the plant, unless it hangs; safe to call twice."""
+        """Disable the motors and let go of the plant, unless it hangs; safe to call twice."""
         self._ending.set()
         self._turn.set()
         self._thread.join(timeout=1.0)
 
     def _silent(self, sample: tuple[float, int, Sample] | None) -> float:
-        """For how long the plant owes an answer, s.
+        """Time for which an answer of the plant is overdue, s.
 
-        None is owed without outputs, nor for the time in which the control loop stood
-        still itself: paused, or kept from running.
+        Without outputs no answer is due. Time in which the control loop itself stood still, paused
+        or starved, does not count.
         """
         now = self._clock()
         self._waiting += max(0.0, now - self._looked - 2.0 * self._period)
@@ -214,7 +214,7 @@ class GuardedPlant:
         return now - self._waiting
 
     def _notice_silence(self) -> None:
-        """Find out in the loop's own thread that it was silent for too long (B5)."""
+        """Detect in the loop's own thread that it was silent for too long (B5)."""
         wanted, now = self._wanted, self._clock()
         if self._silence or not (wanted.drives and self._is_old(wanted, now)):
             return
@@ -223,7 +223,7 @@ class GuardedPlant:
             f"> {1e3 * self._patience:.0f} ms; the motors lost their power"
         )
         self._silence = {int(j): reason for j in np.flatnonzero(wanted.set_points.powered)}
-        self._told = False
+        self._reported = False
 
     def _is_old(self, wanted: Wanted, now: float) -> bool:
         return now - wanted.time > self._patience
@@ -235,7 +235,7 @@ class GuardedPlant:
                 self._exchange.connect()
                 self._compare_limits()
                 self._talk()
-            except Exception as error:  # noqa: BLE001 - third-party code; told as a fault
+            except Exception as error:  # noqa: BLE001 - third-party code; reported as a fault
                 self._error = f"{type(error).__name__}: {' '.join(clean(error, 200).split())}"
                 self._answered.set()
                 with contextlib.suppress(Exception):  # the error before it is reported
@@ -276,7 +276,7 @@ class GuardedPlant:
         self._exchange.run(self._off, {})
 
     def _await_turn(self, wanted: Wanted) -> None:
-        """Until there are other outputs than these, or these become too old (B5)."""
+        """Wait for newer outputs, or until these are too old (B5)."""
         watched = self._exchange.drives
         while (left := wanted.time + self._patience - self._clock()) >= 0.0 or not watched:
             if self._turn.wait(left + LEAST_WAIT if watched else None):

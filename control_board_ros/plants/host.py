@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process that holds a plant; ``apart`` starts it, and asks.
+"""The process that holds a plant; ``apart`` starts it, and sends requests.
 
-It answers each request on a socket. When none comes for the silence that it was
-given while the plant has power, or the other end is gone, it lets the plant go (B5).
+It answers each request on a socket. After ``silence`` seconds without one while the plant has
+power, or when the other end is gone, it lets go of the plant (B5).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .outputs import as_drives
 class Watchdog:
     """A DrivePlant around another one.
 
-    After :meth:`strike` no set-point acts until all are without power: the sender is aware of it.
+    After :meth:`strike` no set-point acts until all are OFF, which shows that the sender knows.
     Until then each joint that was driven reports a fault.
     """
 
@@ -75,21 +75,19 @@ class Watchdog:
         self._plant.close()
 
 
-#: A request: the method of the plant, and its arguments.
-Request = tuple[str, tuple[Any, ...]]
-#: An answer: the class of the error, and its text; or no class, and what the method returned.
+#: Class and text of an error; or no class, and the return value of the method.
 Answer = tuple[str, Any]
 
 
 def main(descriptor: int) -> None:
-    """Hold a plant until the other end is gone; what ends the board's process does not end it."""
+    """Hold a plant until the other end is gone; signals that end the board do not end it."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     connection: Connection[Any, Any] = Connection(descriptor)
     name, joints, arguments, silence = connection.recv()
     try:
         plant = Watchdog(as_drives(make(name, joints, arguments)))
-    except Exception as error:  # noqa: BLE001 - third-party code; told to who asked
+    except Exception as error:  # noqa: BLE001 - third-party code; reported to the board
         connection.send((type(error).__name__, str(error)))
         return
     connection.send(("", None))
@@ -100,9 +98,9 @@ def serve(connection: Connection[Any, Any], plant: Watchdog, silence: float) -> 
     """Answer until the other end is gone; then the joints are without power.
 
     Args:
-        connection: to who asks.
-        plant: that is asked.
-        silence: after which it loses its power, s.
+        connection: To the board.
+        plant: Its plant.
+        silence: Time without a request after which the motors lose their power, s.
     """
     try:
         while True:
@@ -117,8 +115,8 @@ def serve(connection: Connection[Any, Any], plant: Watchdog, silence: float) -> 
 
 
 def answer(plant: Watchdog, name: str, arguments: tuple[Any, ...]) -> Answer:
-    """What a method of the plant returns, or what it raises."""
+    """The return value of a method of the plant, or its error."""
     try:
         return "", getattr(plant, name)(*arguments)
-    except Exception as error:  # noqa: BLE001 - third-party code; told to who asked
+    except Exception as error:  # noqa: BLE001 - third-party code; reported to the board
         return type(error).__name__, str(error)

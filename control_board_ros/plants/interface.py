@@ -5,7 +5,7 @@ A :class:`DrivePlant` has drives that close loops of their own: it accepts set-p
 :class:`RobotPlant` has motors that accept PWM only.
 
 All methods but ``describe`` are called from one thread, one after the other, and may block and
-raise: the board goes on without them, and puts the joints into HW_FAULT with the reason.
+raise: the board continues without them, with the joints in HW_FAULT for that reason.
 Units at the joint: rad, rad/s, N·m, A, °C, percent of PWM; m, m/s, N for prismatic joints.
 """
 
@@ -98,7 +98,7 @@ class Description:
     Attributes:
         joints: In the order of every array of the plant.
         clock: Who determines when the next exchange is due.
-        rate: The most exchanges per second, Hz; None: whatever the board asks.
+        rate: The most exchanges per second, Hz; None: no limit.
     """
 
     joints: tuple[JointDescription, ...]
@@ -108,7 +108,7 @@ class Description:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """What the board asks of a plant from ``connect`` on.
+    """How the board uses a plant from ``connect`` on.
 
     Attributes:
         period: From one exchange to the next, s.
@@ -199,8 +199,8 @@ class DrivePlant(Protocol):
         ...
 
     def let_go(self) -> None:
-        """No more commands come: each motor does its ``on_silence``, as far as
-        the hardware still listens.
+        """No more commands follow: each motor does its ``on_silence``, as far as the hardware
+        still responds.
         """
         ...
 

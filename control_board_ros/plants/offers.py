@@ -22,12 +22,12 @@ STEP = 1e-2
 
 
 def within(settings: Settings, name: str, description: Description) -> Settings:
-    """Settings that ask no more of a plant than it has.
+    """Settings within what a plant has.
 
     Args:
         settings: Of the board.
         name: Of the plant, for messages.
-        description: What it has.
+        description: Of the plant.
 
     Raises:
         PlantSettingsError: it lacks a joint of the board, or its rate.
@@ -80,7 +80,7 @@ def cut(board: BoardConfig, has: dict[str, JointDescription]) -> BoardConfig:
     """A board without what its joints lack.
 
     Raises:
-        ConfigError: a joint would have to start in a mode that it has not.
+        ConfigError: a joint lacks its startup mode, set-point or ``on_silence``.
     """
     return replace(board, joints=tuple(_cut(joint, has[joint.name]) for joint in board.joints))
 

@@ -195,7 +195,7 @@ def attempt(check: Callable[[], str]) -> tuple[bool, str]:
     """Whether a check passes, and its text in one line."""
     try:
         return True, check()
-    except Exception as error:  # noqa: BLE001 - whatever is wrong is what is looked for
+    except Exception as error:  # noqa: BLE001 - reported as the result
         text = " ".join(str(error).split()) or "no reason given"
         return False, f"{type(error).__name__}: {text}"[:500]
 

@@ -44,7 +44,7 @@ def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"ids": "1"}, "ids=1: 2 are wanted"),
+        ({"ids": "1"}, "ids=1: 2 are required"),
         ({"ids": "3,3"}, "elbow.id=3: shoulder has it"),
         ({"elbow__ratio": "0"}, "elbow.ratio=0: a number above 0"),
         ({"elbow__direction": "2"}, "elbow.direction=2: 1 or -1"),

@@ -569,8 +569,8 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
     [
         ({"model": "rs02"}, "left: no MIT frame sets the watchdog .* canTimeout .* unwatched=1"),
         ({"right.model": "rs99"}, "right.model=rs99: unknown; known: damiao, rs00, .*"),
-        ({"model": "rs02", "unwatched": "1", "scales": "1/2"}, "left.scales=1/2: .* is wanted"),
-        ({"ids": "1,16"}, "right.id=16: 1 to 15 is wanted"),
+        ({"model": "rs02", "unwatched": "1", "scales": "1/2"}, "left.scales=1/2: .* is required"),
+        ({"ids": "1,16"}, "right.id=16: 1 to 15 is required"),
     ],
 )
 def test_mit_motors_that_cannot_be_are_refused(options: dict[str, str], told: str) -> None:
@@ -606,7 +606,7 @@ def test_an_odrive_of_another_firmware_needs_its_own_table_of_parameters(tmp_pat
     for other, given, told in (
         (version._replace(firmware="0.6.8"), "", "of firmware 0.6.8 .* endpoints=FILE"),
         (version._replace(firmware="0.6.8"), str(file), "is of firmware 0.6.11 .* has 0.6.8"),
-        (version, str(tmp_path), "flat_endpoints.json of the drives' firmware is wanted"),
+        (version, str(tmp_path), "flat_endpoints.json of the drives' firmware is required"),
     ):
         with pytest.raises(PlantSettingsError, match=told):
             f.endpoints(other, given)

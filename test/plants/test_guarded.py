@@ -125,8 +125,8 @@ def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench:
 @pytest.mark.parametrize(
     ("answer", "told"),
     [
-        (42, "what was read is int; Readings are wanted"),
-        (Readings(position=np.zeros(3)), r"position has shape (3,); (2,) is wanted"),
+        (42, "a reading is int; Readings is required"),
+        (Readings(position=np.zeros(3)), r"position has shape (3,); (2,) is required"),
         (Readings(position=None), "position is None"),
         (Readings(position=np.zeros(2), torque=["a", 1]), "torque is ['a', 1]; 2 numbers"),
         (Readings(position=np.zeros(2), faults=["x"]), "faults has 1 entries; 2 or none"),

@@ -162,7 +162,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "its limits and rates make sense": (
         lambda: Servos(limits=DriveLimits(lower=1.0, upper=-1.0)),
         "left: limits.lower 1.0 is not below limits.upper -1.0"),
-    "it reads numbers of all joints": (Partial, "position has shape (1,); (2,) is wanted"),
+    "it reads numbers of all joints": (Partial, "position has shape (1,); (2,) is required"),
     "it has the sensors that it describes": (
         lambda: Servos(current_sensor=True), "current_sensor is described for left, right, and "),
     "it applies nothing without power": (

@@ -283,11 +283,11 @@ def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
     with CanLine(bus) as line:
         for drive in ids:
             line.send(o.SDO_REQUEST | drive, struct.pack("<BHBI", 0x40, o.DEVICE_TYPE, 0, 0))
-        heard = {m.arbitration_id & 0x7F: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
+        answers = {m.arbitration_id & 0x7F: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
                  if m.arbitration_id & 0x780 == o.SDO_ANSWER}  # fmt: skip
         return [
             found_of(Sdo(line, drive), drive)
-            for drive, data in sorted(heard.items())
+            for drive, data in sorted(answers.items())
             if len(data) == 8 and data[4] | data[5] << 8 == o.PROFILE
         ]
 

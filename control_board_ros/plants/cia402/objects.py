@@ -3,7 +3,7 @@
 
 RPDO1  control word, mode, target torque, torque offset    TPDO1  status word, position, torque
 RPDO2  target position, target velocity                    TPDO2  velocity, error code
-                                                           TPDO3  position of the motor, if asked
+                                                           TPDO3  position of the motor, optional
 
 All of them are synchronous, type 1: a drive acts on each SYNC, and answers to it.
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The SDO client of the canopen library on a line of ours, without a thread of its own.
 
-While the library waits for an answer, the line is read: so nothing else changes hands meanwhile.
+While the library waits for an answer, the line is read in the same thread.
 """
 
 from __future__ import annotations
@@ -153,5 +153,5 @@ def uploads(line: CanLine, drive: int, index: int, attempts: int) -> list[int]:
             return None
         return data[4:] if data[0] >> 5 == 2 else None
 
-    told = line.answers(o.SDO_REQUEST | drive, b"\x40" + place + bytes(4), pick, attempts)
-    return [int.from_bytes(data, "little") for data in told]
+    found = line.answers(o.SDO_REQUEST | drive, b"\x40" + place + bytes(4), pick, attempts)
+    return [int.from_bytes(data, "little") for data in found]

@@ -33,7 +33,7 @@ class Mode(IntEnum):
 
 
 class Command(Enum):
-    """What a control word asks for: the mask and value of its bits."""
+    """The request of a control word: mask and value of its bits."""
 
     DISABLE_VOLTAGE = (0x02, 0x00)
     QUICK_STOP = (0x06, 0x02)
@@ -84,7 +84,7 @@ def state_of(status: int) -> State:
 
 
 def command_of(control: int) -> Command:
-    """What a control word asks for."""
+    """The request of a control word."""
     for command in Command:
         mask, value = command.value
         if control & mask == value:

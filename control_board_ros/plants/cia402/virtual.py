@@ -100,7 +100,7 @@ def _variable(
 
 
 class Wires(canopen.Network):  # type: ignore[misc, unused-ignore]
-    """What a node sends, until it is fetched."""
+    """Frames of a node, until they are fetched."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -197,7 +197,7 @@ class VirtualCia402:
             pdo.callbacks[:] = [self._fresh.append]
 
     def _on_sync(self) -> None:
-        """Received PDOs act, and the others are sent with what was so before."""
+        """Received PDOs act; those sent hold the values from before."""
         live = [p for p in self.node.tpdo.map.values() if p.enabled and p.trans_type == 1]
         for pdo in live:
             for item in pdo.map:

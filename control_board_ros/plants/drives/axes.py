@@ -127,7 +127,7 @@ class Options:
             each: The same, of one joint.
 
         Raises:
-            PlantSettingsError: an option is unknown or no such value; two joints have one id.
+            PlantSettingsError: an option is unknown or invalid, or two joints have one id.
         """
         whole, each = dict(whole or {}), dict(each or {})
         per_joint: dict[str, str | float] = {"id": 0.0, "direction": 1.0, "ratio": 1.0}
@@ -139,7 +139,7 @@ class Options:
             ids = arguments["ids"].replace(",", " ").split()
             if len(ids) != len(joints):
                 raise PlantSettingsError(
-                    f"ids={arguments['ids']}: {len(joints)} are wanted, one for each joint"
+                    f"ids={arguments['ids']}: {len(joints)} are required, one for each joint"
                 )
             for name, text in zip(joints, ids, strict=True):
                 found[name]["id"] = _value("ids", text, 0.0)
@@ -170,16 +170,16 @@ class Options:
 def _axis(name: str, found: Mapping[str, str | float], each: Mapping[str, str | float]) -> Axis:
     number, direction, ratio = (float(found[key]) for key in ("id", "direction", "ratio"))
     if number != int(number) or number < 0:
-        raise PlantSettingsError(f"{name}.id={number:g}: a whole number from 0 is wanted")
+        raise PlantSettingsError(f"{name}.id={number:g}: a whole number from 0 is required")
     if direction not in (1.0, -1.0):
-        raise PlantSettingsError(f"{name}.direction={direction:g}: 1 or -1 is wanted")
+        raise PlantSettingsError(f"{name}.direction={direction:g}: 1 or -1 is required")
     if ratio <= 0.0:
         raise PlantSettingsError(
-            f"{name}.ratio={ratio:g}: a number above 0 is wanted; direction=-1 turns it round"
+            f"{name}.ratio={ratio:g}: a number above 0 is required; direction=-1 turns it round"
         )
     if (turns := float(found["motor_turns"])) < 0.0:
         raise PlantSettingsError(
-            f"{name}.motor_turns={turns:g}: a number from 0 is wanted; 0: not measured"
+            f"{name}.motor_turns={turns:g}: a number from 0 is required; 0: not measured"
         )
     return Axis(
         name=name,
@@ -200,5 +200,5 @@ def _value(key: str, text: str, default: str | float) -> str | float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise PlantSettingsError(f"{key}={text}: a number is wanted")
+        raise PlantSettingsError(f"{key}={text}: a number is required")
     return value

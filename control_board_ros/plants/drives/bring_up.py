@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bring-up of drives: each joint is moved by a little, and what turned is compared with the file.
+"""Bring-up of drives: each joint moves by 2°, and its true motion corrects its options.
 
 A drive reads its own shaft: the user observes whether the joint turns the same way and as far.
 """
@@ -26,7 +26,7 @@ from .axes import Axis
 MOVE, SHARE, HOLD = math.radians(2.0), 0.1, 0.3
 #: The first of these that a drive accepts moves it.
 KINDS = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
-#: Of a move, that may be missing from what is read, or of a ratio, that is no correction.
+#: Relative error of a move that counts as followed, and of a ratio that needs no correction.
 TOLERANCE = 0.1
 
 
@@ -35,13 +35,13 @@ class Moved:
     """The commanded motion of a joint and the one that its drive read, rad."""
 
     joint: str
-    asked: float
+    commanded: float
     read: float
 
     @property
     def follows(self) -> bool:
         """Whether the drive followed the command."""
-        return abs(self.read - self.asked) <= TOLERANCE * abs(self.asked)
+        return abs(self.read - self.commanded) <= TOLERANCE * abs(self.commanded)
 
 
 class Trial:
@@ -112,14 +112,14 @@ class Trial:
             found = self._plant.exchange(SetPoints(kinds, values, (kinds > 0).astype(np.float64)))
             if any(found.faults):
                 faults = zip(self.joints, found.faults, strict=True)
-                told = "; ".join(f"{config.name}: {fault}" for config, fault in faults if fault)
-                raise PlantSettingsError(f"while {self.joints[joint].name} moved: {told}")
+                named = "; ".join(f"{config.name}: {fault}" for config, fault in faults if fault)
+                raise PlantSettingsError(f"while {self.joints[joint].name} moved: {named}")
             self._pause(self._period)
         return found
 
 
 def corrections(axis: Axis, moved: Moved, turned: float) -> dict[str, str]:
-    """Options of an axis that the joint's true motion asks for.
+    """Options of an axis that the joint's true motion corrects.
 
     Args:
         axis: As it is configured.

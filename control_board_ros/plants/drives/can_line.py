@@ -11,13 +11,13 @@ from typing import Any, Self
 
 from ..errors import PlantSettingsError
 
-#: Frames that an exchange reads at most for each that it waits for: a flood does not hold it up.
+#: Most frames that an exchange reads for each that it waits for: a flood does not block it.
 FLOOD = 8
 #: s to wait for the first answer of a drive, and number of attempts.
 PATIENCE, ATTEMPTS = 0.05, 5
 #: The largest id of 11 bits.
 SHORT = 0x7FF
-#: Flag of a frame's id, as socketcan has it: a remote frame, which asks for that of its id.
+#: Flag of a frame's id, as socketcan has it: a remote frame, which requests that of its id.
 REMOTE = 0x40000000
 #: Bit of an error frame, as socketcan numbers them: the interface left the bus.
 BUS_OFF = 0x40
@@ -68,7 +68,7 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
 class CanLine:
     """A bus of python-can, open within ``with`` or from ``open`` to ``close``.
 
-    What it cannot do is an OSError with one line for people.
+    A failure is an OSError of one line.
 
     Args:
         text: Interface and channel, as ``socketcan:can0``, ``virtual:bench``.
@@ -164,12 +164,12 @@ class CanLine:
         """Read frames until every drive answered or the time is up.
 
         Args:
-            take: Reads a frame; returns whose answer it is, or None.
-            missing: Whose answers are awaited.
-            seconds: For which to wait.
+            take: Reads a frame; returns the drive whose answer it is, or None.
+            missing: Drives whose answers are awaited.
+            seconds: Timeout.
 
         Returns:
-            Who has not answered.
+            The drives that have not answered.
         """
         left = set(missing)
         end, frames = time.monotonic() + seconds, FLOOD * (len(left) + 1)
@@ -183,7 +183,7 @@ class CanLine:
         return left
 
     def drain(self, take: Callable[[Any], int | None]) -> None:
-        """Read what came meanwhile: late answers."""
+        """Read pending frames, which are late answers."""
         for _ in range(64):
             if (message := self._receive(0.0)) is None:
                 return
@@ -191,7 +191,7 @@ class CanLine:
                 take(message)
 
     def collect(self, seconds: float) -> list[Any]:
-        """All frames of a time: the answers to a scan, and whether two answer as one."""
+        """All frames that arrive within a time, s."""
         found = []
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
@@ -208,31 +208,31 @@ class CanLine:
         Args:
             frame_id: Of the question.
             data: Of the question.
-            pick: What a frame answers, or None where it is no answer to this.
+            pick: Returns the data of an answer, or None for other frames.
             attempts: Number of requests until there is one, each with twice the timeout.
         """
-        heard: list[bytes] = []
+        found: list[bytes] = []
         several = False
         for attempt in range(attempts):
             self.drain(lambda _: None)
             self.send(frame_id, data)
             frames = self.collect(PATIENCE / 5 * 2**attempt)
-            heard = [picked for m in frames if (picked := pick(m)) is not None]
-            if len(heard) == 1 or (heard and several):
-                return heard
-            several = bool(heard)  # or one of them is late, of the question before
-        return heard
+            found = [picked for m in frames if (picked := pick(m)) is not None]
+            if len(found) == 1 or (found and several):
+                return found
+            several = bool(found)  # or one of them is late, of the question before
+        return found
 
     def ask(self, frame_id: int, data: bytes, pick: Callable[[Any], bytes | None]) -> bytes | None:
-        """The first answer to a question, which is repeated with more patience each time.
+        """The first answer to a question, which is repeated with twice the timeout each time.
 
         Args:
             frame_id: Of the question.
             data: Of the question.
-            pick: What a frame answers, or None where it is no answer to this.
+            pick: Returns the data of an answer, or None for other frames.
 
         Returns:
-            What ``pick`` gave, or None where nothing answers.
+            The data, or None without an answer.
         """
         found: list[bytes] = []
 
@@ -267,5 +267,5 @@ class CanLine:
 
 
 def budget(period: float) -> float:
-    """S of a control period that an exchange may wait for answers."""
+    """Time of a control period for which an exchange may wait for answers, s."""
     return 0.6 * period

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes the plant of a driver in the box: its options, checked, and its class."""
+"""Makes the plant of a driver in the box from its options."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def maker(
     whole: Mapping[str, str | float] | None = None,
     each: Mapping[str, str | float] | None = None,
 ) -> Make:
-    """What a driver's module offers as ``make``.
+    """The ``make`` of a driver's module.
 
     Args:
         driver: Its class.
@@ -36,13 +36,13 @@ def maker(
         """The plant of this driver.
 
         Raises:
-            PlantSettingsError: an argument is unknown or makes no sense.
+            PlantSettingsError: an argument is unknown or invalid.
         """
         options = Options.parse(names, arguments, bus=bus, whole=whole, each=each)
         for axis in options.axes:
             if axis.id not in ids:
                 raise PlantSettingsError(
-                    f"{axis.name}.id={axis.id}: {ids[0]} to {ids[-1]} is wanted"
+                    f"{axis.name}.id={axis.id}: {ids[0]} to {ids[-1]} is required"
                 )
         return DrivesPlant(options.axes, driver(options))
 
@@ -50,10 +50,10 @@ def maker(
 
 
 def only(answers: Sequence[Answer], axis: Axis, bus: str, driver: str) -> Answer:
-    """The one answer of a drive that is looked for at the start.
+    """The one answer to the search for a drive.
 
     Raises:
-        ConnectionError: there is none, or two drives answer as one.
+        ConnectionError: no drive answers, or two with one id.
     """
     if len(answers) == 1:
         return answers[0]

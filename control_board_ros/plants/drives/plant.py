@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drives of one bus as a plant: what every driver in the box has in common.
 
-A driver talks to drives, in their own order and with values at their outputs (:class:`Driver`);
-this gives it directions, ratios and offsets, keeps the last answer of each, and names the silent.
+A driver addresses drives by their places, with values at their outputs (:class:`Driver`); the
+plant converts directions, ratios and offsets, keeps the last answer of each, reports silent drives
+and sets up again those that restarted.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from .axes import Axes, Axis
 from .can_line import ATTEMPTS
 from .faults import RESTARTED
 
-#: Surplus answers that mean two drives with one id; an exchange without forgives some.
+#: Surplus answers that mean two drives with one id, less some for each exchange without.
 CLASHES, FORGIVEN = 3.0, 0.3
-#: Questions whose answers may still be on their way; more than one exchange reads at most.
+#: Most answers that may be pending, above what one exchange reads.
 LATEST = 100
 NONE = DriveLimits()
 #: Set-points of an exchange by the place of their drive, with values at its output, shape
-#: (VALUES,), see core.set_points.Value; a drive that is missing here receives nothing.
+#: (VALUES,), see core.terms.measurement.Value; a drive without one receives nothing.
 Wanted = Mapping[int, tuple[SetPoint, Sequence[float]]]
 
 
@@ -62,9 +63,9 @@ class Answers:
         motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
             there is none.
         faults: Of each drive, or None.
-        restarted: Which drives lost their set-up: they get no power until they are set up again.
-        times: When each answered last, s; -inf: never.
-        heard: The raw answers of each in this exchange.
+        restarted: Drives that lost their set-up: they get no power until they are set up again.
+        times: Of the last answer of each, s; -inf: none.
+        raw: Distinct answers of each in this exchange, as received.
         missed, foreign, malformed: Counts: exchanges that a drive did not answer in time, frames
             of unknown drives, invalid frames.
     """
@@ -78,7 +79,7 @@ class Answers:
         self.faults: list[DriveFault | None] = [None] * count
         self.restarted = [False] * count
         self.times = np.full(count, -math.inf)
-        self.heard: list[dict[bytes, None]] = [{} for _ in range(count)]
+        self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
         self.missed = self.foreign = self.malformed = 0
 
     def place(self, drive: int) -> int | None:
@@ -90,7 +91,7 @@ class Answers:
     def came(self, drive: int, data: bytes) -> None:
         """Note an answer of a drive, whose values are stored."""
         self.times[drive] = self._clock()
-        self.heard[drive][bytes(data)] = None
+        self.raw[drive][bytes(data)] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,16 +182,16 @@ class DrivesPlant:
         self._found: list[Found | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
         self._clashes, self._owed, self._last = self._no_clashes()
-        #: Since when each drive owes an answer, s: a loop that pauses is owed none.
+        #: Start of the overdue answer of each drive, s; a loop that pauses expects none.
         self._asked = np.full(len(axes), math.inf)
 
     def _no_clashes(self) -> tuple[list[float], list[int], list[bytes]]:
-        """Counts of answers too many, answers that are owed, last answers."""
+        """Counts of surplus answers, counts of pending answers, last answers."""
         n = len(self.axes)
         return [0.0] * n, [0] * n, [b""] * n
 
     def time_by(self, clock: Callable[[], float]) -> None:
-        """Take the time of answers from another clock, s; for tests, before ``connect``."""
+        """Use another clock for the times of answers, s; for tests, before ``connect``."""
         self._clock = clock
 
     def describe(self) -> Description:
@@ -232,11 +233,11 @@ class DrivesPlant:
         self.exchange(self._off)
 
     def exchange(self, wanted: SetPoints) -> Readings:
-        """Set-points down, readings up; a drive that is silent has its last reading again."""
+        """Send set-points and read; a silent drive keeps its last reading."""
         axes, answers, traits = self._axes, self.answers, self.driver.traits
         begin, sent = self._clock(), self._at_drives(wanted)
-        for heard in answers.heard:
-            heard.clear()
+        for raw in answers.raw:
+            raw.clear()
         self.driver.exchange(sent)
         self._notice_clashes(sent)
         late = answers.times < begin
@@ -250,7 +251,7 @@ class DrivesPlant:
         if late.any():
             now = self._clock()
             self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
-            owed = np.where(late, now - self._asked, 0.0)  # a loop that did not ask is no silence
+            owed = np.where(late, now - self._asked, 0.0)  # a loop that pauses is no silence
             answers.missed += int(np.count_nonzero(late))
             for k in np.flatnonzero(owed > self._timeout).tolist():
                 faults[k] = silent(self.axes[k], now - answers.times[k])
@@ -287,18 +288,18 @@ class DrivesPlant:
         return dict(enumerate(zip(map(SetPoint, kinds.tolist()), values, strict=True)))
 
     def _notice_clashes(self, sent: Wanted) -> None:
-        """More answers than questions, that differ from each other, are those of two drives."""
-        for k, heard in enumerate(self.answers.heard):
-            repeated = len(heard) == 1 and self._last[k] in heard  # it may be a late copy
+        """Detect two drives with one id: more answers than questions, which differ."""
+        for k, raw in enumerate(self.answers.raw):
+            repeated = len(raw) == 1 and self._last[k] in raw  # it may be a late copy
             owed = min(LATEST, self._owed[k] + (k in sent))
-            owed -= 0 if repeated else len(heard)
+            owed -= 0 if repeated else len(raw)
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0
             elif 0.0 < self._clashes[k] < CLASHES:
                 self._clashes[k] -= FORGIVEN
-            if heard:
-                self._last[k] = next(reversed(heard))
+            if raw:
+                self._last[k] = next(reversed(raw))
 
     def clear_fault(self, joint: int) -> None:
         """Reset the fault of a drive; one that restarted is set up again, once it answers."""

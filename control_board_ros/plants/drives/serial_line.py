@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A serial bus as drivers use it, for makers' libraries that poll a port until a time is up.
+"""A serial bus as drivers use it, for makers' libraries that poll a port until a timeout.
 
-Those of ROBOTIS and of Feetech share the methods of their ``PortHandler``; this one of ours waits
-for bytes instead of asking in a circle, and has a time limit in the size of a control period.
+Those of ROBOTIS and of Feetech share the methods of their ``PortHandler``; the port here waits for
+bytes in place of polling, with timeouts below a control period.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
 
     Raises:
         OSError: it cannot be opened.
-        PlantSettingsError: the baud rate is none that it has.
+        PlantSettingsError: the library does not support the baud rate.
     """
 
     class Port(base):  # type: ignore[misc]
@@ -95,7 +95,7 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
     port.ser, port.end = None, 0.0
     try:
         if not port.setBaudRate(baudrate):
-            raise PlantSettingsError(f"baudrate={baudrate}: none of the library's; e.g. 1000000")
+            raise PlantSettingsError(f"baudrate={baudrate}: unknown to the library; e.g. 1000000")
     except OSError as error:
         raise OSError(f"bus {device}: {error}; use the serial device, as /dev/ttyUSB0") from None
     return port
@@ -170,7 +170,7 @@ class ServoBus:
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
 
     def put(self, drive: int, item: Item, value: int) -> None:
-        """Write an item, and see that it was accepted.
+        """Write an item, and check that it was accepted.
 
         Raises:
             ConnectionError: the servo does not answer, or refuses the value.
@@ -194,7 +194,7 @@ class ServoBus:
             self.protocol.syncWriteTxOnly(self.port, *item, data, len(data))
 
     def drain(self, take: Take) -> None:
-        """Take what else came: too late, or of a second servo with the id of one that answered."""
+        """Read pending answers: late ones, and those of a second servo with the same id."""
         self.port.setPacketTimeoutMillis(0.0)
         while self.port.getBytesAvailable() >= self._library.head + self._library.tail:
             packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
@@ -256,10 +256,10 @@ class ServoBus:
         return packet[place], bytes(packet[head : len(packet) - tail])
 
     def _settle(self, attempt: int) -> None:
-        """Before a question is repeated: what comes late to the last one is no answer to this.
+        """Wait for late answers before a question is repeated, and drop them.
 
-        No packet says which question it answers, so that a late one would be taken for that of
-        the next, and a limit for a model.
+        Packets do not name their question: a late one would be read as the answer to the next,
+        a limit as a model.
         """
         if attempt:
             time.sleep(PATIENCE)

@@ -2,7 +2,8 @@
 """Dynamixel X servos over protocol 2: one sync write and one sync read for a whole bus.
 
 A kind of set-point is an operating mode, which such a servo changes without torque only: in one
-exchange torque off, mode, goal, torque on. Positions go without velocity and feed-forward.
+exchange torque off, mode, goal, torque on. Positions have no velocity and no
+feed-forward.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ class DynamixelDrives:
         if self._position_mode not in (3, 4, 5):
             raise PlantSettingsError(
                 f"position_mode={self._position_mode}: 3 (one turn), 4 (several turns) "
-                "or 5 (several turns, bounded current) is wanted"
+                "or 5 (several turns, bounded current) is required"
             )
-        takes = (SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.CURRENT, SetPoint.PWM)
+        kinds = (SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.CURRENT, SetPoint.PWM)
         self.traits = Traits(
-            set_points=tuple(k for k in takes if self._senses or k is not SetPoint.CURRENT),
+            set_points=tuple(k for k in kinds if self._senses or k is not SetPoint.CURRENT),
             on_silence=(OnSilence.BRAKED, OnSilence.FREE),
             resolution=t.COUNT,
             current=self._senses,

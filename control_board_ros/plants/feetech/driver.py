@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feetech STS servos by their maker's library: one sync write and one sync read for a whole bus.
 
-They have no watchdog: a servo without commands follows the last one. Of a position
-that is to be held; velocities and PWM are offered with ``unwatched=1`` only. A kind of set-point
-is an operating mode, changed without torque, and not stored. Positions go without velocity and
+They have no watchdog: a servo without commands follows its last one. For a position that is
+holding it; velocities and PWM are offered with ``unwatched=1`` only. A kind of set-point is an
+operating mode, changed without torque, and not stored. Positions have no velocity and no
 feed-forward.
 """
 

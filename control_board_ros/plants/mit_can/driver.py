@@ -24,7 +24,7 @@ from . import frames as f
 from . import robstride as r
 
 IDS = range(1, 128)
-#: Of Damiao's, whose answers hold four bits of an id.
+#: Ids of Damiao motors, whose answers hold four bits.
 SHORT_IDS = range(1, 16)
 
 
@@ -63,7 +63,7 @@ class MitDrives:
         if axis.own["model"] == f.DAMIAO:
             if axis.id not in SHORT_IDS:
                 raise PlantSettingsError(
-                    f"{axis.name}.id={axis.id}: 1 to 15 is wanted: answers hold four bits of it"
+                    f"{axis.name}.id={axis.id}: 1 to 15 is required: answers hold four bits of it"
                 )
             return f.Ranges(12.5, 30.0, 10.0)
         found = r.ranges(axis)
@@ -114,7 +114,7 @@ class MitDrives:
         """Positions are followed by k and d of the board's own gains: they must fit the frame.
 
         Raises:
-            PlantSettingsError: they do not; with the ratios that hold them.
+            PlantSettingsError: they do not fit; with a ratio with which they do.
         """
         needed = {}
         for n, (joint, ranges) in enumerate(zip(self._setup.joints, self._ranges, strict=True)):

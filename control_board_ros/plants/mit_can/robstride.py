@@ -4,8 +4,8 @@
 Answer    id · q 16 bit · q̇ 12 · τ 12 · temperature 16, 0.1 °C; from the master's id
 Faults    on request: id · 32 bits, lowest byte first · zeros
 
-An answer holds no state, and no frame of this protocol sets the watchdog: a motor that its
-watchdog or a restart took the power from is noticed by the torque that it does not give.
+An answer holds no state, and no frame of this protocol sets the watchdog: a motor that lost its
+power by its watchdog or a restart is detected by its missing torque.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ FAULTS = {
     1 << 14: "stall overload",
     1 << 16: "over-current of phase A",
 }
-#: Share of its range from which a commanded torque counts; share of that which is none;
-#: answers until it is reported.
+#: Share of its range from which a commanded torque counts; share of it that is no torque;
+#: answers until the loss is reported.
 ASKED, GIVEN, PATIENT = 0.02, 0.1, 20
 POWERLESS = DriveFault(0, "no torque, though it is on: its watchdog acted, or it restarted")
 
@@ -55,7 +55,7 @@ def ranges(axis: Axis) -> f.Ranges:
     """The ranges of a motor: of its model, or of its option ``scales``.
 
     Raises:
-        PlantSettingsError: the model is unknown, or the scales are none.
+        PlantSettingsError: the model is unknown, or the scales are invalid.
     """
     model, scales = str(axis.own["model"]), str(axis.own["scales"])
     if model not in MODELS:
@@ -69,7 +69,7 @@ def ranges(axis: Axis) -> f.Ranges:
         found = f.Ranges(0.0, 0.0, 0.0)
     if not all(value > 0.0 for value in found):
         raise PlantSettingsError(
-            f"{axis.name}.scales={scales}: rad/(rad/s)/(N·m)/(N·m/rad)/(N·m·s/rad) is wanted, "
+            f"{axis.name}.scales={scales}: rad/(rad/s)/(N·m)/(N·m/rad)/(N·m·s/rad) is required, "
             "as 12.57/44/17/500/5"
         )
     return found

@@ -79,8 +79,9 @@ class VirtualMit:
                 kind = "<I" if number in d.WHOLE else "<f"
                 self.registers[number] = struct.unpack(kind, data[4:])[0]
             value = self.registers[number]
-            told = struct.pack("<I", int(value)) if number in d.WHOLE else struct.pack("<f", value)
-            yield master, data[:4] + told
+            whole = number in d.WHOLE
+            content = struct.pack("<I", int(value)) if whole else struct.pack("<f", value)
+            yield master, data[:4] + content
         elif frame_id == self.id:
             self._quiet = 0.0
             self._obey(data)

@@ -41,9 +41,9 @@ class MoteusDrives:
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
-        takes = (*WATCHED, *UNWATCHED) if options.own["unwatched"] else WATCHED
+        kinds = (*WATCHED, *UNWATCHED) if options.own["unwatched"] else WATCHED
         self.traits = Traits(
-            set_points=takes,
+            set_points=kinds,
             on_silence=tuple(ON_SILENCE),
             rate=15e3,
             resolution=f.REV / 2**14,
@@ -154,7 +154,7 @@ class MoteusDrives:
             return None
         try:
             mode, q, dq, torque, amps, volts, fault = f.reading(bytes(message.data))
-        except Exception:  # noqa: BLE001 - whatever is wrong with a frame, it is none
+        except Exception:  # noqa: BLE001 - an invalid frame, whatever the reason
             answers.malformed += 1
             return None
         if not math.isfinite(q + dq + torque + amps + volts):
@@ -189,28 +189,29 @@ def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]
     def pick(message: Any) -> bytes | None:
         return bytes(message.data) if message.arbitration_id == drive << 8 else None
 
-    told = line.answers(0x8000 | drive, f.padded(query), pick, attempts)
-    return list(_found(drive, list(dict.fromkeys(told))))
+    found = line.answers(0x8000 | drive, f.padded(query), pick, attempts)
+    return list(_found(drive, list(dict.fromkeys(found))))
 
 
 def _found(drive: int, answers: list[bytes]) -> Iterator[Found]:
     from moteus.protocol import Register, parse_reply
 
     for data in answers:
-        told = parse_reply(data)
-        version = int(told.get(Register.FIRMWARE_VERSION, 0))
-        registers = int(told.get(Register.REGISTER_MAP_VERSION, 0))
+        values = parse_reply(data)
+        version = int(values.get(Register.FIRMWARE_VERSION, 0))
+        registers = int(values.get(Register.REGISTER_MAP_VERSION, 0))
         if registers != f.REGISTER_MAP:
             raise PlantSettingsError(
                 f"id {drive}: its register map is {registers}; {f.REGISTER_MAP} is supported; "
                 "flash a firmware that has it with moteus_tool"
             )
-        model, fault = int(told.get(Register.MODEL_NUMBER, -1)), int(told.get(Register.FAULT, 0))
+        model = int(values.get(Register.MODEL_NUMBER, -1))
+        fault = int(values.get(Register.FAULT, 0))
         yield Found(
             id=drive,
             type=f"moteus model {model}" if model > 0 else "moteus",
             firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
-            voltage=float(told.get(Register.VOLTAGE, math.nan)),
+            voltage=float(values.get(Register.VOLTAGE, math.nan)),
             fault=coded(fault, f.FAULTS) if fault else None,
         )
 
@@ -227,7 +228,7 @@ def ask(line: CanLine, drive: int, words: str) -> str:
     who = moteus.Controller(id=drive)
     line.drain(lambda _: None)
     line.send(drive, f.padded(who.make_diagnostic_write(words.encode() + b"\n").data))
-    told = b""
+    text = b""
     for _ in range(20 * ATTEMPTS):
         line.send(0x8000 | drive, f.padded(who.make_diagnostic_read().data))
         came: list[bytes] = []
@@ -239,9 +240,9 @@ def ask(line: CanLine, drive: int, words: str) -> str:
             return drive
 
         line.gather(take, [drive], PATIENCE / 5)
-        told += b"".join(came)
-        if b"\n" in told:
-            answer = told.decode("latin1").splitlines()[0].strip()
+        text += b"".join(came)
+        if b"\n" in text:
+            answer = text.decode("latin1").splitlines()[0].strip()
             if answer.startswith("ERR"):
                 raise ValueError(f"id {drive}: {words!r}: {answer}; is its firmware too old?")
             return answer
@@ -259,8 +260,8 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
         )
         for drive in ids:
             line.send(0x8000 | drive, f.padded(query))
-        heard = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
-        return [found for drive in sorted(heard) for found in identify(line, drive)]
+        drives = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
+        return [found for drive in sorted(drives) for found in identify(line, drive)]
 
 
 make = maker(MoteusDrives, bus="socketcan:can0", ids=range(1, 128), whole={"unwatched": 0.0})

@@ -99,17 +99,17 @@ class VirtualMoteus:
         try:
             found = v.read(data)
             for line in found.said:
-                self._hear(line)
+                self._read_line(line)
             if v.R_MODE in found.writes:
                 self._order(int(found.writes[v.R_MODE]), found.writes)
-            told = v.answer(found.reads, self._registers()) if found.reads else b""
+            reply = v.answer(found.reads, self._registers()) if found.reads else b""
             for channel, most in found.wanted:
                 piece, self._stream = self._stream[:most], self._stream[most:]
-                told += bytes([0x41, channel, len(piece)]) + piece
+                reply += bytes([0x41, channel, len(piece)]) + piece
         except Exception:  # noqa: BLE001 - no frame of its protocol: it does nothing
             return
-        if frame_id & 0x8000 and 0 < len(told) <= 64:
-            yield self.id << 8 | frame_id >> 8 & 0x7F, f.padded(told)
+        if frame_id & 0x8000 and 0 < len(reply) <= 64:
+            yield self.id << 8 | frame_id >> 8 & 0x7F, f.padded(reply)
 
     def _order(self, mode: int, writes: Mapping[int, float]) -> None:
         if mode == f.STOPPED:
@@ -161,7 +161,7 @@ class VirtualMoteus:
             v.R_MULTIPLEX_ID: self.id,
         }
 
-    def _hear(self, data: bytes) -> None:
+    def _read_line(self, data: bytes) -> None:
         """A line of the diagnostic protocol."""
         words = data.decode("latin1").split()
         answer = "ERR unknown command"

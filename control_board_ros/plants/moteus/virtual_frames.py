@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames of a virtual moteus: what a controller reads in one, and how it writes its answer.
 
-The maker's library reads frames and writes numbers. What comes again and again is kept as it did
-so: questions, and numbers of few values. The floats of its usual command are at fixed places.
+The maker's library reads frames and writes numbers. Repeated questions and numbers of few values
+are cached. The floats of its usual command are at fixed places.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ F32, FLOAT = int(mp.F32), struct.Struct("<f")
 
 
 class Read(NamedTuple):
-    """A frame: what it writes, by register; registers that it asks for, with their resolutions;
-    its diagnostic stream, and how much (bytes) it requests of it, by channel.
+    """A frame: values that it writes, by register; registers that it requests, with their
+    resolutions; its diagnostic stream, and bytes of it that it requests, by channel.
     """
 
     writes: Mapping[int, float]
@@ -84,7 +84,7 @@ def read(data: bytes) -> Read:
     """Read a frame.
 
     Raises:
-        Exception: it is none of the protocol.
+        Exception: the frame is not of the protocol.
     """
     if len(data) > POSITIONS.size:
         first, q, dq, torque, kp, kd, most, second, timeout, third, integral = (

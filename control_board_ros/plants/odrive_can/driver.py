@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """ODrive controllers by CAN Simple, firmware 0.6: one set-point down, remote frames for answers.
 
-An exchange asks each drive for its position and velocity, and in turn for its state with errors,
-and for its torque. A kind of set-point is a control mode; with it come its first values.
+An exchange requests position and velocity of each drive, and in turn its state with errors, and
+its torque. A kind of set-point is a control mode; with it come its first values.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ class OdriveDrives:
         return float(struct.unpack_from(endpoint.form, data)[0])
 
     def _put(self, k: int, name: str, value: float) -> None:
-        """Write a parameter, and see that it is so: a write has no answer."""
+        """Write a parameter and read it back: a write has no answer."""
         line, drive = self._line, self._axes[k].id
         for _ in range(ATTEMPTS):
             line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], value))
@@ -233,10 +233,10 @@ def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
     with CanLine(bus) as line:
         for drive in ids:
             line.send(frame(drive, f.VERSION) | REMOTE, b"")
-        heard = {m.arbitration_id >> 5: f.Version.parse(bytes(m.data))
+        versions = {m.arbitration_id >> 5: f.Version.parse(bytes(m.data))
                  for m in line.collect(2.0 * PATIENCE)
                  if m.arbitration_id & 0x1F == f.VERSION and len(m.data) == 8}  # fmt: skip
-        return [found_of(line, drive, version) for drive, version in sorted(heard.items())]
+        return [found_of(line, drive, version) for drive, version in sorted(versions.items())]
 
 
 make = maker(

@@ -123,7 +123,7 @@ def endpoints(version: Version, file: str) -> Mapping[str, Endpoint]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise PlantSettingsError(
             f"endpoints={file}: {type(error).__name__}: {error}; the flat_endpoints.json of "
-            "the drives' firmware is wanted"
+            "the drives' firmware is required"
         ) from None
     if of != (version.firmware, version.hardware):
         raise PlantSettingsError(

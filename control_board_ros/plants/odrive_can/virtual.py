@@ -73,19 +73,19 @@ class VirtualOdrive:
             return
         if self._since >= BEAT:
             self._since = 0.0
-            yield self.id << 5 | f.BEAT, self._told(f.BEAT)
+            yield self.id << 5 | f.BEAT, self._answer(f.BEAT)
         remote, command = bool(frame_id & REMOTE), frame_id & 0x1F
         if (frame_id & 0x7FF) >> 5 != self.id:
             return
         if remote:
             if command in (f.VERSION, f.BEAT, f.ERROR, f.ESTIMATES, f.SUPPLY, f.TORQUES):
-                yield self.id << 5 | command, self._told(command)
+                yield self.id << 5 | command, self._answer(command)
         elif command == f.RX_SDO and len(data) >= 4:
             yield from self._parameter(data)
         else:
             self._obey(command, data)
 
-    def _told(self, command: int) -> bytes:
+    def _answer(self, command: int) -> bytes:
         if command == f.VERSION:
             return bytes([f.PROTOCOL, *HARDWARE, *FIRMWARE, 0])
         if command == f.BEAT:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Virtual drives in a process of their own: ``python -m control_board_ros.plants.virtual moteus``.
 
-A board in another process drives them over the bus, and may be stopped or killed: they go on, as
+A board in another process drives them over the bus. They continue when it is stopped or killed, as
 real drives do. Each change of a joint's torque is a line: the time (s, monotonic), the joint, and
 ``torque`` or ``free``.
 """
@@ -23,12 +23,12 @@ from ..entry_points import DRIVERS, pairs
 from ..errors import PlantSettingsError
 from .plant import FarEnd
 
-#: s from one look at the drives to the next.
+#: Period of reading the torques, s.
 LOOK = 2e-3
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve until SIGINT or SIGTERM; 0, 1 (it cannot be had), 2 (usage)."""
+    """Serve until SIGINT or SIGTERM; 0, 1 (failure), 2 (usage)."""
     parser = argparse.ArgumentParser(prog="python -m control_board_ros.plants.virtual")
     parser.add_argument("driver", choices=DRIVERS)
     parser.add_argument(

@@ -13,7 +13,7 @@ from ..drives.can_line import BUS_OFF, REMOTE, SHORT, frame, open_bus
 from .wire import Wire
 from .world import World
 
-#: s for which the bus may be quiet until the world goes on all the same.
+#: s of silence on the bus after which the world is stepped anyway.
 QUIET = 5e-3
 _numbers = itertools.count(1)
 
@@ -30,14 +30,14 @@ class VirtualCanBus:
     """Drives that answer on a bus until it is closed.
 
     Args:
-        world: What they move.
-        drives: Its drives, and others that nothing hangs on.
+        world: That they move.
+        drives: Its drives, and others that move nothing.
         address: Interface and channel; empty: a new channel of this process.
         fd: With CAN FD frames.
 
     Attributes:
-        address: As a driver is given it.
-        to_drives, from_drives: What happens to frames on their way.
+        address: For the option ``bus`` of a driver.
+        to_drives, from_drives: Faults of the wire, by direction.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class VirtualCanBus:
         self._thread.start()
 
     def close(self) -> None:
-        """The drives are gone; safe to call twice."""
+        """End the drives; safe to call twice."""
         self._ending.set()
         self._thread.join(2.0)
         with contextlib.suppress(Exception):

@@ -56,7 +56,7 @@ def make_virtual(name: str, settings: Settings, arguments: Sequence[str]) -> Dri
 
 
 class FarEnd:
-    """Virtual drives on a bus, and the body that they turn: all that is beyond the cable.
+    """Virtual drives on a bus, and the body that they turn: everything beyond the cable.
 
     Args:
         driver: Its folder's name, as ``moteus``.
@@ -92,13 +92,13 @@ class FarEnd:
         self.bus = virtual.virtual_bus(self.world, self.drives, *([address] if address else []))
 
     def close(self) -> None:
-        """Nothing is at the other end any more; safe to call twice."""
+        """End drives and body; safe to call twice."""
         self.bus.close()
         self.world.body.close()
 
 
 def friction(board: BoardConfig, simulation: SimulationConfig) -> Array:
-    """Friction as a World has it, steep, and stable for what each joint moves at least."""
+    """Friction of a World, as steep as is stable with the smallest inertia of each joint."""
     motors = [joint.motor for joint in simulation.joints]
     dry = np.array([motor.coulomb for motor in motors])
     slip = np.maximum(SLIP_SPEED, 2.0 * STEP * dry / smoothing_inertia(board, simulation))

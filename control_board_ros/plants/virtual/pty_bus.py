@@ -22,13 +22,13 @@ class VirtualSerialBus:
     """Drives that answer on a pseudo terminal until it is closed.
 
     Args:
-        world: What they move.
-        drives: Its drives, and others that nothing hangs on; ``on_packet`` gives their answers.
+        world: That they move.
+        drives: Its drives, and others that move nothing; ``on_packet`` gives their answers.
         framer: Of their protocol.
 
     Attributes:
         address: The device that a driver opens.
-        to_drives, from_drives: What happens to packets on their way.
+        to_drives, from_drives: Faults of the wire, by direction.
     """
 
     def __init__(self, world: World, drives: Sequence[Any], framer: Framer) -> None:
@@ -42,7 +42,7 @@ class VirtualSerialBus:
         self._thread.start()
 
     def close(self) -> None:
-        """The drives are gone; safe to call twice."""
+        """End the drives; safe to call twice."""
         if self._ending.is_set():
             return
         self._ending.set()

@@ -43,11 +43,11 @@ class Framer:
         self._bytes = b""
 
     def drop(self) -> None:
-        """The line was quiet: what is left of a packet is none, as a servo decides by time."""
+        """Discard a partial packet after a quiet line, as a servo does by time."""
         self._bytes = b""
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """The packets that are whole now."""
+        """The packets that these bytes complete."""
         self._bytes += data
         while (start := self._bytes.find(self._header)) >= 0:
             found = self._bytes[start:]
@@ -101,7 +101,7 @@ class ServoMotor:
         self.position = self.velocity = 0.0
 
     def fit(self, joint: JointConfig, ratio: float) -> None:
-        """Have the motor and the gains of a joint."""
+        """Use the motor and the gains of a joint."""
         motor, gains = joint.motor, joint.position_pid
         self.constant = motor.torque_per_ampere / ratio
         self.resistance, self.supply = motor.resistance, motor.supply_voltage

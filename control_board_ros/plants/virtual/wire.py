@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens to frames on a wire: they are lost, late, doubled, corrupted; a cable is out."""
+"""Faults of a wire: frames lost, late, doubled or corrupted, a cable unplugged."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class Wire:
 
     Attributes:
         lost, late, doubled, corrupted: Shares. A late frame comes after the next one.
-        checked: Its hardware drops what is corrupted, as that of CAN does by its checksum.
-        cut: The cable is out.
-        seed: Of the chances.
+        checked: The hardware drops corrupted frames, as CAN does by its checksum.
+        cut: The cable is unplugged.
+        seed: Of the random numbers.
     """
 
     lost: float = 0.0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What virtual drives move: a body, stepped in real time by its readers.
+"""The body that virtual drives move, stepped in real time by its readers.
 
-Nobody needs a thread for it: before a frame is read, :meth:`World.advance` makes up for the time
-that went by, drives and body, a step of STEP after the other.
+It needs no thread: before a frame is read, :meth:`World.advance` steps drives and body up to the
+present, by STEP each.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from ...core.terms.measurement import Array
 from ..drives.axes import Axis
 
 STEP = 1e-3
-#: s that a world makes up for at most, and s of real time that it takes for it, before it lets its
-#: drives answer: where the machine is too slow, its time is slower than the real one.
+#: Most simulated time, s, and most real time, s, of one ``advance``: on a slow machine the world
+#: is slower than real time.
 LARGEST_GAP, LONGEST = 0.02, 2e-3
 
 
@@ -73,7 +73,7 @@ class FreeBody:
         return True
 
     def restore(self, state: Array) -> None:
-        """Take over positions and velocities, shape (2, n)."""
+        """Set positions and velocities, shape (2, n)."""
         self._state[:] = state
 
     def close(self) -> None:
@@ -84,18 +84,18 @@ class World:
     """Joints, and the drives that move them.
 
     Args:
-        axes: How each drive is mounted in truth.
+        axes: True mounting of each drive.
         drives: In the same order; may be set later.
         body: What they move; its step is STEP.
-        friction: At the joints: dry, N·m, the speed at which that is nearly whole, rad/s, and
-            viscous, N·m·s/rad; shape (3, n).
+        friction: At the joints: dry, N·m, its smoothing speed, rad/s, and viscous, N·m·s/rad;
+            shape (3, n).
         home: Positions at start, rad, shape (n,).
         clock: s; for tests.
 
     Attributes:
         state: Position and velocity of the joints, shape (2, n).
-        time: Up to which they are stepped, s.
-        longest: Time limit of ``advance``, s of real time.
+        time: Of the last step, s.
+        longest: Limit of ``advance``, s of real time.
         lock: Held by readers of drives or joints.
     """
 
@@ -123,7 +123,7 @@ class World:
         self.time = clock()
 
     def advance(self) -> None:
-        """Let pass what passed since the last call."""
+        """Step up to the present."""
         now = self.clock()
         if now - self.time > LARGEST_GAP:
             self.time = now - LARGEST_GAP

@@ -9,7 +9,7 @@ In pytest, one case per check::
 
 As a function, ``check(lambda: MyPlant("can0"))`` gives the findings; the command ``python -m
 control_board_ros.testing.plant_contract my_plant --joints left,right port=can0`` prints them, and
-what the plant has not. Each check creates and closes its own plant. On real motors
+what the plant lacks. Each check creates and closes its own plant. On real motors
 support the arm: joints get power with set-points of rest, and torques of 0.
 """
 

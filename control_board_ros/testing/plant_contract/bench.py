@@ -28,7 +28,7 @@ from ...plants.outputs import as_drives
 
 Make = Callable[[], RobotPlant | DrivePlant]
 
-#: s without set-points permitted for a drive.
+#: Silence that is permitted, s.
 TIMEOUT = 0.1
 #: Attempts to connect, and s from one to the next.
 ATTEMPTS, RETRY = 5, 0.2

@@ -104,7 +104,7 @@ def it_reads_numbers_of_all_joints(subject: Subject) -> None:
             value = getattr(found, row.name)
             if row.name != "faults" and value is not None:
                 shape = np.shape(value)
-                expect(shape == (n,), f"{row.name} has shape {shape}; ({n},) is wanted")
+                expect(shape == (n,), f"{row.name} has shape {shape}; ({n},) is required")
                 known = ~np.isnan(value) if row.name in OF_MOTORS else np.ones(n, dtype=np.bool_)
                 finite = bool(np.isfinite(np.asarray(value)[known]).all())
                 expect(finite, f"{row.name} is not finite: {value}")
@@ -170,7 +170,7 @@ def _unpowered(plant: DrivePlant, found: Readings) -> None:
     if found.applied is not None:
         n = len(switched)
         shape = np.shape(found.applied)
-        expect(shape == (n,), f"applied has shape {shape}; ({n},) is wanted")
+        expect(shape == (n,), f"applied has shape {shape}; ({n},) is required")
         acting = np.asarray(found.applied)[switched]
         expect(not acting.any(), f"applied is {found.applied} without power")
 
@@ -217,7 +217,7 @@ def it_accepts_repeated_calls(subject: Subject) -> None:
         plant.let_go()
         plant.connect(setup_for(plant))
         shape = np.shape(plant.exchange(off(plant)).position)
-        expect(shape == (n,), f"connected twice, position has shape {shape}; ({n},) is wanted")
+        expect(shape == (n,), f"connected twice, position has shape {shape}; ({n},) is required")
 
 
 def it_names_the_fault_of_a_drive(subject: Subject) -> None:
@@ -276,7 +276,7 @@ def it_opens_again_after_a_close_with_power(subject: Subject) -> None:
 
 
 def lacks(found: Description) -> list[str]:
-    """What a plant has not, and what the board does without it, one line each."""
+    """What a plant lacks, and what the board does without it, one line each."""
     lines = []
     for has, text in (
         (lambda j: j.torque_sensor or j.torque_estimate,

@@ -15,7 +15,7 @@ from ...plants.interface import Description, DrivePlant, Readings, Setup
 from .bench import TIMEOUT, Subject, UnseenError, at_rest, board_for, expect, off
 from .checks import cleared
 
-#: s, a guard against what never comes; and s from one look to the next.
+#: Timeout, s, and period of a loop, s.
 PATIENCE, LOOK = 60.0, 2e-3
 
 
@@ -64,7 +64,7 @@ class Noted:
 class Loop:
     """A control loop on a guarded plant, a cycle at a time.
 
-    Attributes: time (of the guard, s: it passes where a check lets it, on a busy machine, too).
+    Attributes: time (of the guard, s: only checks let it pass, whatever the load of the machine).
     """
 
     def __init__(self, noted: Noted, timeout: float) -> None:
@@ -87,7 +87,7 @@ class Loop:
         what: str,
         step: float = 0.0,
     ) -> None:
-        """Go on until the alarms are so; with a step, s, the time of the guard passes."""
+        """Run cycles until the alarms are so; the time of the guard passes by ``step`` each, s."""
         for _ in range(round(PATIENCE / LOOK)):
             self.time += step
             if good(alarms := self.cycle(wanted)):
@@ -95,11 +95,11 @@ class Loop:
         expect(False, f"{what}; {_words(alarms) or 'no alarm'}")
 
     def without_alarm(self, wanted: Actuation, what: str) -> None:
-        """Go on until no joint has an alarm."""
+        """Run cycles until no joint has an alarm."""
         self.until(lambda alarms: not alarms, wanted, what)
 
     def drive(self, wanted: Actuation) -> None:
-        """Go on until the plant was given power."""
+        """Run cycles until the plant was given power."""
         self.until(lambda _: self._noted.driven.is_set(), wanted, "it never gets power")
 
 
@@ -142,7 +142,7 @@ def it_is_let_go_when_the_board_falls_silent(subject: Subject) -> None:
 
 
 def a_board_detects_that_it_hangs(subject: Subject) -> None:
-    """B3: a fault within plant_timeout; it goes on once it answers again."""
+    """B3: a fault within plant_timeout; it recovers once it answers again."""
     with looped(subject, TIMEOUT) as (noted, loop, _, idle):
         noted.gate.clear()
         loop.until(bool, idle, "it hangs, and no joint has an alarm", step=LOOK)
@@ -151,13 +151,13 @@ def a_board_detects_that_it_hangs(subject: Subject) -> None:
 
 
 def it_comes_back_after_an_error(subject: Subject) -> None:
-    """B3: an exchange that fails under power; it is connected anew, without power."""
+    """B3: an exchange that fails under power; it is connected again, without power."""
     with looped(subject, PATIENCE) as (noted, loop, held, idle):
         loop.drive(held)
         noted.trouble = OSError("the cable is out")
         loop.until(lambda alarms: "the cable is out" in _words(alarms), held, "no error is shown")
         loop.without_alarm(idle, "after an error and connect() it does not answer")
-        expect(noted.connections > 1, "after an error it is not connected anew")
+        expect(noted.connections > 1, "after an error it is not connected again")
 
 
 def its_drives_have_a_watchdog(subject: Subject) -> None:
