@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
@@ -32,6 +32,19 @@ GOALS = {
 }
 #: Answers without torque, until that counts as a fault of a servo that should have it.
 UNPOWERED = 5
+
+
+@dataclass(slots=True)
+class Servo:
+    """One servo since it was set up.
+
+    Attributes: model, kind (as requested), without (answers in a row without torque, while it
+        should have it).
+    """
+
+    model: t.Model = t.MODELS[1020]
+    kind: SetPoint = SetPoint.OFF
+    without: int = 0
 
 
 class DynamixelDrives:
@@ -56,10 +69,7 @@ class DynamixelDrives:
             voltage=True,
         )
         self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
-        n = len(self._axes)
-        self._models: list[t.Model] = [t.MODELS[1020]] * n
-        self._kinds = [SetPoint.OFF] * n
-        self._without = [0] * n
+        self._servos = [Servo() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
         """Open the port; see ``drives.plant.Driver``."""
@@ -82,7 +92,7 @@ class DynamixelDrives:
             raise PlantSettingsError(
                 f"{name}: {model.name} has no current control; add current=0 to plant_arguments"
             )
-        self._models[k], self._kinds[k], self._without[k] = model, SetPoint.OFF, 0
+        self._servos[k] = Servo(model)
         bus.put(drive, t.TORQUE, 0)
         bus.put(drive, t.WATCHDOG, 0)
         place = t.INDIRECT
@@ -103,7 +113,7 @@ class DynamixelDrives:
     def exchange(self, wanted: Wanted) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
         kinds = {k: kind for k, (kind, _) in wanted.items()}
-        changed = {k: kind for k, kind in kinds.items() if kind is not self._kinds[k]}
+        changed = {k: kind for k, kind in kinds.items() if kind is not self._servos[k].kind}
         if changed:
             self._sync(t.TORQUE, dict.fromkeys(changed, 0))
             on = {k: kind for k, kind in changed.items() if kind is not SetPoint.OFF}
@@ -111,7 +121,7 @@ class DynamixelDrives:
             self._goals(on, wanted)
             self._sync(t.TORQUE, dict.fromkeys(on, 1))
             for k, kind in changed.items():
-                self._kinds[k], self._without[k] = kind, 0
+                self._servos[k].kind, self._servos[k].without = kind, 0
         self._goals(kinds, wanted)
         self._read(wanted)
 
@@ -142,7 +152,7 @@ class DynamixelDrives:
         if kind is SetPoint.PWM:
             return round(value[Value.PWM] / 100.0 * t.FULL_PWM)
         if kind is SetPoint.CURRENT:
-            return round(value[Value.CURRENT] / self._models[k].ampere)
+            return round(value[Value.CURRENT] / self._servos[k].model.ampere)
         if kind is SetPoint.VELOCITY:
             return round(value[Value.VELOCITY] / t.SPEED)
         return round(value[Value.POSITION] / t.COUNT) + t.CENTRE
@@ -161,8 +171,8 @@ class DynamixelDrives:
     def _read(self, drives: Collection[int]) -> None:
         """What is read of each, by the place of its indirect data."""
         self._bus.drain(self._take)
-        for place in {self._models[k].data for k in drives}:
-            ids = sorted(self._axes[k].id for k in drives if self._models[k].data == place)
+        for place in {self._servos[k].model.data for k in drives}:
+            ids = sorted(self._axes[k].id for k in drives if self._servos[k].model.data == place)
             item = Item(place, t.READ_LENGTH)
             self._bus.read(item, ids, self._take, self._answers, self._wait)
 
@@ -179,7 +189,7 @@ class DynamixelDrives:
                 current, velocity, position, volts, degrees = found[3:]
                 answers.position[k] = angle(position)
                 answers.velocity[k] = velocity * t.SPEED
-                answers.current[k] = current * self._models[k].ampere
+                answers.current[k] = current * self._servos[k].model.ampere
                 answers.voltage[k], answers.temperature[k] = volts * t.VOLT, degrees
             answers.came(k, data)
 
@@ -190,8 +200,9 @@ class DynamixelDrives:
             self._answers.restarted[k] = True
         if watchdog == t.TRIPPED:
             return WATCHDOG
-        self._without[k] = 0 if torque or not self._kinds[k] else self._without[k] + 1
-        if self._without[k] >= UNPOWERED:
+        servo = self._servos[k]
+        servo.without = 0 if torque or not servo.kind else servo.without + 1
+        if servo.without >= UNPOWERED:
             return DriveFault(0, "no torque, although enabled")
         return None
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
@@ -28,6 +29,20 @@ IDS = range(1, 128)
 SHORT_IDS = range(1, 16)
 
 
+@dataclass(slots=True)
+class Motor:
+    """One motor.
+
+    Attributes: ranges (of its frames), faults (of a RobStride; None: a Damiao), powered (whether
+        it is to have power), enabled (whether it reported power since then).
+    """
+
+    ranges: f.Ranges
+    faults: r.Faults | None = None
+    powered: bool = False
+    enabled: bool = False
+
+
 class MitDrives:
     """The motors of one bus; see ``drives.plant.Driver``."""
 
@@ -41,21 +56,14 @@ class MitDrives:
             temperature=True,
         )
         self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
-        n = len(self._axes)
-        self._ranges = [self._check(axis) for axis in self._axes]
-        self._robstride = {
-            k: r.Faults(self._ranges[k])
-            for k, axis in enumerate(self._axes)
-            if axis.own["model"] != f.DAMIAO
-        }
+        self._motors = [self._motor(axis) for axis in self._axes]
         self._turn = 0  # of RobStride's: whose faults are requested
         #: By the id of an answer's frame, and that in its first byte.
         self._places: dict[tuple[int, int], int] = {}
         self._masters: set[int] = set()
-        self._powered, self._enabled = [False] * n, [False] * n
 
-    def _check(self, axis: Axis) -> f.Ranges:
-        """Its ranges, as far as they are known before it answers.
+    def _motor(self, axis: Axis) -> Motor:
+        """A motor, as far as it is known before it answers.
 
         Raises:
             PlantSettingsError: no such model or id, or a watchdog that cannot be set.
@@ -65,14 +73,14 @@ class MitDrives:
                 raise PlantSettingsError(
                     f"{axis.name}.id={axis.id}: 1 to 15 is required: answers hold four bits of it"
                 )
-            return f.Ranges(12.5, 30.0, 10.0)
-        found = r.ranges(axis)
+            return Motor(f.Ranges(12.5, 30.0, 10.0))
+        ranges = r.ranges(axis)
         if not self._options.own["unwatched"]:
             raise PlantSettingsError(
                 f"{axis.name}: no MIT frame sets the watchdog of a RobStride motor; store its "
                 "canTimeout with the maker's tool, then add unwatched=1 to plant_arguments"
             )
-        return found
+        return Motor(ranges, r.Faults(ranges))
 
     def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
@@ -83,25 +91,25 @@ class MitDrives:
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """No power, MIT mode, watchdog; returns what it is."""
-        line, axis = self._line, self._axes[k]
-        find = d.masters if k not in self._robstride else r.faults
+        line, axis, motor = self._line, self._axes[k], self._motors[k]
+        find = d.masters if motor.faults is None else r.faults
         answer = only(find(line, axis.id, attempts), axis, self._options.bus, "mit_can")
-        master = r.MASTER if k in self._robstride else answer
+        master = answer if motor.faults is None else r.MASTER
         self._places[master, axis.id] = k
         self._masters.add(master)
         for data in (f.DISABLE, f.CLEAR):
             line.send(axis.id, data)
-        self._powered[k] = self._enabled[k] = False
-        if k in self._robstride:
-            line.send(axis.id, r.RUN_MIT)
-            self._robstride[k] = r.Faults(self._ranges[k])
-            kind, firmware = f"RobStride {str(axis.own['model']).upper()}", ""
-        else:
+        motor.powered = motor.enabled = False
+        if motor.faults is None:
             d.put(line, axis.id, d.CONTROL_MODE, d.MIT_MODE)
             d.put(line, axis.id, d.TIMEOUT, int(self._setup.timeout / d.TIMEOUT_STEP))
-            self._ranges[k] = f.Ranges(*(d.get(line, axis.id, number) for number in d.RANGES))
+            motor.ranges = f.Ranges(*(d.get(line, axis.id, number) for number in d.RANGES))
             kind, firmware = "Damiao", f"{int(d.get(line, axis.id, d.SOFTWARE))}"
-        ranges = self._ranges[k]
+        else:
+            line.send(axis.id, r.RUN_MIT)
+            motor.faults = r.Faults(motor.ranges)
+            kind, firmware = f"RobStride {str(axis.own['model']).upper()}", ""
+        ranges = motor.ranges
         limits = DriveLimits(
             lower=-ranges.position,
             upper=ranges.position,
@@ -117,16 +125,16 @@ class MitDrives:
             PlantSettingsError: they do not fit; with a ratio with which they do.
         """
         needed = {}
-        for n, (joint, ranges) in enumerate(zip(self._setup.joints, self._ranges, strict=True)):
+        for n, (joint, motor) in enumerate(zip(self._setup.joints, self._motors, strict=True)):
             if joint is not None:
-                gains = joint.position_pid
+                gains, ranges = joint.position_pid, motor.ranges
                 most = max(gains.kp / ranges.stiffest, gains.kd / ranges.most_damped)
                 if (ratio := math.sqrt(most)) > self._axes[n].ratio:
                     needed[ratio] = n, gains
         if needed:
             ratio = max(needed)
             n, gains = needed[ratio]
-            axis, ranges = self._axes[n], self._ranges[n]
+            axis, ranges = self._axes[n], self._motors[n].ranges
             option = "ratio" if len(needed) > 1 else f"{axis.name}.ratio"
             raise PlantSettingsError(
                 f"{axis.name}: position_pid.kp={gains.kp:.4g}, kd={gains.kd:.4g} is not allowed; "
@@ -140,46 +148,30 @@ class MitDrives:
         line = self._line
         line.drain(self._take)
         for k, (kind, value) in wanted.items():
-            drive = self._axes[k].id
-            on = kind is not SetPoint.OFF
-            if k in self._robstride and self._robstride[k].found:
-                on = False
-            if on and not self._powered[k]:
+            drive, motor = self._axes[k].id, self._motors[k]
+            on = kind is not SetPoint.OFF and not (motor.faults and motor.faults.found)
+            if on and not motor.powered:
                 line.send(drive, f.ENABLE)
-            self._powered[k] = on
-            if not on:
-                self._enabled[k] = False
-            line.send(drive, self._command(k, kind, value) if on else f.DISABLE)
-        if asked := [k for k in self._robstride if k in wanted]:
+            motor.powered, motor.enabled = on, motor.enabled and on
+            line.send(drive, command(motor, kind, value) if on else f.DISABLE)
+        if silent := [k for k in wanted if self._motors[k].faults is not None]:
             self._turn += 1
-            line.send(self._axes[asked[self._turn % len(asked)]].id, r.READ_FAULTS)
+            line.send(self._axes[silent[self._turn % len(silent)]].id, r.READ_FAULTS)
         line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, k: int) -> None:
         """Clear faults; see ``drives.plant.Driver``."""
-        robstride = k in self._robstride
-        for data in (f.CLEAR, f.DISABLE, r.RUN_MIT) if robstride else (f.CLEAR,):
-            self._line.send(self._axes[k].id, data)
-        if robstride:
-            self._robstride[k].reset()
-            self._powered[k] = False
+        line, drive, motor = self._line, self._axes[k].id, self._motors[k]
+        line.send(drive, f.CLEAR)
+        if motor.faults is not None:
+            line.send(drive, f.DISABLE)
+            line.send(drive, r.RUN_MIT)
+            motor.faults.reset()
+            motor.powered = False
 
     def close(self) -> None:
         """Power off, and leave the bus."""
         self._line.close((axis.id, f.DISABLE) for axis in self._axes)
-
-    def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
-        springs = kind is SetPoint.IMPEDANCE
-        command = (
-            value[Value.POSITION],
-            value[Value.VELOCITY],
-            value[Value.STIFFNESS] if springs else 0.0,
-            value[Value.DAMPING] if springs else 0.0,
-            value[Value.TORQUE],
-        )
-        if k in self._robstride:
-            self._robstride[k].command = command
-        return f.packed(self._ranges[k], *command)
 
     def _take(self, message: Any) -> int | None:
         answers, data, source = self._answers, bytes(message.data), message.arbitration_id
@@ -192,41 +184,49 @@ class MitDrives:
         if k is None:
             answers.foreign += 1
             return None
-        if k in self._robstride:
-            return self._take_robstride(k, data)
-        if data[2] == d.GET:
+        motor = self._motors[k]
+        faults = motor.faults
+        if faults is not None and (word := r.fault_word(data)) is not None:
+            faults.word = word
+            answers.faults[k] = faults.found
             return None
-        self._move(k, data)
-        answers.temperature[k] = data[7]
-        answers.faults[k] = self._judge(k, data[0] >> 4)
+        if faults is None and data[2] == d.GET:
+            return None
+        motion = f.readings(motor.ranges, data)
+        answers.position[k], answers.velocity[k], answers.torque[k] = motion
+        answers.came(k, data)
+        if faults is None:
+            answers.temperature[k] = data[7]
+            answers.faults[k] = self._judge(k, data[0] >> 4)
+        else:
+            answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
+            if motor.powered:
+                faults.compare(*motion)
+            answers.faults[k] = faults.found
         return k
 
-    def _take_robstride(self, k: int, data: bytes) -> int | None:
-        faults = self._robstride[k]
-        if (word := r.fault_word(data)) is None:
-            motion = self._move(k, data)
-            self._answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
-            if self._powered[k]:
-                faults.compare(*motion)
-        else:
-            faults.word = word
-        self._answers.faults[k] = faults.found
-        return k if word is None else None
-
-    def _move(self, k: int, data: bytes) -> tuple[float, float, float]:
-        """Store the motion of an answer; rad, rad/s, N·m."""
-        answers = self._answers
-        found = f.readings(self._ranges[k], data)
-        answers.position[k], answers.velocity[k], answers.torque[k] = found
-        answers.came(k, data)
-        return found
-
     def _judge(self, k: int, state: int) -> DriveFault | None:
+        motor = self._motors[k]
         if state == d.ENABLED:
-            self._enabled[k] = self._powered[k]
-        elif state == d.DISABLED and self._powered[k] and self._enabled[k]:
+            motor.enabled = motor.powered
+        elif state == d.DISABLED and motor.powered and motor.enabled:
             self._answers.restarted[k] = True
         return None if state in (d.DISABLED, d.ENABLED) else coded(state, d.FAULTS)
+
+
+def command(motor: Motor, kind: SetPoint, value: Sequence[float]) -> bytes:
+    """The frame of a set-point."""
+    springs = kind is SetPoint.IMPEDANCE
+    values = (
+        value[Value.POSITION],
+        value[Value.VELOCITY],
+        value[Value.STIFFNESS] if springs else 0.0,
+        value[Value.DAMPING] if springs else 0.0,
+        value[Value.TORQUE],
+    )
+    if motor.faults is not None:
+        motor.faults.command = values
+    return f.packed(motor.ranges, *values)
 
 
 def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:

@@ -36,6 +36,31 @@ UNWATCHED = (SetPoint.CURRENT, SetPoint.PWM)
 ON_SILENCE = {OnSilence.FREE: 0, OnSilence.DAMPED: 15, OnSilence.BRAKED: 10}
 
 
+class Drive:
+    """One drive.
+
+    Args:
+        drive: Its id.
+
+    Attributes:
+        controller: Of the library.
+        template: Of its position command.
+        kp, kd: Gains that are configured in it.
+        torque: Its largest, N·m; NaN: as configured in it.
+        running: Whether it reported a running mode since its last stop.
+    """
+
+    def __init__(self, drive: int) -> None:
+        import moteus
+
+        resolution = moteus.QueryResolution()
+        resolution.q_current = moteus.F32
+        self.controller = moteus.Controller(id=drive, query_resolution=resolution)
+        self.template = f.template(self.controller)
+        self.kp = self.kd = 1.0
+        self.torque, self.running = math.nan, False
+
+
 class MoteusDrives:
     """The controllers of one bus; see ``drives.plant.Driver``."""
 
@@ -52,29 +77,19 @@ class MoteusDrives:
             voltage=True,
         )
         self._line = CanLine(options.bus, fd=True)
-        n = len(self._axes)
-        self._kp, self._kd, self._most = [1.0] * n, [1.0] * n, [math.nan] * n
-        self._running = [False] * n
 
     def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
-        import moteus
-
         self._line.open()
-        self._setup, self._answers = setup, answers
-        self._wait = budget(setup.period)
-        resolution = moteus.QueryResolution()
-        resolution.q_current = moteus.F32
-        self._drives = [
-            moteus.Controller(id=axis.id, query_resolution=resolution) for axis in self._axes
-        ]
-        self._templates = [f.template(drive) for drive in self._drives]
+        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
+        self._drives = [Drive(axis.id) for axis in self._axes]
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
         line, axis, joint = self._line, self._axes[k], self._setup.joints[k]
         found = only(identify(line, axis.id, attempts), axis, self._options.bus, "moteus")
-        line.send(axis.id, f.padded(self._drives[k].make_stop().data))
+        drive = self._drives[k]
+        line.send(axis.id, f.padded(drive.controller.make_stop().data))
         silence = OnSilence.FREE if joint is None else joint.on_silence
         ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
         ask(line, axis.id, f"conf set servo.default_timeout_s {self._setup.timeout:.4f}")
@@ -82,11 +97,10 @@ class MoteusDrives:
         def number(name: str) -> float:
             return float(ask(line, axis.id, f"conf get {name}"))
 
-        self._kp[k] = number("servo.pid_position.kp")
-        self._kd[k] = number("servo.pid_position.kd")
+        drive.kp, drive.kd = (number(f"servo.pid_position.{gain}") for gain in ("kp", "kd"))
         if joint is not None:  # S4: the smaller acts
-            self._most[k] = joint.limits.torque / axis.ratio
-        self._running[k] = False
+            drive.torque = joint.limits.torque / axis.ratio
+        drive.running = False
         lower, upper = (number(f"servopos.position_{end}") for end in ("min", "max"))
         limits = DriveLimits(
             lower=lower * f.REV if math.isfinite(lower) else None,
@@ -106,7 +120,7 @@ class MoteusDrives:
 
     def clear_fault(self, k: int) -> None:
         """A stop clears it."""
-        self._line.send(self._axes[k].id, f.padded(self._drives[k].make_stop().data))
+        self._line.send(self._axes[k].id, f.padded(self._drives[k].controller.make_stop().data))
 
     def close(self) -> None:
         """Stop all drives, and leave the bus."""
@@ -114,22 +128,24 @@ class MoteusDrives:
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         drive = self._drives[k]
+        controller = drive.controller
         if kind is SetPoint.OFF:
-            self._running[k] = False
-            return bytes(drive.make_stop(query=True).data)
+            drive.running = False
+            return bytes(controller.make_stop(query=True).data)
         if kind is SetPoint.CURRENT:
-            return bytes(drive.make_current(d_A=0.0, q_A=value[Value.CURRENT], query=True).data)
+            amps = value[Value.CURRENT]
+            return bytes(controller.make_current(d_A=0.0, q_A=amps, query=True).data)
         if kind is SetPoint.PWM:
             volts = f.MODULATION * value[Value.PWM] / 100.0 * self._answers.voltage[k]
-            return f.voltage(drive, float(volts))
+            return f.voltage(controller, float(volts))
         kp = kd = 1.0
         if kind is SetPoint.IMPEDANCE:
-            kp = value[Value.STIFFNESS] * f.REV / self._kp[k]
-            kd = value[Value.DAMPING] * f.REV / self._kd[k]
+            kp = value[Value.STIFFNESS] * f.REV / drive.kp
+            kd = value[Value.DAMPING] * f.REV / drive.kd
         elif kind is SetPoint.TORQUE:
             kp = kd = 0.0
         places = kind in (SetPoint.POSITION, SetPoint.IMPEDANCE)
-        begin, at_timeout, at_integral, query = self._templates[k]
+        begin, at_timeout, at_integral, query = drive.template
         packed = f.POSITIONS.pack(
             begin,
             value[Value.POSITION] / f.REV if places else math.nan,
@@ -137,7 +153,7 @@ class MoteusDrives:
             value[Value.TORQUE],
             kp,
             kd,
-            self._most[k],
+            drive.torque,
             at_timeout,
             self._setup.timeout,
             at_integral,
@@ -167,10 +183,11 @@ class MoteusDrives:
         return k
 
     def _judge(self, k: int, mode: int, fault: int) -> DriveFault | None:
+        drive = self._drives[k]
         if mode in f.RUNNING:
-            self._running[k] = True
-        elif mode in f.STARTING and self._running[k]:
-            self._answers.restarted[k], self._running[k] = True, False
+            drive.running = True
+        elif mode in f.STARTING and drive.running:
+            self._answers.restarted[k], drive.running = True, False
         if mode == f.FAULT:
             return coded(fault, f.FAULTS)
         return f.WATCHDOG if mode == f.TIMEOUT else None

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
@@ -36,6 +36,20 @@ IN_TURN = (f.BEAT, f.TORQUES)
 FORMATS = {f.BEAT: "<IBBBB", f.TORQUES: "<ff", f.ESTIMATES: "<ff"}
 
 
+@dataclass(slots=True)
+class Drive:
+    """One drive since it was set up.
+
+    Attributes: parameters (by name; empty without a watchdog), kind (as requested), closed
+        (whether it reported its closed loop since then), awaited (answers of this exchange).
+    """
+
+    parameters: Mapping[str, f.Endpoint] = field(default_factory=dict)
+    kind: SetPoint = SetPoint.OFF
+    closed: bool = False
+    awaited: set[int] = field(default_factory=set)
+
+
 class OdriveDrives:
     """The controllers of one bus; see ``drives.plant.Driver``."""
 
@@ -48,11 +62,8 @@ class OdriveDrives:
             torque=True,
         )
         self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
-        n = len(self._axes)
-        self._parameters: list[Mapping[str, f.Endpoint]] = [{}] * n
-        self._kinds, self._turn = [SetPoint.OFF] * n, 0
-        self._closed = [False] * n
-        self._awaited: list[set[int]] = [set() for _ in self._axes]
+        self._drives = [Drive() for _ in self._axes]
+        self._turn = 0
 
     def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; see ``drives.plant.Driver``."""
@@ -72,14 +83,13 @@ class OdriveDrives:
             )
         line.send(frame(axis.id, f.STATE), struct.pack("<I", f.IDLE))
         line.send(frame(axis.id, f.CLEAR), b"\0")
+        self._drives[k] = drive = Drive()
         if not self._options.own["unwatched"]:
-            file = str(self._options.own["endpoints"])
-            self._parameters[k] = f.endpoints(version, file)
+            drive.parameters = f.endpoints(version, str(self._options.own["endpoints"]))
             self._put(k, f.WATCHDOG_TIMEOUT, self._setup.timeout)
             self._put(k, f.WATCHDOG_ENABLED, True)
-        self._kinds[k], self._closed[k] = SetPoint.OFF, False
         found = found_of(line, axis.id, version)
-        if not self._parameters[k]:
+        if not drive.parameters:
             return found
         speed, current = self._get(k, f.SPEED_LIMIT), self._get(k, f.CURRENT_LIMIT)
         limits = DriveLimits(
@@ -97,17 +107,17 @@ class OdriveDrives:
         for k, (kind, value) in wanted.items():
             self._command(k, kind, value)
             questions = f.ESTIMATES, IN_TURN[self._turn]
-            self._awaited[k] = set(questions)
+            self._drives[k].awaited = set(questions)
             for command in questions:
                 line.send(frame(self._axes[k].id, command) | REMOTE, b"")
         line.gather(self._take, wanted, self._wait)
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
         """The set-point of a drive; power, mode and watchdog where its kind is a new one."""
-        line, drive, before = self._line, self._axes[k].id, self._kinds[k]
+        line, number, drive = self._line, self._axes[k].id, self._drives[k]
         if kind is SetPoint.OFF:
-            self._kinds[k], self._closed[k] = kind, False
-            line.send(frame(drive, f.STATE), struct.pack("<I", f.IDLE))
+            drive.kind, drive.closed = kind, False
+            line.send(frame(number, f.STATE), struct.pack("<I", f.IDLE))
             return
         if kind is SetPoint.POSITION:
             command, data = f.INPUT_POSITION, f.position(
@@ -118,18 +128,18 @@ class OdriveDrives:
             data = struct.pack("<ff", value[Value.VELOCITY] / REV, value[Value.TORQUE])
         else:
             command, data = f.INPUT_TORQUE, struct.pack("<f", value[Value.TORQUE])
-        line.send(frame(drive, command), data)
-        if kind is not before:
-            line.send(frame(drive, f.MODE), f.mode(MODES[kind]))
-            self._kinds[k] = kind
-        if not self._closed[k]:  # until it reports its closed loop
-            for name, number in (
+        line.send(frame(number, command), data)
+        if kind is not drive.kind:
+            line.send(frame(number, f.MODE), f.mode(MODES[kind]))
+            drive.kind = kind
+        if not drive.closed:  # until it reports its closed loop
+            for name, setting in (
                 (f.WATCHDOG_TIMEOUT, self._setup.timeout),
                 (f.WATCHDOG_ENABLED, 1),
             ):
-                if name in self._parameters[k]:
-                    line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], number))
-            line.send(frame(drive, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
+                if name in drive.parameters:
+                    line.send(frame(number, f.RX_SDO), written(drive.parameters[name], setting))
+            line.send(frame(number, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
 
     def clear_fault(self, k: int) -> None:
         """Errors are cleared by a command."""
@@ -159,19 +169,21 @@ class OdriveDrives:
             answers.torque[k] = found[1]
         else:
             answers.faults[k] = self._judge(k, *found[:2])
-        self._awaited[k].discard(command)
-        return None if self._awaited[k] else k
+        awaited = self._drives[k].awaited
+        awaited.discard(command)
+        return None if awaited else k
 
     def _judge(self, k: int, errors: int, state: int) -> DriveFault | None:
+        drive = self._drives[k]
         if state == f.CLOSED_LOOP:
-            self._closed[k] = self._kinds[k] is not SetPoint.OFF
-        elif self._closed[k] and not errors & ~1:  # as after its start, and it was on
+            drive.closed = drive.kind is not SetPoint.OFF
+        elif drive.closed and not errors & ~1:  # as after its start, and it was on
             self._answers.restarted[k] = True
         return flagged(errors, f.ERRORS)
 
     def _get(self, k: int, name: str) -> float:
         """A parameter."""
-        line, drive, endpoint = self._line, self._axes[k].id, self._parameters[k][name]
+        line, drive, endpoint = self._line, self._axes[k].id, self._drives[k].parameters[name]
 
         def pick(message: Any) -> bytes | None:
             data = bytes(message.data)
@@ -188,7 +200,7 @@ class OdriveDrives:
         """Write a parameter and read it back: a write has no answer."""
         line, drive = self._line, self._axes[k].id
         for _ in range(ATTEMPTS):
-            line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], value))
+            line.send(frame(drive, f.RX_SDO), written(self._drives[k].parameters[name], value))
             if abs(self._get(k, name) - value) <= 1e-6:
                 return
         raise PlantSettingsError(f"id {drive} does not accept {value:g} for {name}")
