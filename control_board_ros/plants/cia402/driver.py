@@ -83,7 +83,7 @@ class Drive:
 
 
 class Cia402Drives:
-    """The drives of one bus; see ``drives.plant.Driver``."""
+    """The drives of one bus; see ``drives.driver.Driver``."""
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -102,7 +102,6 @@ class Cia402Drives:
         self._drives = [Drive() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the bus; see ``drives.plant.Driver``."""
         self._line.open()
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
@@ -163,7 +162,6 @@ class Cia402Drives:
         sdo.accepts(o.ERROR_BEHAVIOUR, 1, "<B", 1)
 
     def exchange(self, wanted: Wanted) -> None:
-        """Set-points and answers; see ``drives.plant.Driver``."""
         line = self._line
         line.drain(self._take)
         if wanted:
@@ -223,7 +221,6 @@ class Cia402Drives:
         frame: int = message.arbitration_id
         function, k = frame & 0x780, answers.places.get(frame & 0x7F)
         if k is None:
-            answers.foreign += function in o.ANSWERS
             return None
         if function == o.HEARTBEAT and data[:1] == bytes([o.BOOT_UP]):
             answers.restarted[k], answers.faults[k] = True, None
@@ -240,7 +237,6 @@ class Cia402Drives:
         answers, drive = self._answers, self._drives[k]
         part, form = o.ANSWERS[function]
         if len(data) != struct.calcsize(form):
-            answers.malformed += 1
             return
         found = struct.unpack(form, data)
         if function == o.TPDO1:

@@ -12,7 +12,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -66,8 +66,6 @@ class Answers:
         restarted: Drives that lost their set-up: they get no power until they are set up again.
         times: Of the last answer of each, s; -inf: none.
         raw: Distinct answers of each in this exchange, as received.
-        missed, foreign, malformed: Counts: exchanges that a drive did not answer in time, frames
-            of unknown drives, invalid frames.
     """
 
     def __init__(self, axes: Sequence[Axis], clock: Callable[[], float] = time.monotonic) -> None:
@@ -80,13 +78,6 @@ class Answers:
         self.restarted = [False] * count
         self.times = np.full(count, -math.inf)
         self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
-        self.missed = self.foreign = self.malformed = 0
-
-    def place(self, drive: int) -> int | None:
-        """The place of the drive with this id; None, and counted, where it is none of these."""
-        found = self.places.get(drive)
-        self.foreign += found is None
-        return found
 
     def came(self, drive: int, data: bytes) -> None:
         """Note an answer of a drive, whose values are stored."""
@@ -112,7 +103,6 @@ class Traits:
     voltage: bool = False
     watchdog: bool = True
     motor_encoders: frozenset[int] = frozenset()
-    control: dict[str, float] = field(default_factory=dict)
 
 
 class Driver(Protocol):
@@ -167,7 +157,7 @@ class DrivesPlant:
         axes: One for each joint, in the board's order.
         driver: That talks to the drives, in the same order.
 
-    Attributes: axes, driver; answers (the last of each drive, and the counts); far_end (virtual
+    Attributes: axes, driver; answers (the last of each drive); far_end (virtual
         drives that are closed with it, or None).
     """
 
@@ -252,7 +242,6 @@ class DrivesPlant:
             now = self._clock()
             self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
             owed = np.where(late, now - self._asked, 0.0)  # a loop that pauses is no silence
-            answers.missed += int(np.count_nonzero(late))
             for k in np.flatnonzero(owed > self._timeout).tolist():
                 faults[k] = silent(self.axes[k], now - answers.times[k])
             ages = np.where(late, np.minimum(owed + self._period, self._timeout), 0.0)

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, Self
 from ..errors import PlantSettingsError
 from .axes import Axis
 from .can_line import ATTEMPTS, PATIENCE
-from .plant import Answers
 
 Take = Callable[[int, bytes], None]
 
@@ -202,9 +201,7 @@ class ServoBus:
                 break
             take(*self._parts(packet))
 
-    def read(
-        self, item: Item, drives: Sequence[int], take: Take, answers: Answers, seconds: float
-    ) -> None:
+    def read(self, item: Item, drives: Sequence[int], take: Take, seconds: float) -> None:
         """Read an item of several servos at once, until all answered or the time is up, s."""
         self.port.wait = seconds
         left, more = set(drives), self._library.receive
@@ -216,9 +213,7 @@ class ServoBus:
                 drive, data = self._parts(packet)
                 take(drive, data)
                 left.discard(drive)
-                continue
-            answers.malformed += bool(packet)
-            if self.port.isPacketTimeout():
+            elif self.port.isPacketTimeout():
                 break
         self.port.is_using = False
 

@@ -48,7 +48,7 @@ class Servo:
 
 
 class DynamixelDrives:
-    """The servos of one bus; see ``drives.plant.Driver``."""
+    """The servos of one bus; see ``drives.driver.Driver``."""
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -72,7 +72,6 @@ class DynamixelDrives:
         self._servos = [Servo() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the port; see ``drives.plant.Driver``."""
         self._bus.open()
         self._answers, self._wait = answers, budget(setup.period)
         self._watch = watchdog_steps(setup.timeout)
@@ -111,7 +110,6 @@ class DynamixelDrives:
         return replace(identity(bus, drive), limits=limits)
 
     def exchange(self, wanted: Wanted) -> None:
-        """Set-points and answers; see ``drives.plant.Driver``."""
         kinds = {k: kind for k, (kind, _) in wanted.items()}
         changed = {k: kind for k, kind in kinds.items() if kind is not self._servos[k].kind}
         if changed:
@@ -174,15 +172,12 @@ class DynamixelDrives:
         for place in {self._servos[k].model.data for k in drives}:
             ids = sorted(self._axes[k].id for k in drives if self._servos[k].model.data == place)
             item = Item(place, t.READ_LENGTH)
-            self._bus.read(item, ids, self._take, self._answers, self._wait)
+            self._bus.read(item, ids, self._take, self._wait)
 
     def _take(self, drive: int, data: bytes) -> None:
         answers = self._answers
-        if (k := answers.place(drive)) is None:
-            return
-        if len(data) != t.READ_LENGTH:
-            answers.malformed += 1
-        else:
+        k = answers.places.get(drive)
+        if k is not None and len(data) == t.READ_LENGTH:
             found = struct.unpack(t.READ_FORMAT, data)
             answers.faults[k] = self._judge(k, *found[:3])
             if not answers.restarted[k]:

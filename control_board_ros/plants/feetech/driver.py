@@ -52,7 +52,7 @@ class Servo:
 
 
 class FeetechDrives:
-    """The servos of one bus; see ``drives.plant.Driver``."""
+    """The servos of one bus; see ``drives.driver.Driver``."""
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -69,7 +69,6 @@ class FeetechDrives:
         self._servos = [Servo() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the port; see ``drives.plant.Driver``."""
         self._bus.open()
         self._answers, self._wait = answers, budget(setup.period)
 
@@ -98,7 +97,6 @@ class FeetechDrives:
         return replace(identity(bus, drive), limits=limits)
 
     def exchange(self, wanted: Wanted) -> None:
-        """Set-points and answers; see ``drives.plant.Driver``."""
         bus, servos, ids = self._bus, self._servos, [axis.id for axis in self._axes]
         kinds = {k: kind for k, (kind, _) in wanted.items()}
         powered = {k: kind for k, kind in kinds.items() if kind is not SetPoint.OFF}
@@ -121,7 +119,7 @@ class FeetechDrives:
             servos[k].mode = modes.get(k, servos[k].mode)
         bus.drain(self._take)
         if wanted:
-            bus.read(t.READ, [ids[k] for k in wanted], self._take, self._answers, self._wait)
+            bus.read(t.READ, [ids[k] for k in wanted], self._take, self._wait)
 
     def clear_fault(self, k: int) -> None:
         """Torque off resets a shutdown."""
@@ -133,11 +131,8 @@ class FeetechDrives:
 
     def _take(self, drive: int, data: bytes) -> None:
         answers = self._answers
-        if (k := answers.place(drive)) is None:
-            return
-        if len(data) != t.READ.length:
-            answers.malformed += 1
-        else:
+        k = answers.places.get(drive)
+        if k is not None and len(data) == t.READ.length:
             self._servos[k].torque = bool(part(data, t.TORQUE))
             answers.faults[k] = self._judge(k, part(data, t.STATUS))
             answers.position[k] = angle(part(data, t.POSITION))

@@ -44,7 +44,7 @@ class Motor:
 
 
 class MitDrives:
-    """The motors of one bus; see ``drives.plant.Driver``."""
+    """The motors of one bus; see ``drives.driver.Driver``."""
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -60,7 +60,6 @@ class MitDrives:
         self._turn = 0  # of RobStride's: whose faults are requested
         #: By the id of an answer's frame, and that in its first byte.
         self._places: dict[tuple[int, int], int] = {}
-        self._masters: set[int] = set()
 
     def _motor(self, axis: Axis) -> Motor:
         """A motor, as far as it is known before it answers.
@@ -83,7 +82,6 @@ class MitDrives:
         return Motor(ranges, r.Faults(ranges))
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the bus; see ``drives.plant.Driver``."""
         self._line.open()
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
         self._places.clear()
@@ -96,7 +94,6 @@ class MitDrives:
         answer = only(find(line, axis.id, attempts), axis, self._options.bus, "mit_can")
         master = answer if motor.faults is None else r.MASTER
         self._places[master, axis.id] = k
-        self._masters.add(master)
         for data in (f.DISABLE, f.CLEAR):
             line.send(axis.id, data)
         motor.powered = motor.enabled = False
@@ -144,7 +141,6 @@ class MitDrives:
             )
 
     def exchange(self, wanted: Wanted) -> None:
-        """Set-points and answers; see ``drives.plant.Driver``."""
         line = self._line
         line.drain(self._take)
         for k, (kind, value) in wanted.items():
@@ -160,7 +156,7 @@ class MitDrives:
         line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, k: int) -> None:
-        """Clear faults; see ``drives.plant.Driver``."""
+        """Clear faults; see ``drives.driver.Driver``."""
         line, drive, motor = self._line, self._axes[k].id, self._motors[k]
         line.send(drive, f.CLEAR)
         if motor.faults is not None:
@@ -175,14 +171,10 @@ class MitDrives:
 
     def _take(self, message: Any) -> int | None:
         answers, data, source = self._answers, bytes(message.data), message.arbitration_id
-        if source not in self._masters:
-            return None
         if len(data) != 8:
-            answers.malformed += 1
             return None
         k = self._places.get((source, data[0] if source == r.MASTER else data[0] & 0xF))
         if k is None:
-            answers.foreign += 1
             return None
         motor = self._motors[k]
         faults = motor.faults

@@ -62,7 +62,7 @@ class Drive:
 
 
 class MoteusDrives:
-    """The controllers of one bus; see ``drives.plant.Driver``."""
+    """The controllers of one bus; see ``drives.driver.Driver``."""
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -79,7 +79,6 @@ class MoteusDrives:
         self._line = CanLine(options.bus, fd=True)
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the bus; see ``drives.plant.Driver``."""
         self._line.open()
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
         self._drives = [Drive(axis.id) for axis in self._axes]
@@ -111,7 +110,6 @@ class MoteusDrives:
         return replace(found, limits=limits)
 
     def exchange(self, wanted: Wanted) -> None:
-        """Set-points and answers; see ``drives.plant.Driver``."""
         line = self._line
         line.drain(self._take)
         for k, (kind, value) in wanted.items():
@@ -164,17 +162,14 @@ class MoteusDrives:
     def _take(self, message: Any) -> int | None:
         """Read an answer."""
         answers = self._answers
-        if message.arbitration_id & 0xFF != 0:
-            return None
-        if (k := answers.place(message.arbitration_id >> 8 & 0x7F)) is None:
+        k = answers.places.get(message.arbitration_id >> 8 & 0x7F)
+        if k is None or message.arbitration_id & 0xFF != 0:
             return None
         try:
             mode, q, dq, torque, amps, volts, fault = f.reading(bytes(message.data))
         except Exception:  # noqa: BLE001 - an invalid frame, whatever the reason
-            answers.malformed += 1
             return None
         if not math.isfinite(q + dq + torque + amps + volts):
-            answers.malformed += 1
             return None
         answers.position[k], answers.velocity[k] = q * f.REV, dq * f.REV
         answers.torque[k], answers.current[k], answers.voltage[k] = torque, amps, volts

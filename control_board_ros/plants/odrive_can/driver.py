@@ -51,7 +51,7 @@ class Drive:
 
 
 class OdriveDrives:
-    """The controllers of one bus; see ``drives.plant.Driver``."""
+    """The controllers of one bus; see ``drives.driver.Driver``."""
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -66,7 +66,6 @@ class OdriveDrives:
         self._turn = 0
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the bus; see ``drives.plant.Driver``."""
         self._line.open()
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
@@ -100,7 +99,6 @@ class OdriveDrives:
         return replace(found, limits=limits)
 
     def exchange(self, wanted: Wanted) -> None:
-        """Set-points and answers; see ``drives.plant.Driver``."""
         line = self._line
         line.drain(self._take)
         self._turn = (self._turn + 1) % len(IN_TURN)
@@ -154,13 +152,11 @@ class OdriveDrives:
         answers, data = self._answers, bytes(message.data)
         drive, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
         form = FORMATS.get(command)
-        if message.is_remote_frame or form is None:
+        k = answers.places.get(drive)
+        if message.is_remote_frame or form is None or k is None or len(data) != 8:
             return None
-        if (k := answers.place(drive)) is None:
-            return None
-        found = struct.unpack(form, data) if len(data) == 8 else (math.nan,)
+        found = struct.unpack(form, data)
         if not all(map(math.isfinite, found)):
-            answers.malformed += 1
             return None
         if command == f.ESTIMATES:
             answers.position[k], answers.velocity[k] = found[0] * REV, found[1] * REV
