@@ -7,7 +7,7 @@ import math
 from typing import NamedTuple
 
 from ..drives.axes import Axis
-from ..drives.plant import Found
+from ..drives.driver import Found
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits
 from . import objects as o

@@ -113,7 +113,7 @@ class Wires(canopen.Network):  # type: ignore[misc, unused-ignore]
 
 
 class VirtualCia402:
-    """One drive.
+    """One drive; see ``virtual.world.VirtualDrive``.
 
     Args:
         drive: Its number.
@@ -126,8 +126,6 @@ class VirtualCia402:
             velocity loop has the damping.
         gear, yielding: Turns of its motor per turn of its output, and by how much the gear twists,
             rad/(N·m) at the output; its motor's encoder has COUNTS per turn.
-        silent: It answers to nothing.
-        torque: At its output now, N·m.
     """
 
     SOME_FAULT = 0x3210
@@ -142,7 +140,6 @@ class VirtualCia402:
         self.reboot()
 
     def reboot(self) -> None:
-        """As after its supply was gone: objects as its maker left them, not started."""
         self._wires = Wires()
         objects = dictionary(self.id)
         objects[o.IDENTITY][o.SERIAL].default = self._serial
@@ -162,13 +159,9 @@ class VirtualCia402:
             self.fail(self.persists, persists=True)
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """A fault; one that persists is there again after each reset."""
         self.state, self._error, self.persists = State.FAULT, code, code if persists else 0
 
-    # --- the wire ---------------------------------------------------------------------------
-
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The frames that it answers with."""
         if self.silent:
             return
         before = self.node.nmt.state
@@ -248,10 +241,7 @@ class VirtualCia402:
         item = found if isinstance(found, ODVariable) else found[subindex]
         return int(item.decode_raw(self.node.get_data(index, subindex)))
 
-    # --- the loops --------------------------------------------------------------------------
-
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self._position, self._velocity = position, velocity
         self._since += seconds
         self._beat += seconds

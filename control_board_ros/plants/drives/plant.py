@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drives of one bus as a plant: what every driver in the box has in common.
 
-A driver addresses drives by their places, with values at their outputs (:class:`Driver`); the
-plant converts directions, ratios and offsets, keeps the last answer of each, reports silent drives
-and sets up again those that restarted.
+It converts directions, ratios and offsets, keeps the last answer of each drive, reports silent
+drives and sets up again those that restarted.
 """
 
 from __future__ import annotations
@@ -12,136 +11,23 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array, SetPoints
-from ..interface import Description, DriveFault, DriveLimits, JointDescription, Readings, Setup
-from .axes import Axes, Axis
-from .can_line import ATTEMPTS
+from ..errors import PlantSettingsError
+from ..interface import Description, DriveFault, JointDescription, Readings, Setup
+from .axes import Axes, Axis, Options
+from .driver import NONE, Answers, Driver, Found, Wanted
 from .faults import RESTARTED
 
 #: Surplus answers that mean two drives with one id, less some for each exchange without.
 CLASHES, FORGIVEN = 3.0, 0.3
 #: Most answers that may be pending, above what one exchange reads.
 LATEST = 100
-NONE = DriveLimits()
-#: Set-points of an exchange by the place of their drive, with values at its output, shape
-#: (VALUES,), see core.terms.measurement.Value; a drive without one receives nothing.
-Wanted = Mapping[int, tuple[SetPoint, Sequence[float]]]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """A drive that answers.
-
-    Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN; fault or None;
-        limits at its output.
-    """
-
-    id: int
-    type: str
-    firmware: str = ""
-    voltage: float = math.nan
-    fault: DriveFault | None = None
-    limits: DriveLimits = NONE
-
-
-class Answers:
-    """The last answers of the drives of a bus, at their outputs, shape (n,) each.
-
-    Args:
-        axes: Of the drives.
-        clock: s.
-
-    Attributes:
-        places: Of the drives, by their ids.
-        position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
-        motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
-            there is none.
-        faults: Of each drive, or None.
-        restarted: Drives that lost their set-up: they get no power until they are set up again.
-        times: Of the last answer of each, s; -inf: none.
-        raw: Distinct answers of each in this exchange, as received.
-    """
-
-    def __init__(self, axes: Sequence[Axis], clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock, count = clock, len(axes)
-        self.places = {axis.id: k for k, axis in enumerate(axes)}
-        (self.position, self.velocity, self.torque, self.current, self.temperature,
-         self.voltage) = np.zeros((6, count))  # fmt: skip
-        self.motor_position = np.full(count, math.nan)
-        self.faults: list[DriveFault | None] = [None] * count
-        self.restarted = [False] * count
-        self.times = np.full(count, -math.inf)
-        self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
-
-    def came(self, drive: int, data: bytes) -> None:
-        """Note an answer of a drive, whose values are stored."""
-        self.times[drive] = self._clock()
-        self.raw[drive][bytes(data)] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Traits:
-    """What all drives of a driver have; see ``JointDescription``.
-
-    Attributes: watchdog (their own acts without commands), motor_encoders (which have one
-        beside the encoder of the position, by place).
-    """
-
-    set_points: tuple[SetPoint, ...]
-    on_silence: tuple[OnSilence, ...]
-    rate: float | None = None
-    resolution: float = 0.0
-    torque: bool = False
-    current: bool = False
-    temperature: bool = False
-    voltage: bool = False
-    watchdog: bool = True
-    motor_encoders: frozenset[int] = frozenset()
-
-
-class Driver(Protocol):
-    """Drives of one make on one bus. Raises OSError or ValueError with one line for people."""
-
-    traits: Traits
-
-    def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the bus.
-
-        Args:
-            setup: Of the plant, its joints in the order of the drives.
-            answers: To fill in each exchange.
-        """
-        ...
-
-    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Check a drive by its place, and set its watchdog; it has no power afterwards.
-
-        Args:
-            k: Its place.
-            attempts: To find it.
-
-        Raises:
-            ConnectionError: it does not answer, or two drives answer as one.
-        """
-        ...
-
-    def exchange(self, wanted: Wanted) -> None:
-        """Send set-points, and read answers until all are there or the time is up."""
-        ...
-
-    def clear_fault(self, k: int) -> None:
-        """Reset the fault of a drive by its place; it has no power."""
-        ...
-
-    def close(self) -> None:
-        """All drives without power; safe to call twice, and where nothing is open."""
-        ...
+Make = Callable[[Sequence[str], Mapping[str, str]], "DrivesPlant"]
 
 
 class FarEnd(Protocol):
@@ -157,8 +43,8 @@ class DrivesPlant:
         axes: One for each joint, in the board's order.
         driver: That talks to the drives, in the same order.
 
-    Attributes: axes, driver; answers (the last of each drive); far_end (virtual
-        drives that are closed with it, or None).
+    Attributes: axes, driver; answers (the last of each drive); far_end (virtual drives that are
+        closed with it, or None).
     """
 
     def __init__(self, axes: Sequence[Axis], driver: Driver) -> None:
@@ -317,3 +203,38 @@ def silent(axis: Axis, age: float) -> str:
     if math.isinf(age):
         return f"no answer from id {axis.id}; is it powered, and its id right?"
     return f"no answer from id {axis.id} for {1e3 * age:.0f} ms"
+
+
+def maker(
+    driver: Callable[[Options], Driver],
+    *,
+    bus: str,
+    ids: range,
+    whole: Mapping[str, str | float] | None = None,
+    each: Mapping[str, str | float] | None = None,
+) -> Make:
+    """The ``make`` of a driver's module: from joints and options to a plant.
+
+    Args:
+        driver: Its class.
+        bus: The bus that is used when none is given.
+        ids: That its drives can have.
+        whole: Its options for a bus; see ``axes.Options.parse``.
+        each: Its options for a joint.
+    """
+
+    def make(names: Sequence[str], arguments: Mapping[str, str]) -> DrivesPlant:
+        """The plant of this driver.
+
+        Raises:
+            PlantSettingsError: an argument is unknown or invalid.
+        """
+        options = Options.parse(names, arguments, bus=bus, whole=whole, each=each)
+        for axis in options.axes:
+            if axis.id not in ids:
+                raise PlantSettingsError(
+                    f"{axis.name}.id={axis.id}: {ids[0]} to {ids[-1]} is required"
+                )
+        return DrivesPlant(options.axes, driver(options))
+
+    return make

@@ -22,14 +22,7 @@ READ = (TORQUE, ERROR, WATCHDOG, CURRENT, VELOCITY, POSITION, VOLTAGE, TEMPERATU
 READ_LENGTH = sum(item.length for item in READ)
 READ_FORMAT = "<BBBhiiHB"
 
-CURRENT_MODE, VELOCITY_MODE, POSITION_MODE, EXTENDED, CURRENT_POSITION, PWM_MODE = (
-    0,
-    1,
-    3,
-    4,
-    5,
-    16,
-)
+CURRENT_MODE, VELOCITY_MODE, POSITION_MODE, EXTENDED, PWM_MODE = 0, 1, 3, 4, 16
 LIBRARY = Library(
     "dynamixel_sdk", "dynamixel-sdk", "dynamixel", 2.0, (False,), 9, 2, 4, 0x7F, MODEL, TORQUE
 )

@@ -20,7 +20,7 @@ from . import table as t
 HEADER, STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 PING, READ, WRITE, REBOOT, STATUS = 0x01, 0x02, 0x03, 0x08, 0x55
 SYNC_READ, SYNC_WRITE = 0x82, 0x83
-FAILED, BAD_INSTRUCTION, BAD_LENGTH, NO_ACCESS, ALERT = 1, 2, 5, 7, 0x80
+FAILED, BAD_INSTRUCTION, NO_ACCESS, ALERT = 1, 2, 7, 0x80
 GOALS = range(t.GOAL_PWM.address, t.GOAL_POSITION.address + 4)
 EEPROM = 64
 REBOOT_TIME = 0.01
@@ -57,7 +57,7 @@ def unpacked(data: bytes) -> Packet | None:
 
 
 class VirtualDynamixel:
-    """One servo.
+    """One servo; see ``virtual.world.VirtualDrive``.
 
     Args:
         drive: Its id.
@@ -66,8 +66,6 @@ class VirtualDynamixel:
     Attributes:
         table: Its control table.
         motor: Its motor and its loops.
-        silent: It answers to nothing.
-        torque: At its output now, N·m.
     """
 
     SOME_FAULT = 32
@@ -90,7 +88,6 @@ class VirtualDynamixel:
         self.reboot()
 
     def reboot(self) -> None:
-        """As after its supply was gone: the RAM area is as the maker made it."""
         self.table.bytes[EEPROM:] = bytes(len(self.table.bytes) - EEPROM)
         for k in range(28):
             self.table.set(Item(t.INDIRECT + 2 * k, 2), self._model.data + k)
@@ -100,15 +97,11 @@ class VirtualDynamixel:
             self.fail(self.persists, persists=True)
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """A hardware error; it shuts down. One that persists is there again after a restart."""
         self.persists = code if persists else 0
         self.table.set(t.ERROR, code)
         self.table.set(t.TORQUE, 0)
 
-    # --- the wire ---------------------------------------------------------------------------
-
     def on_packet(self, packet: Packet) -> Iterator[bytes]:
-        """The status packets that it answers with."""
         drive, instruction, data = packet
         if self.silent or self._away > 0.0 or drive not in (self.id, BROADCAST):
             return
@@ -184,10 +177,7 @@ class VirtualDynamixel:
     def _count(self) -> int:
         return round(self.motor.position / t.COUNT) + t.CENTRE
 
-    # --- the loops --------------------------------------------------------------------------
-
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self.motor.position, self.motor.velocity = position, velocity
         self._away = max(0.0, self._away - seconds)
         self._quiet += seconds

@@ -17,9 +17,9 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, budget
+from ..drives.driver import Answers, Found, Traits, Wanted, only
 from ..drives.faults import flagged
-from ..drives.maker import maker, only
-from ..drives.plant import Answers, Found, Traits, Wanted
+from ..drives.plant import maker
 from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup

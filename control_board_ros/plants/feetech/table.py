@@ -14,7 +14,7 @@ MODE, TORQUE, ACCELERATION, LOCK, SPEED_LIMIT = (
 )  # fmt: skip
 #: Goal position, goal time (PWM in that mode), goal velocity.
 GOALS = Item(42, 6)
-POSITION, VELOCITY, LOAD, VOLTAGE = Item(56, 2), Item(58, 2), Item(60, 2), Item(62, 1)
+POSITION, VELOCITY, VOLTAGE = Item(56, 2), Item(58, 2), Item(62, 1)
 TEMPERATURE, STATUS, CURRENT = Item(63, 1), Item(65, 1), Item(69, 2)
 #: What is read in each exchange: torque switch, goals, readings.
 READ = Item(TORQUE.address, CURRENT.address + 2 - TORQUE.address)

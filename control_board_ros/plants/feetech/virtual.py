@@ -39,7 +39,7 @@ def unpacked(data: bytes) -> Packet | None:
 
 
 class VirtualFeetech:
-    """One servo.
+    """One servo; see ``virtual.world.VirtualDrive``.
 
     Args:
         drive: Its id.
@@ -47,8 +47,6 @@ class VirtualFeetech:
     Attributes:
         table: Its memory table.
         motor: Its motor and its loops.
-        silent: It answers to nothing.
-        torque: At its output now, N·m.
     """
 
     SOME_FAULT = 32
@@ -70,7 +68,6 @@ class VirtualFeetech:
         self.reboot()
 
     def reboot(self) -> None:
-        """Its supply was gone for a moment: what is stored is there again, and no torque."""
         speed = self.table.bytes[t.SPEED_LIMIT.address]
         self.table.bytes[:STORED] = self._stored
         self.table.bytes[STORED:] = bytes(len(self.table.bytes) - STORED)
@@ -78,15 +75,11 @@ class VirtualFeetech:
         self.table.set(t.STATUS, self.persists)
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """A protection disables it; one that persists is there again after each reset."""
         self.persists = code if persists else 0
         self.table.set(t.STATUS, code)
         self.table.set(t.TORQUE, 0)
 
-    # --- the wire ---------------------------------------------------------------------------
-
     def on_packet(self, packet: Packet) -> Iterator[bytes]:
-        """The status packets that it answers with."""
         drive, instruction, data = packet
         if self.silent or drive not in (self.id, BROADCAST):
             return
@@ -130,10 +123,7 @@ class VirtualFeetech:
         if address < STORED and not self.table.get(t.LOCK):
             self._stored = bytes(self.table.bytes[:STORED])
 
-    # --- the loops --------------------------------------------------------------------------
-
     def step(self, _seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self.motor.position, self.motor.velocity = position, velocity
         most = self.table.get(t.CURRENT_LIMIT) * t.AMPERE * self.motor.constant
         torque = self._torque() if self.table.get(t.TORQUE) else 0.0

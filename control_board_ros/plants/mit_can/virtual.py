@@ -27,7 +27,7 @@ def given(ranges: f.Ranges, command: Sequence[float], position: float, velocity:
 
 
 class VirtualMit:
-    """A Damiao motor.
+    """A Damiao motor; see ``virtual.world.VirtualDrive``.
 
     Args:
         drive: Its id.
@@ -35,8 +35,6 @@ class VirtualMit:
 
     Attributes:
         state: As in its answers: disabled, enabled, or a fault.
-        silent: It answers to nothing.
-        torque: At its output now, N·m.
     """
 
     SOME_FAULT = 0xE
@@ -47,7 +45,6 @@ class VirtualMit:
         self.reboot()
 
     def reboot(self) -> None:
-        """Its supply was gone for a moment."""
         self.state = self.persists or d.DISABLED
         self.registers: dict[int, float] = {
             d.MASTER_ID: 0x10 + self.id,
@@ -63,11 +60,9 @@ class VirtualMit:
         self._quiet = self.torque = 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """A fault; one that persists is there again after each reset."""
         self.state, self.persists = code, code if persists else 0
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The frames that it answers with."""
         if self.silent or len(data) != 8:
             return
         master = int(self.registers[d.MASTER_ID])
@@ -104,7 +99,6 @@ class VirtualMit:
             self._command = f.command(self.ranges, data)
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self._position, self._velocity = position, velocity
         self._quiet += seconds
         watch = self.registers[d.TIMEOUT] * d.TIMEOUT_STEP
@@ -116,7 +110,7 @@ class VirtualMit:
 
 
 class VirtualRobStride:
-    """A RobStride motor.
+    """A RobStride motor; see ``virtual.world.VirtualDrive``.
 
     Args:
         drive: Its id.
@@ -125,8 +119,6 @@ class VirtualRobStride:
     Attributes:
         state: 1 with power, else 0.
         faults: Its word of faults.
-        silent: It answers to nothing.
-        torque: At its output now, N·m.
     """
 
     SOME_FAULT = 1 << 14
@@ -137,17 +129,14 @@ class VirtualRobStride:
         self.reboot()
 
     def reboot(self) -> None:
-        """Its supply was gone for a moment."""
         self.state, self.faults, self._mode = d.DISABLED, self.persists, 0
         self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
         self._quiet = self.torque = 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """A fault; one that persists is there again after each reset."""
         self.state, self.faults, self.persists = d.DISABLED, code, code if persists else 0
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The frames that it answers with."""
         if self.silent or frame_id != self.id or len(data) != 8:
             return
         self._quiet = 0.0
@@ -172,7 +161,6 @@ class VirtualRobStride:
             self._command = f.command(self.ranges, data)
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self._position, self._velocity = position, velocity
         self._quiet += seconds
         if self._quiet > CAN_TIMEOUT:

@@ -38,7 +38,7 @@ UNNAMED = {
 
 
 class VirtualMoteus:
-    """One drive.
+    """One drive; see ``virtual.world.VirtualDrive``.
 
     Args:
         drive: Its id.
@@ -49,8 +49,6 @@ class VirtualMoteus:
         mode, fault: Registers 0 and 15.
         conf: Its configuration by name.
         supply: V.
-        silent: It answers to nothing.
-        persists: A fault that is there again after each stop; 0: none.
     """
 
     SOME_FAULT = 35
@@ -77,7 +75,6 @@ class VirtualMoteus:
         self.reboot()
 
     def reboot(self) -> None:
-        """As after its supply was gone: stopped, with the configuration that it has stored."""
         self.conf: dict[str, float] = dict(self.stored)
         self.mode, self.fault = f.STOPPED, 0
         self._stream = b""
@@ -87,13 +84,9 @@ class VirtualMoteus:
         self.torque = self.current = 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """A fault of the drive; one that persists is there again after each stop."""
         self.mode, self.fault, self.persists = f.FAULT, code, code if persists else 0
 
-    # --- the wire ---------------------------------------------------------------------------
-
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The frames that it answers with."""
         if frame_id & 0x7F != self.id or frame_id & 0x80 or self.silent:
             return
         try:
@@ -172,10 +165,7 @@ class VirtualMoteus:
             answer = "OK"
         self._stream += answer.encode() + b"\r\n"
 
-    # --- the loops --------------------------------------------------------------------------
-
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self._position, self._velocity = position / f.REV, velocity / f.REV
         if self.mode == ENABLING:
             self._enabling -= seconds

@@ -24,7 +24,7 @@ BEAT, TOLERANCE = 0.1, 1.2
 
 
 class VirtualOdrive:
-    """One axis.
+    """One axis; see ``virtual.world.VirtualDrive``.
 
     Args:
         drive: Its node id.
@@ -35,8 +35,6 @@ class VirtualOdrive:
         conf: Its parameters by name.
         position_gain: 1/s.
         velocity_gain, integrator_gain: N·m/(rev/s), N·m/rev.
-        silent: It answers to nothing.
-        torque: At its output now, N·m.
     """
 
     SOME_FAULT = 0x0400_0000
@@ -55,20 +53,15 @@ class VirtualOdrive:
         self.reboot()
 
     def reboot(self) -> None:
-        """As after its supply was gone: idle, with the configuration that it has stored."""
         self.conf = dict(self.stored)
         self.state, self.error, self._control = f.IDLE, self.persists, f.POSITION_CONTROL
         self._goal = self._speed = self._forward = self._integral = 0.0
         self._quiet = self._since = self.torque = 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """An error, which disarms it; one that persists is there again after each clearing."""
         self.state, self.error, self.persists = f.IDLE, code, code if persists else 0
 
-    # --- the wire ---------------------------------------------------------------------------
-
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The frames that it answers with."""
         if self.silent:
             return
         if self._since >= BEAT:
@@ -142,10 +135,7 @@ class VirtualOdrive:
             self.state, self._integral, self._quiet = state, 0.0, 0.0
             self._goal, self._speed, self._forward = self._position, 0.0, 0.0
 
-    # --- the loops --------------------------------------------------------------------------
-
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
         self._position, self._velocity = position / REV, velocity / REV
         self._since += seconds
         self._quiet += seconds

@@ -19,8 +19,7 @@ from ...settings.loading import Settings
 from ...sim.config import SimulationConfig
 from ...sim.motor import SLIP_SPEED, smoothing_inertia
 from ...sim.plant import make_body
-from ..drives.maker import Make
-from ..drives.plant import DrivesPlant
+from ..drives.plant import DrivesPlant, Make
 from ..entry_points import DRIVERS, pairs
 from ..errors import PlantSettingsError
 from .world import STEP, World

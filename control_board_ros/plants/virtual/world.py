@@ -25,15 +25,33 @@ LARGEST_GAP, LONGEST = 0.02, 2e-3
 
 
 class VirtualDrive(Protocol):
-    """A drive between its bus and its output."""
+    """A drive between its bus and its output.
+
+    Attributes:
+        silent: It does not answer.
+        persists: A fault that returns after each reset; 0: none.
+        torque: At its output now, N·m.
+    """
+
+    silent: bool
+    persists: int
+    torque: float
+
+    def reboot(self) -> None:
+        """Lose the supply for a moment: the stored configuration, without power."""
+        ...
+
+    def fail(self, code: int, *, persists: bool = False) -> None:
+        """Disable the motor by a fault; one that persists returns after each reset."""
+        ...
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        """The torque at its output, N·m, for the next step.
+        """The torque at the output, N·m, for the next step.
 
         Args:
             seconds: Of the step.
-            position: Of its output, rad.
-            velocity: Of its output, rad/s.
+            position: Of the output, rad.
+            velocity: Of the output, rad/s.
         """
         ...
 

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a driver in the box is: drives by their places, values at their outputs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from ...core.terms.drives import OnSilence, SetPoint
+from ..interface import DriveFault, DriveLimits, Setup
+from .axes import Axis
+from .can_line import ATTEMPTS
+
+Answer = TypeVar("Answer")
+NONE = DriveLimits()
+#: Set-points of an exchange by the place of their drive, with values at its output, shape
+#: (VALUES,), see core.terms.measurement.Value; a drive without one receives nothing.
+Wanted = Mapping[int, tuple[SetPoint, Sequence[float]]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A drive that answers.
+
+    Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN; fault or None;
+        limits at its output.
+    """
+
+    id: int
+    type: str
+    firmware: str = ""
+    voltage: float = math.nan
+    fault: DriveFault | None = None
+    limits: DriveLimits = NONE
+
+
+class Answers:
+    """The last answers of the drives of a bus, at their outputs, shape (n,) each.
+
+    Args:
+        axes: Of the drives.
+        clock: s.
+
+    Attributes:
+        places: Of the drives, by their ids.
+        position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
+        motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
+            there is none.
+        faults: Of each drive, or None.
+        restarted: Drives that lost their set-up: they get no power until they are set up again.
+        times: Of the last answer of each, s; -inf: none.
+        raw: Distinct answers of each in this exchange, as received.
+    """
+
+    def __init__(self, axes: Sequence[Axis], clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, count = clock, len(axes)
+        self.places = {axis.id: k for k, axis in enumerate(axes)}
+        (self.position, self.velocity, self.torque, self.current, self.temperature,
+         self.voltage) = np.zeros((6, count))  # fmt: skip
+        self.motor_position = np.full(count, math.nan)
+        self.faults: list[DriveFault | None] = [None] * count
+        self.restarted = [False] * count
+        self.times = np.full(count, -math.inf)
+        self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
+
+    def came(self, drive: int, data: bytes) -> None:
+        """Note an answer of a drive, whose values are stored."""
+        self.times[drive] = self._clock()
+        self.raw[drive][bytes(data)] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traits:
+    """What all drives of a driver have; see ``JointDescription``.
+
+    Attributes: watchdog (their own acts without commands), motor_encoders (which have one
+        beside the encoder of the position, by place).
+    """
+
+    set_points: tuple[SetPoint, ...]
+    on_silence: tuple[OnSilence, ...]
+    rate: float | None = None
+    resolution: float = 0.0
+    torque: bool = False
+    current: bool = False
+    temperature: bool = False
+    voltage: bool = False
+    watchdog: bool = True
+    motor_encoders: frozenset[int] = frozenset()
+
+
+class Driver(Protocol):
+    """Drives of one make on one bus. Raises OSError or ValueError with one line for people."""
+
+    traits: Traits
+
+    def open(self, setup: Setup, answers: Answers) -> None:
+        """Open the bus.
+
+        Args:
+            setup: Of the plant, its joints in the order of the drives.
+            answers: To fill in each exchange.
+        """
+        ...
+
+    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
+        """Check a drive by its place, and set its watchdog; it has no power afterwards.
+
+        Args:
+            k: Its place.
+            attempts: To find it.
+
+        Raises:
+            ConnectionError: it does not answer, or two drives answer as one.
+        """
+        ...
+
+    def exchange(self, wanted: Wanted) -> None:
+        """Send set-points, and read answers until all are there or the time is up."""
+        ...
+
+    def clear_fault(self, k: int) -> None:
+        """Reset the fault of a drive by its place; it has no power."""
+        ...
+
+    def close(self) -> None:
+        """All drives without power; safe to call twice, and where nothing is open."""
+        ...
+
+
+def only(answers: Sequence[Answer], axis: Axis, bus: str, driver: str) -> Answer:
+    """The one answer to the search for a drive.
+
+    Raises:
+        ConnectionError: no drive answers, or two with one id.
+    """
+    if len(answers) == 1:
+        return answers[0]
+    raise ConnectionError(
+        f"{axis.name}: {'two drives answer' if answers else 'no drive answers'} as id {axis.id} "
+        f"on {bus}; look with: cbctl drives scan {driver}"
+    )
