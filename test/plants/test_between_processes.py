@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drive_bench import LIBRARIES
 from drives_elsewhere import NAMES
 
 from control_board_ros.core.terms.drives import SetPoint
@@ -24,7 +25,7 @@ can = pytest.importorskip("can")
 GUARD = 30.0
 GROUP = "239.74.163.2"
 ELSEWHERE = Path(__file__).parents[1] / "support" / "drives_elsewhere.py"
-LIBRARIES = {"moteus": "moteus", "mit_can": "can", "cia402": "canopen", "odrive_can": "can"}
+DRIVERS = ("moteus", "mit_can", "cia402", "odrive_can")
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def address() -> str:
     return f"udp_multicast:{GROUP}:{port}"
 
 
-@pytest.fixture(params=LIBRARIES)
+@pytest.fixture(params=DRIVERS)
 def driver(request: pytest.FixtureRequest, address: str) -> Iterator[str]:
     pytest.importorskip(LIBRARIES[request.param])
     command = [sys.executable, str(ELSEWHERE), request.param, address]

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drive_bench import TIMEOUT, Bench
+from drive_bench import LIBRARIES, TIMEOUT, Bench
 
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
@@ -23,6 +23,7 @@ from control_board_ros.plants.drives.can_line import PATIENCE
 from control_board_ros.plants.dynamixel.virtual import checksum
 from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.feetech.virtual import VirtualFeetech
 from control_board_ros.plants.interface import DriveFault, Readings
 from control_board_ros.plants.odrive_can import frames as f
 from control_board_ros.plants.virtual.can_bus import VirtualCanBus
@@ -30,15 +31,15 @@ from control_board_ros.plants.virtual.wire import Wire
 from control_board_ros.testing.plant_contract import board_for, plant_contract
 
 ROOT = Path(__file__).parents[2]
-#: By name of a test: driver, its library, and options that make it take all that it can.
-DRIVERS: dict[str, tuple[str, str, dict[str, str]]] = {
-    "moteus": ("moteus", "moteus", {"unwatched": "1"}),
-    "dynamixel": ("dynamixel", "dynamixel_sdk", {}),
-    "mit_can": ("mit_can", "can", {}),
-    "robstride": ("mit_can", "can", {"model": "rs02", "unwatched": "1"}),
-    "cia402": ("cia402", "canopen", {}),
-    "odrive_can": ("odrive_can", "can", {}),
-    "feetech": ("feetech", "scservo_sdk", {"unwatched": "1"}),
+#: By name of a test: driver, and options with which it accepts all set-points that it can.
+DRIVERS: dict[str, tuple[str, dict[str, str]]] = {
+    "moteus": ("moteus", {"unwatched": "1"}),
+    "dynamixel": ("dynamixel", {}),
+    "mit_can": ("mit_can", {}),
+    "robstride": ("mit_can", {"model": "rs02", "unwatched": "1"}),
+    "cia402": ("cia402", {}),
+    "odrive_can": ("odrive_can", {}),
+    "feetech": ("feetech", {"unwatched": "1"}),
 }
 MOUNTED = {"left.direction": "-1", "left.ratio": "2", "left.offset": "0.3"}
 OFF, POSITION, VELOCITY = SetPoint.OFF, SetPoint.POSITION, SetPoint.VELOCITY
@@ -118,8 +119,8 @@ PARAMS = [pytest.param(name, marks=() if name == "moteus" else SLOW) for name in
 
 @pytest.fixture(params=PARAMS)
 def make(request: pytest.FixtureRequest) -> Iterator[Make]:
-    driver, library, options = DRIVERS[request.param]
-    pytest.importorskip(library)
+    driver, options = DRIVERS[request.param]
+    pytest.importorskip(LIBRARIES[driver])
     made = []
 
     def bench(**more: object) -> Bench:
@@ -171,6 +172,11 @@ def takes(bench: Bench, kind: SetPoint) -> None:
         pytest.skip(f"it takes no {kind.code}")
 
 
+def watched(bench: Bench) -> bool:
+    """Whether its drives have a watchdog."""
+    return not isinstance(bench.drives[0], VirtualFeetech)
+
+
 def healthy(found: Readings) -> bool:
     return not any(found.faults)
 
@@ -182,10 +188,10 @@ def named(bench: Bench, joint: int) -> Callable[[Readings], bool]:
 
 def contract(name: str) -> Callable[..., None]:
     benches: list[Bench] = []
-    driver, library, options = DRIVERS[name]
+    driver, options = DRIVERS[name]
 
     def made() -> object:
-        pytest.importorskip(library)
+        pytest.importorskip(LIBRARIES[driver])
         while benches:
             benches.pop().__exit__(None, None, None)
         benches.append(Bench(driver, options=options))
@@ -223,7 +229,7 @@ def test_every_driver_is_tested_documented_and_an_extra() -> None:
         (ROOT / name).read_text("utf-8") for name in ("docs/howto/drives.md", "setup.py")
     )
     install = (ROOT / "docs/install.md").read_text("utf-8")
-    assert {driver for driver, _, _ in DRIVERS.values()} == set(IN_THE_BOX)
+    assert {driver for driver, _ in DRIVERS.values()} == set(IN_THE_BOX)
     for name in IN_THE_BOX:
         assert f"\n## {name}\n" in page
         assert page.count(f"\n| `{name}` |") == 2, f"{name}: drives, and rows of S1"
@@ -337,7 +343,7 @@ def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -
 
 def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> None:
     """S5: and says so when it is heard again; it needs a joint without power to go on."""
-    if not bench.plant.driver.traits.watchdog:
+    if not watched(bench):
         pytest.skip("it has no watchdog")
     kind = VELOCITY if VELOCITY in bench.takes else IMPEDANCE
     asked = {"velocity": 0.4, "stiffness": 0.0, "damping": 2.0}
@@ -448,8 +454,8 @@ def test_a_drive_that_answers_for_another_is_told(make: Make, request: Any) -> N
 @pytest.mark.parametrize("name", ["dynamixel", "feetech"])
 def test_a_late_answer_is_none_to_the_next_question(name: str) -> None:
     """Packets of serial drives do not say what they answer: limits would be those of others."""
-    driver, library, options = DRIVERS[name]
-    pytest.importorskip(library)
+    driver, options = DRIVERS[name]
+    pytest.importorskip(LIBRARIES[driver])
     with Bench(driver, options=options) as bench:
         bench.connect()
         known = [joint.limits for joint in bench.plant.describe().joints]
@@ -519,7 +525,7 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
     with pytest.raises(OSError, match=r"bus virtual:.* is off: .* restart-ms"):
         bench.until(lambda _: False, bench.takes[0], cycles=50)
     bench.pass_time(25 * TIMEOUT)
-    if bench.plant.driver.traits.watchdog:
+    if watched(bench):
         assert all(abs(drive.torque) < 1e-6 for drive in bench.drives)
     bench.bus.to_drives.cut = bench.bus.from_drives.cut = False
     bench.connect()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drive_bench import LIBRARIES
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.entry_points import DRIVERS
@@ -18,8 +19,6 @@ from control_board_ros.settings.loading import Settings, load
 from control_board_ros.testing.plant_contract import set_points
 
 ARM = Path(__file__).parents[1] / "support" / "arm.urdf"
-LIBRARIES = {"moteus": "moteus", "dynamixel": "dynamixel_sdk", "cia402": "canopen",
-             "feetech": "scservo_sdk", "mit_can": "can", "odrive_can": "can"}  # fmt: skip
 #: What a board must say of its joints, where the default is not for these drives.
 NEEDED = {
     "mit_can": {"joint_defaults.position_pid.kp": 200.0, "joint_defaults.position_pid.kd": 4.0},

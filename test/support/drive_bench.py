@@ -20,6 +20,15 @@ from control_board_ros.plants.interface import Readings, Setup
 from control_board_ros.plants.virtual.world import World, free_world
 from control_board_ros.testing.plant_contract import set_points
 
+#: What each driver in the box needs to be imported.
+LIBRARIES = {
+    "moteus": "moteus",
+    "mit_can": "can",
+    "dynamixel": "dynamixel_sdk",
+    "cia402": "canopen",
+    "odrive_can": "can",
+    "feetech": "scservo_sdk",
+}
 PERIOD = 2e-3
 TIMEOUT = 0.1
 

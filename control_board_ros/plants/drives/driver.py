@@ -78,8 +78,7 @@ class Answers:
 class Traits:
     """What all drives of a driver have; see ``JointDescription``.
 
-    Attributes: watchdog (their own acts without commands), motor_encoders (which have one
-        beside the encoder of the position, by place).
+    Attributes: motor_encoders (which have one beside the encoder of the position, by place).
     """
 
     set_points: tuple[SetPoint, ...]
@@ -90,7 +89,6 @@ class Traits:
     current: bool = False
     temperature: bool = False
     voltage: bool = False
-    watchdog: bool = True
     motor_encoders: frozenset[int] = frozenset()
 
 

@@ -63,7 +63,6 @@ class FeetechDrives:
             current=True,
             temperature=True,
             voltage=True,
-            watchdog=False,
         )
         self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         self._servos = [Servo() for _ in self._axes]
