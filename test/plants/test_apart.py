@@ -63,7 +63,7 @@ def test_it_is_driven_and_read(apart: PlantApart) -> None:
 
 
 def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
-    """B5: nobody asks, and what comes then does not count before it knows."""
+    """B5: without requests; later set-points are void until the board knows."""
     driven(apart)
     until(lambda: offered.read_text().splitlines()[-1] == "0 0")
     found = apart.exchange(output(20.0, 0.0))
@@ -82,7 +82,7 @@ def test_a_board_that_is_gone_takes_the_power_off(offered: Path) -> None:
     assert plant.process.returncode == 0
 
 
-def test_a_process_that_ends_is_told_and_started_anew(apart: PlantApart) -> None:
+def test_a_process_that_ends_is_reported_and_started_anew(apart: PlantApart) -> None:
     """B3."""
     driven(apart)
     apart.process.kill()
@@ -99,7 +99,7 @@ def test_signals_that_end_a_board_do_not_end_it(apart: PlantApart) -> None:
     assert isinstance(apart.exchange(output(0.0, 0.0)), Readings)
 
 
-def test_what_the_plant_raises_is_told_in_its_words(apart: PlantApart) -> None:
+def test_what_the_plant_raises_is_reported_in_its_words(apart: PlantApart) -> None:
     with pytest.raises(RuntimeError, match="index out of range") as caught:
         apart.clear_fault(7)
     assert type(caught.value).__name__ == "IndexError"
@@ -157,7 +157,7 @@ def last(log: Path) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("apart", [True, False])
 def test_a_stopped_board_has_no_power(tmp_path: Path, apart: bool) -> None:
-    """B5: apart, at once; in a thread, before anything else when it goes on. Then HW_FAULT."""
+    """B5: apart, at once; in a thread, as soon as it continues. Then HW_FAULT."""
     with running(tmp_path, apart=apart) as (board, log), talking_to(board) as talker:
         drive(talker, log)
         os.kill(board.process.pid, signal.SIGSTOP)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What users say of drives: ids, directions, ratios, zeros, and options of a driver."""
+"""Options of drives: ids, directions, ratios, zeros, and those of a driver."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
         ({"wrist__id": "1"}, "wrist.id=1: unknown"),
     ],
 )
-def test_what_makes_no_sense_is_told_in_one_line(arguments: dict[str, str], told: str) -> None:
+def test_an_invalid_option_is_reported_in_one_line(arguments: dict[str, str], told: str) -> None:
     with pytest.raises(PlantSettingsError) as caught:
         parsed(**arguments)
     assert told in str(caught.value)

@@ -21,7 +21,7 @@ from control_board_ros.plants.interface import Setup
 from control_board_ros.testing.plant_contract import set_points
 
 can = pytest.importorskip("can")
-#: s for a frame; only a failure takes that long.
+#: Timeout of a frame, s.
 GUARD = 30.0
 GROUP = "239.74.163.2"
 ELSEWHERE = Path(__file__).parents[1] / "support" / "drives_elsewhere.py"
@@ -82,9 +82,9 @@ def test_two_buses_of_one_computer_do_not_hear_each_other(address: str) -> None:
     with open_bus(address) as one, open_bus(f"{group}:{int(port) + 1}") as other:
         other.send(can.Message(arbitration_id=5, is_extended_id=False))
         one.send(can.Message(arbitration_id=7, is_extended_id=False))
-        heard = []
-        while not heard or heard[-1] != 7:
+        received = []
+        while not received or received[-1] != 7:
             frame = one.recv(GUARD)
             assert frame is not None
-            heard.append(frame.arbitration_id)
-        assert heard == [7]
+            received.append(frame.arbitration_id)
+        assert received == [7]

@@ -72,7 +72,7 @@ def test_a_joint_is_moved_by_two_degrees_under_a_tenth_of_its_limits(bench: Benc
     assert bench.drives[1].mode == 0
 
 
-def test_a_drive_that_does_not_follow_is_told_and_one_that_fails_ends_it(bench: Bench) -> None:
+def test_a_drive_that_does_not_follow_is_reported_and_one_that_fails_ends_it(bench: Bench) -> None:
     tried = trial(bench)
     bench.drives[0].conf["servo.pid_position.kp"] = 0.0
     assert not tried.move(0).follows
@@ -98,7 +98,7 @@ def test_what_turned_otherwise_than_the_drive_read_corrects_direction_and_ratio(
     assert corrections(axis, moved, math.radians(turned)) == found
 
 
-def test_a_joint_that_does_not_turn_is_told() -> None:
+def test_a_joint_that_does_not_turn_is_reported() -> None:
     moved = Moved("elbow", 0.03, 0.03)
     with pytest.raises(PlantSettingsError, match="did not turn; is it the drive of this joint"):
         corrections(Axis(name="elbow", id=4), moved, 0.0)

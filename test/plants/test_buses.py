@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several buses as one plant: at once, and late ones are not waited for."""
+"""Several buses as one plant: in parallel, without waiting for late ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from control_board_ros.testing.plant_contract import plant_contract
 
 
 class Servos:
-    """Joints that are where they are told to be.
+    """Joints that are at their set-points.
 
     Attributes: gate (an exchange waits for it), asked (positions of each exchange), fault.
     """
@@ -102,7 +102,7 @@ def test_what_one_bus_measures_of_motors_is_not_lost(three) -> None:
 
 
 def test_a_late_bus_is_not_waited_for_and_its_answer_is_used_next(three) -> None:
-    """Counted; the others go on; set-points that it missed are not made up for."""
+    """Counted; the others continue; set-points that it missed are skipped."""
     servos, buses = three
     buses.exchange(at(*[0.0] * 6))
     servos[1].gate.clear()

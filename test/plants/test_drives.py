@@ -167,9 +167,9 @@ def recover(bench: Bench) -> None:
     raise AssertionError(f"it stays: {found.faults}")
 
 
-def takes(bench: Bench, kind: SetPoint) -> None:
-    if kind not in bench.takes:
-        pytest.skip(f"it takes no {kind.code}")
+def needs(bench: Bench, kind: SetPoint) -> None:
+    if kind not in bench.accepts:
+        pytest.skip(f"it accepts no {kind.code}")
 
 
 def watched(bench: Bench) -> bool:
@@ -249,7 +249,7 @@ def test_connecting_gives_no_power_and_tells_type_and_firmware(bench: Bench) -> 
 
 def test_a_position_is_reached_at_the_joint_whatever_direction_and_ratio(bench: Bench) -> None:
     """S1: units, direction, ratio, zero."""
-    takes(bench, POSITION)
+    needs(bench, POSITION)
     found = bench.until(
         lambda found: (
             np.abs(bench.world.state[0] - 0.5).max() < 3e-3 and np.abs(found.velocity).max() < 0.02
@@ -263,7 +263,7 @@ def test_a_position_is_reached_at_the_joint_whatever_direction_and_ratio(bench: 
 
 def test_a_velocity_is_held_at_the_joint(bench: Bench) -> None:
     """S1."""
-    takes(bench, VELOCITY)
+    needs(bench, VELOCITY)
     bench.until(lambda _: np.abs(bench.world.state[1] - 0.4).max() < 0.02, VELOCITY, velocity=0.4)
     found = bench.follow(VELOCITY, 50, velocity=0.4)
     np.testing.assert_allclose(found.velocity, 0.4, atol=0.05)
@@ -271,7 +271,7 @@ def test_a_velocity_is_held_at_the_joint(bench: Bench) -> None:
 
 def test_an_impedance_is_a_spring_and_a_damper(bench: Bench) -> None:
     """S1: released from rest it comes to the set-point; a feed-forward moves it by τ/k."""
-    takes(bench, IMPEDANCE)
+    needs(bench, IMPEDANCE)
     spring = {"position": 0.2, "stiffness": 4.0, "damping": 1.0}
     bench.follow(IMPEDANCE, 1500, **spring)
     np.testing.assert_allclose(bench.world.state[0], 0.2, atol=5e-3)
@@ -281,7 +281,7 @@ def test_an_impedance_is_a_spring_and_a_damper(bench: Bench) -> None:
 
 def test_torque_accelerates_the_joint(bench: Bench) -> None:
     """S1: J dω/dt = τ less friction, either way round."""
-    takes(bench, TORQUE)
+    needs(bench, TORQUE)
     found = bench.follow(TORQUE, 50, torque=0.1)
     np.testing.assert_allclose(found.torque, 0.1, atol=0.02)
     assert (bench.world.state[1] > 0.05).all()
@@ -293,7 +293,7 @@ def test_current_and_pwm_drive_the_way_of_the_joint(
     bench: Bench, kind: SetPoint, value: float
 ) -> None:
     """S1."""
-    takes(bench, kind)
+    needs(bench, kind)
     for sign in (1.0, -1.0):
         bench.follow(kind, 100, **{kind.code: sign * value})
         bench.until(
@@ -306,7 +306,7 @@ def test_current_and_pwm_drive_the_way_of_the_joint(
 def test_a_new_kind_of_set_point_comes_with_its_own_values(bench: Bench) -> None:
     """S3, M9: at rest no change of kind moves a joint."""
     at = bench.follow(OFF, 5).position
-    for kind in (*bench.takes, OFF, *bench.takes):
+    for kind in (*bench.accepts, OFF, *bench.accepts):
         for _ in range(20):
             rows = {"position": float(at[0])} if np.ptp(at) < 1e-2 else {}
             bench.follow(kind, 1, **(rows or {"position": 0.0}))
@@ -315,7 +315,7 @@ def test_a_new_kind_of_set_point_comes_with_its_own_values(bench: Bench) -> None
 
 def test_without_power_nothing_holds_the_joint(bench: Bench) -> None:
     """M10."""
-    bench.follow(bench.takes[0], 50)
+    bench.follow(bench.accepts[0], 50)
     bench.follow(OFF, 20)
     with bench.world.lock:
         bench.world.state[1] = 1.0
@@ -325,9 +325,9 @@ def test_without_power_nothing_holds_the_joint(bench: Bench) -> None:
 
 def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -> None:
     """S6, F3."""
-    bench.follow(bench.takes[0], 20)
+    bench.follow(bench.accepts[0], 20)
     bench.drives[1].fail(bench.drives[1].SOME_FAULT, persists=True)
-    found = bench.until(named(bench, 1), bench.takes[0])
+    found = bench.until(named(bench, 1), bench.accepts[0])
     fault = found.faults[1]
     assert isinstance(fault, DriveFault)
     assert fault.name
@@ -337,15 +337,15 @@ def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -
     assert bench.follow(OFF, 10).faults[1], "it persists"
     bench.drives[1].persists = 0
     recover(bench)
-    bench.follow(bench.takes[0], 30)
-    assert healthy(bench.follow(bench.takes[0]))
+    bench.follow(bench.accepts[0], 30)
+    assert healthy(bench.follow(bench.accepts[0]))
 
 
 def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> None:
-    """S5: and says so when it is heard again; it needs a joint without power to go on."""
+    """S5: reported when it answers again; only without power can the joint recover."""
     if not watched(bench):
         pytest.skip("it has no watchdog")
-    kind = VELOCITY if VELOCITY in bench.takes else IMPEDANCE
+    kind = VELOCITY if VELOCITY in bench.accepts else IMPEDANCE
     asked = {"velocity": 0.4, "stiffness": 0.0, "damping": 2.0}
     bench.until(lambda _: (bench.world.state[1] > 0.3).all(), kind, **asked)
     bench.pass_time(25 * TIMEOUT)
@@ -359,17 +359,17 @@ def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> N
 
 def test_what_a_watchdog_did_before_the_start_is_over_with_it(bench: Bench) -> None:
     """S5: a program that was killed is started again; nothing is left to clear."""
-    bench.follow(bench.takes[0], 20)
+    bench.follow(bench.accepts[0], 20)
     bench.pass_time(25 * TIMEOUT)
     bench.connect()
     assert healthy(bench.follow(OFF, 10))
-    bench.follow(bench.takes[0], 30)
-    assert healthy(bench.follow(bench.takes[0]))
+    bench.follow(bench.accepts[0], 30)
+    assert healthy(bench.follow(bench.accepts[0]))
 
 
 def test_a_drive_that_started_anew_does_not_go_on_by_itself(bench: Bench) -> None:
     """Nothing moves unasked: it stays without power until its fault is cleared."""
-    kind = bench.takes[0]
+    kind = bench.accepts[0]
     bench.follow(kind, 30)
     bench.drives[1].reboot()
     bench.until(named(bench, 1), kind, position=0.3, velocity=0.3, torque=0.3)
@@ -381,12 +381,12 @@ def test_a_drive_that_started_anew_does_not_go_on_by_itself(bench: Bench) -> Non
 
 
 def test_a_drive_that_comes_back_with_other_limits_says_so(bench: Bench) -> None:
-    """S4: what is set up anew is described anew."""
+    """S4: a drive that is set up again is described again."""
     before = bench.plant.describe().joints
-    bench.follow(bench.takes[0], 30)
+    bench.follow(bench.accepts[0], 30)
     halve_limit(bench.drives[1])
     bench.drives[1].reboot()
-    bench.until(named(bench, 1), bench.takes[0])
+    bench.until(named(bench, 1), bench.accepts[0])
     recover(bench)
     after = bench.plant.describe().joints
     assert after[0] == before[0]
@@ -397,7 +397,7 @@ def test_a_silent_drive_is_named_and_the_other_goes_on(make: Make) -> None:
     """B3: its last reading, with its age; then a fault; FORCE_IDLE works when it is back."""
     bench = make(patience=0.02)
     bench.connect()
-    kind = bench.takes[0]
+    kind = bench.accepts[0]
     bench.follow(kind, 20)
     bench.drives[1].silent = True
     bench.until(lambda found: found.ages[1] > 0.0, kind)
@@ -411,7 +411,7 @@ def test_a_loop_that_stalls_is_no_silence_of_a_drive(make: Make) -> None:
     """The age of a reading is the time for which an answer has been owed."""
     bench = make(patience=0.02)
     bench.connect()
-    kind = bench.takes[0]
+    kind = bench.accepts[0]
     bench.follow(kind, 20)
     bench.drives[1].silent = True
     bench.time += 0.1
@@ -419,8 +419,8 @@ def test_a_loop_that_stalls_is_no_silence_of_a_drive(make: Make) -> None:
     assert 0.0 < found.ages[1] < 0.1
 
 
-def test_two_drives_with_one_id_are_told(bench: Bench) -> None:
-    """Also while it runs: somebody plugged one in."""
+def test_two_drives_with_one_id_are_reported(bench: Bench) -> None:
+    """Also when one is plugged in while it runs."""
     other = bench.world_drive(bench.plant.axes[1])
     with bench.world.lock:
         bench.bus.drives.append(other)
@@ -430,11 +430,11 @@ def test_two_drives_with_one_id_are_told(bench: Bench) -> None:
         bench.connect()
 
 
-def test_a_drive_that_answers_for_another_is_told(make: Make, request: Any) -> None:
+def test_a_drive_that_answers_for_another_is_reported(make: Make, request: Any) -> None:
     """Its own id is silent, the other's has two voices; neither moves, and both come back."""
     bench = make(patience=0.02)
     bench.connect()
-    kind = POSITION if POSITION in bench.takes else IMPEDANCE
+    kind = POSITION if POSITION in bench.accepts else IMPEDANCE
     bench.follow(kind, 30)
     before = bench.world.state[0].copy()
     name = request.node.callspec.params["make"]
@@ -466,7 +466,7 @@ def test_a_late_answer_is_none_to_the_next_question(name: str) -> None:
         bench.bus.from_drives = wire
 
 
-def test_a_drive_that_is_not_there_is_told_at_the_start(make: Make) -> None:
+def test_a_drive_that_is_not_there_is_reported_at_the_start(make: Make) -> None:
     """B3."""
     bench = make(patience=0.02)
     bench.drives[0].silent = True
@@ -484,10 +484,10 @@ def test_a_drive_that_is_not_there_is_told_at_the_start(make: Make) -> None:
 def test_a_bad_wire_moves_nothing_that_was_not_asked_for(
     make: Make, what: str, share: float
 ) -> None:
-    """Frames of either way lost, late, doubled, corrupted: the joint follows, or is told of."""
+    """Frames of either way lost, late, doubled, corrupted: the joint follows, or is in fault."""
     bench = make(patience=0.01)
     bench.connect()
-    kind = POSITION if POSITION in bench.takes else IMPEDANCE
+    kind = POSITION if POSITION in bench.accepts else IMPEDANCE
     bench.follow(kind, 400, position=0.2)
     for wire in (bench.bus.to_drives, bench.bus.from_drives):
         setattr(wire, what, share)
@@ -505,7 +505,7 @@ def test_a_cable_that_is_out_is_a_fault_until_it_is_in_again(make: Make) -> None
     """B3: all frames lost."""
     bench = make(patience=0.01)
     bench.connect()
-    kind = bench.takes[0]
+    kind = bench.accepts[0]
     bench.follow(kind, 20)
     bench.bus.to_drives.cut = True
     found = bench.until(lambda found: all(found.faults), kind, cycles=500)
@@ -520,10 +520,10 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
     if not isinstance(bench.bus, VirtualCanBus):
         pytest.skip("it is on no CAN bus")
     bench.connect()
-    bench.follow(bench.takes[0], 20)
+    bench.follow(bench.accepts[0], 20)
     bench.bus.go_off()
     with pytest.raises(OSError, match=r"bus virtual:.* is off: .* restart-ms"):
-        bench.until(lambda _: False, bench.takes[0], cycles=50)
+        bench.until(lambda _: False, bench.accepts[0], cycles=50)
     bench.pass_time(25 * TIMEOUT)
     if watched(bench):
         assert all(abs(drive.torque) < 1e-6 for drive in bench.drives)
@@ -546,7 +546,7 @@ def test_a_scan_lists_what_answers(make: Make) -> None:
 
 def test_letting_go_takes_the_power_where_silence_is_free(bench: Bench) -> None:
     """S5, B5."""
-    kind = bench.takes[0]
+    kind = bench.accepts[0]
     bench.follow(kind, 30)
     bench.plant.let_go()
     bench.pass_time(0.01)
@@ -664,7 +664,7 @@ def test_a_motor_s_own_encoder_is_read_beside_the_joint_s() -> None:
 
 
 def test_a_canopen_drive_that_is_braked_holds_where_it_stopped() -> None:
-    """S5: quick stop, until it is heard again and set free."""
+    """S5: quick stop, until it answers again and is reset."""
     pytest.importorskip("canopen")
     with Bench("cia402") as bench:
         bench.joints = tuple(

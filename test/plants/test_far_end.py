@@ -115,7 +115,7 @@ def plant_process(board: BoardProcess) -> int:
 def hold(talker: Talker, end: FarEnd) -> None:
     """Raise the joint until it has torque: it may have fallen to where it needs none.
 
-    A busy machine may delay the drives so that the joint is in fault again meanwhile.
+    A busy machine may delay the drives so that the joint is in fault again.
     """
     message = msg.PositionCommand(names=[JOINT], positions=[0.5])
 
@@ -155,7 +155,7 @@ def test_a_board_killed_with_its_plant_leaves_no_torque(drives: FarEnd) -> None:
 
 @pytest.mark.parametrize("whole", [False, True], ids=["the board", "and its plant"])
 def test_a_stopped_board_has_no_torque(drives: FarEnd, whole: bool) -> None:
-    """B5, S5: SIGSTOP; it says so when it goes on, and recovers by FORCE_IDLE."""
+    """B5, S5: SIGSTOP; it reports so when it continues, and recovers by FORCE_IDLE."""
     with driven(drives) as (board, talker):
         stopped = [board.process.pid, *([plant_process(board)] if whole else [])]
         for pid in stopped:
@@ -169,7 +169,7 @@ def test_a_stopped_board_has_no_torque(drives: FarEnd, whole: bool) -> None:
 
 
 def test_a_stalled_hook_leaves_no_torque(drives: FarEnd, tmp_path: Path) -> None:
-    """B5: the control thread hangs in a hook, the rest of the node goes on."""
+    """B5: the control thread hangs in a hook, the rest of the node continues."""
     stall = tmp_path / "stall"
     command = [sys.executable, str(SUPPORT / "stalled_node.py"), str(stall)]
     with driven(drives, command=command) as (_, talker):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plant of somebody else may do what it likes: its joints fault, the loop goes on (B2, B3)."""
+"""Whatever a third-party plant does, its joints fault and the loop continues (B2, B3)."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def driven(bench: Bench) -> None:
 
 
 def recovers(bench: Bench) -> None:
-    """F2, F3: FORCE_IDLE works again when the plant answers again; then it moves anew."""
+    """F2, F3: FORCE_IDLE works again when the plant answers again; then it moves again."""
     bench.until(lambda: not bench.guarded.read().reasons)
     bench.cycle()
     assert bench.board.set_control_mode(None, "fidl")
@@ -95,7 +95,7 @@ def test_a_plant_is_powered_driven_and_let_go(bench: Bench) -> None:
 
 
 def test_a_plant_that_hangs_is_a_fault_within_its_timeout(bench: Bench) -> None:
-    """B3: the loop goes on; the text says for how long; afterwards all works again."""
+    """B3: the loop continues; the text has the time; afterwards all works again."""
     driven(bench)
     bench.plant.gate.clear()
     bench.until(lambda: bench.plant.reads.acquire(blocking=False))
@@ -110,7 +110,7 @@ def test_a_plant_that_hangs_is_a_fault_within_its_timeout(bench: Bench) -> None:
 
 
 def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench: Bench) -> None:
-    """B3: no power meanwhile."""
+    """B3: without power until then."""
     driven(bench)
     bench.plant.trouble = OSError("bus off\nsecond line")
     bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2)
@@ -144,7 +144,7 @@ def test_a_plant_that_returns_nonsense_is_a_fault_that_says_which(
 
 
 def test_a_reading_that_is_no_number_faults_its_joint_alone(bench: Bench) -> None:
-    """B3, F1: the other joint goes on."""
+    """B3, F1: the other joint continues."""
     driven(bench)
     bench.plant.answer = Readings(
         position=np.array([np.nan, bench.plant.position[1]]), velocity=np.zeros(2)
@@ -175,7 +175,7 @@ def test_motors_are_what_the_plant_measures_of_them(bench: Bench) -> None:
     assert bench.board.get_motors().positions[0] == pytest.approx(1.0)
 
 
-def test_a_fault_of_a_drive_is_told_and_reset_on_it_without_power(bench: Bench) -> None:
+def test_a_fault_of_a_drive_is_reported_and_reset_on_it_without_power(bench: Bench) -> None:
     """F1, F2, F3: the drive's reason; refused while it persists; FORCE_IDLE when it is gone."""
     driven(bench)
     bench.plant.faults[1] = "0x3210 DC link over-voltage"
@@ -227,7 +227,7 @@ def test_an_error_s_text_is_cleaned_where_it_enters(bench: Bench, trouble: Excep
 
 
 def test_a_pause_is_no_silence(bench: Bench) -> None:
-    """Nobody asked, so nobody owes an answer."""
+    """Without outputs no answer is due."""
     while bench.guarded.owes_an_answer:
         time.sleep(1e-3)
     bench.now += 1000.0
@@ -237,7 +237,7 @@ def test_a_pause_is_no_silence(bench: Bench) -> None:
 
 
 def test_a_silent_loop_leaves_no_power(bench: Bench) -> None:
-    """B5: the plant's own thread takes it off; the loop finds those that were driven in fault."""
+    """B5: the plant's own thread disables them; the joints that were driven are in fault."""
     assert bench.board.set_control_mode("left", "open")
     assert bench.board.set_output("left", 20.0)
     bench.until(lambda: bench.plant.on == [True, False] and bench.plant.position[0] > 0.01)
@@ -292,12 +292,12 @@ def test_a_loop_that_is_late_within_the_timeout_keeps_its_power(bench: Bench, ga
 
 
 def test_a_plant_with_its_own_clock_gets_no_power_from_a_silent_loop() -> None:
-    """B5: its thread goes on by itself."""
+    """B5: its thread continues by itself."""
     bench = Bench(OwnClock("left"))
     try:
         bench.until(lambda: bench.modes() == [M.IDLE])
         assert bench.board.set_control_mode("left", "open")
-        assert bench.board.set_output("left", 0.01)  # it goes on between two cycles
+        assert bench.board.set_output("left", 0.01)  # it moves between two cycles
         bench.until(lambda: bench.plant.position[0] > 0.0)
         bench.now += 0.2
         until(lambda: bench.plant.on == [False])
@@ -324,7 +324,7 @@ def running() -> Iterator[tuple[ControlLoop, Levers]]:
 
 
 def faulted(loop: ControlLoop, plant: Levers) -> None:
-    """The loop goes on, and gives no power by itself."""
+    """The loop continues, and gives no power by itself."""
     plant.calls.clear()
     until(lambda: set(loop.snapshots.modes.control) == {M.HW_FAULT})
     with loop.exclusive() as board:
@@ -359,7 +359,7 @@ def test_a_lock_that_hangs_leaves_no_power(running: tuple[ControlLoop, Levers]) 
 def test_a_loop_that_cannot_be_stopped_leaves_no_power(
     running: tuple[ControlLoop, Levers],
 ) -> None:
-    """The end of the node: the loop hangs, the plant is let go all the same."""
+    """The end of the node: the loop hangs, the plant is let go."""
     loop, plant = running
     gate = threading.Event()
     loop.hooks.append(lambda *_: gate.wait() and None)
@@ -468,7 +468,7 @@ def test_the_smaller_limits_act_when_a_drive_comes_back() -> None:
 
 
 def test_a_drive_that_leaves_a_joint_no_room_is_a_fault() -> None:
-    """S4, B3: the joint gets no power, and the reason is told."""
+    """S4, B3: the joint gets no power, and the reason is reported."""
     plant = Telling("left")
     plant.allowed = repeat(None)
     bench = Bench(plant)

@@ -47,7 +47,7 @@ test_motors_of_pwm_keep_it = plant_contract(lambda: Levers("left", "right"))
 
 
 class Servos:
-    """Joints that are where they are told to be."""
+    """Joints that are at their set-points."""
 
     def __init__(self, **has: object) -> None:
         takes = (SetPoint.POSITION, SetPoint.PWM)
@@ -96,7 +96,7 @@ class Restless(Servos):
 
 
 class Forgetful(Servos):
-    """It answers no more after it was let go."""
+    """It does not answer after it was let go."""
 
     gone = False
 
@@ -188,7 +188,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_breaks_the_contract_is_told_in_one_line(name: str, quick: None) -> None:
+def test_what_breaks_the_contract_is_reported_in_one_line(name: str, quick: None) -> None:
     make, told = WRONG[name]
     made: list[Servos] = []
     Locked.taken = False
@@ -207,7 +207,7 @@ def test_what_breaks_the_contract_is_told_in_one_line(name: str, quick: None) ->
 
 
 def test_what_changes_on_connecting_is_broken(quick: None) -> None:
-    """S4: what a joint takes is asked before anything is opened."""
+    """S4: the board reads the set-points of a joint before it opens anything."""
     (found,) = check(Growing, [BY_NAME["its limits and rates make sense"]])
     assert found.text.startswith("left: set_points is (<SetPoint.PWM: 1>,) once connected")
 
@@ -219,7 +219,7 @@ def test_what_cannot_be_seen_says_what_would_show_it(quick: None) -> None:
     assert "set the drives' own in connect()" in found["its drives have a watchdog"].text
 
 
-def test_what_a_plant_has_not_is_told() -> None:
+def test_what_a_plant_has_not_is_reported() -> None:
     lines = lacks(Servos().describe())
     assert any("no TORQUE and no COMPLIANT" in line for line in lines)
     assert all(line.startswith("left, right: no ") for line in lines)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node on somebody else's plant, as users start it (B2, B3)."""
+"""A node on a third-party plant, as users start it (B2, B3)."""
 
 from __future__ import annotations
 

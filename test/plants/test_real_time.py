@@ -107,7 +107,7 @@ def test_other_time_is_refused(talker: Talker, board: BoardProcess) -> None:
     still_moves(talker)
 
 
-def test_a_program_is_told_why(board: BoardProcess) -> None:
+def test_a_program_is_reported_why(board: BoardProcess) -> None:
     with ros_node(board.domain, spin=False) as node, patient(node, board.name) as client:
         calls: list[Callable[[], Any]] = [
             client.pause,

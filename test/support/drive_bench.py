@@ -81,7 +81,7 @@ class Bench:
         self.bus.close()
 
     @property
-    def takes(self) -> tuple[SetPoint, ...]:
+    def accepts(self) -> tuple[SetPoint, ...]:
         return self.plant.driver.traits.set_points
 
     def world_drive(self, axis: Axis) -> Any:

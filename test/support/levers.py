@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plant of somebody else in a few lines: levers that go where they are driven."""
+"""A third-party plant in a few lines: levers that go where they are driven."""
 
 from __future__ import annotations
 
