@@ -40,6 +40,18 @@ def frame() -> Any:
     return Frame
 
 
+def message(frame_id: int, data: bytes, *, fd: bool) -> Any:
+    """A frame of python-can, of 29 bits where its id needs them; remote where it has REMOTE."""
+    return frame()(
+        arbitration_id=frame_id & ~REMOTE,
+        is_remote_frame=bool(frame_id & REMOTE),
+        data=data,
+        is_extended_id=frame_id & ~REMOTE > SHORT,
+        is_fd=fd,
+        bitrate_switch=fd,
+    )
+
+
 def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
     """A bus of python-can.
 
@@ -105,7 +117,7 @@ class CanLine:
                 "python-can is not installed; pip install the extra of your drives' "
                 "name, as 'control_board_ros[moteus]'"
             ) from None
-        self._message, self._errors = frame(), (can.CanError, OSError)
+        self._errors = (can.CanError, OSError)
         try:
             self._bus = open_bus(self._text, fd=self._fd, bitrate=self._bitrate)
         except (can.CanError, OSError, ValueError) as error:
@@ -121,18 +133,10 @@ class CanLine:
         self.close()
 
     def send(self, frame_id: int, data: bytes) -> None:
-        """One frame, of 29 bits where its id needs them; a remote one where it has REMOTE."""
+        """Send a frame; see ``message``."""
         bus = self.bus
-        message = self._message(
-            arbitration_id=frame_id & ~REMOTE,
-            is_remote_frame=bool(frame_id & REMOTE),
-            data=data,
-            is_extended_id=frame_id & ~REMOTE > SHORT,
-            is_fd=self._fd,
-            bitrate_switch=self._fd,
-        )
         try:
-            bus.send(message)
+            bus.send(message(frame_id, data, fd=self._fd))
         except self._errors as error:
             raise OSError(
                 f"bus {self._text}: {error}; is the interface up, and its queue long enough "
@@ -147,16 +151,16 @@ class CanLine:
         """
         bus = self.bus
         try:
-            message = bus.recv(seconds)
+            found = bus.recv(seconds)
         except self._errors as error:
             raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
-        if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
+        if found is not None and found.is_error_frame and found.arbitration_id & BUS_OFF:
             raise OSError(
                 f"bus {self._text} is off: the interface left it after too many errors; look at "
                 "wiring, termination and bit rate, and let it come back by itself: "
                 "ip link set can0 type can restart-ms 100"
             )
-        return message
+        return found
 
     def gather(
         self, take: Callable[[Any], int | None], missing: Iterable[int], seconds: float
@@ -174,30 +178,30 @@ class CanLine:
         left = set(missing)
         end, frames = time.monotonic() + seconds, FLOOD * (len(left) + 1)
         while left and frames:
-            message = self._receive(max(0.0, end - time.monotonic()))
-            if message is None:
+            received = self._receive(max(0.0, end - time.monotonic()))
+            if received is None:
                 break
             frames -= 1
-            if not message.is_error_frame and (found := take(message)) is not None:
+            if not received.is_error_frame and (found := take(received)) is not None:
                 left.discard(found)
         return left
 
     def drain(self, take: Callable[[Any], int | None]) -> None:
         """Read pending frames, which are late answers."""
         for _ in range(64):
-            if (message := self._receive(0.0)) is None:
+            if (received := self._receive(0.0)) is None:
                 return
-            if not message.is_error_frame:
-                take(message)
+            if not received.is_error_frame:
+                take(received)
 
     def collect(self, seconds: float) -> list[Any]:
         """All frames that arrive within a time, s."""
         found = []
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
-            message = self._receive(left)
-            if message is not None and not message.is_error_frame:
-                found.append(message)
+            received = self._receive(left)
+            if received is not None and not received.is_error_frame:
+                found.append(received)
         return found
 
     def answers(
@@ -236,8 +240,8 @@ class CanLine:
         """
         found: list[bytes] = []
 
-        def take(message: Any) -> int | None:
-            if (picked := pick(message)) is None:
+        def take(received: Any) -> int | None:
+            if (picked := pick(received)) is None:
                 return None
             found.append(picked)
             return 0

@@ -15,7 +15,7 @@ guards: with the scales a of its gains, and the gains kp, kd that are configured
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -202,30 +202,29 @@ def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]
         return bytes(message.data) if message.arbitration_id == drive << 8 else None
 
     found = line.answers(0x8000 | drive, f.padded(query), pick, attempts)
-    return list(_found(drive, list(dict.fromkeys(found))))
+    return [_found(drive, data) for data in dict.fromkeys(found)]
 
 
-def _found(drive: int, answers: list[bytes]) -> Iterator[Found]:
+def _found(drive: int, data: bytes) -> Found:
     from moteus.protocol import Register, parse_reply
 
-    for data in answers:
-        values = parse_reply(data)
-        version = int(values.get(Register.FIRMWARE_VERSION, 0))
-        registers = int(values.get(Register.REGISTER_MAP_VERSION, 0))
-        if registers != f.REGISTER_MAP:
-            raise PlantSettingsError(
-                f"id {drive}: its register map is {registers}; {f.REGISTER_MAP} is supported; "
-                "flash a firmware that has it with moteus_tool"
-            )
-        model = int(values.get(Register.MODEL_NUMBER, -1))
-        fault = int(values.get(Register.FAULT, 0))
-        yield Found(
-            id=drive,
-            type=f"moteus model {model}" if model > 0 else "moteus",
-            firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
-            voltage=float(values.get(Register.VOLTAGE, math.nan)),
-            fault=coded(fault, f.FAULTS) if fault else None,
+    values = parse_reply(data)
+    version = int(values.get(Register.FIRMWARE_VERSION, 0))
+    registers = int(values.get(Register.REGISTER_MAP_VERSION, 0))
+    if registers != f.REGISTER_MAP:
+        raise PlantSettingsError(
+            f"id {drive}: its register map is {registers}; {f.REGISTER_MAP} is supported; "
+            "flash a firmware that has it with moteus_tool"
         )
+    model = int(values.get(Register.MODEL_NUMBER, -1))
+    fault = int(values.get(Register.FAULT, 0))
+    return Found(
+        id=drive,
+        type=f"moteus model {model}" if model > 0 else "moteus",
+        firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
+        voltage=float(values.get(Register.VOLTAGE, math.nan)),
+        fault=coded(fault, f.FAULTS) if fault else None,
+    )
 
 
 def ask(line: CanLine, drive: int, words: str) -> str:

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_line import BUS_OFF, REMOTE, SHORT, frame, open_bus
+from ..drives.can_line import BUS_OFF, REMOTE, SHORT, frame, message, open_bus
 from .wire import Wire
 from .world import World
 
@@ -51,7 +51,7 @@ class VirtualCanBus:
         self.world, self.drives = world, list(drives)
         self.address = address or f"virtual:drives {next(_numbers)}"
         self.to_drives, self.from_drives = Wire(checked=True), Wire(checked=True, seed=1)
-        self._fd, self._message = fd, frame()
+        self._fd = fd
         self.bus = open_bus(self.address, fd=fd)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="virtual drives", daemon=True)
@@ -67,36 +67,28 @@ class VirtualCanBus:
     def go_off(self) -> None:
         """The driver's interface leaves the bus after errors, and reports it as socketcan does."""
         self.to_drives.cut = self.from_drives.cut = True
-        self.bus.send(self._message(arbitration_id=BUS_OFF, is_error_frame=True))
+        self.bus.send(frame()(arbitration_id=BUS_OFF, is_error_frame=True))
 
     def _run(self) -> None:
         while not self._ending.is_set():
             try:
-                message = self.bus.recv(QUIET)
+                received = self.bus.recv(QUIET)
             except Exception:  # noqa: BLE001 - the bus is gone
                 return
             with self.world.lock:
                 self.world.advance()
-                if message is None or message.is_error_frame:
+                if received is None or received.is_error_frame:
                     continue
-                answers = list(self._answers(message))
+                answers = list(self._answers(received))
             for frame_id, data in self.from_drives.carry(iter(answers)):
                 with contextlib.suppress(Exception):  # there is no receiver
-                    self.bus.send(
-                        self._message(
-                            arbitration_id=frame_id,
-                            data=data,
-                            is_extended_id=frame_id > SHORT,
-                            is_fd=self._fd,
-                            bitrate_switch=self._fd,
-                        )
-                    )
+                    self.bus.send(message(frame_id, data, fd=self._fd))
 
-    def _answers(self, message: Any) -> Iterator[tuple[int, bytes]]:
-        if (message.arbitration_id > SHORT) is not message.is_extended_id:
+    def _answers(self, received: Any) -> Iterator[tuple[int, bytes]]:
+        if (received.arbitration_id > SHORT) is not received.is_extended_id:
             return  # its upper bits would not get onto a real bus
-        remote = REMOTE if message.is_remote_frame else 0
-        came = message.arbitration_id | remote, bytes(message.data)
+        remote = REMOTE if received.is_remote_frame else 0
+        came = received.arbitration_id | remote, bytes(received.data)
         for frame_id, data in self.to_drives.carry(iter([came])):
             for drive in self.drives:
                 yield from drive.on_frame(frame_id, data)
