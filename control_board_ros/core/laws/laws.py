@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The control laws of a joint: what to read first to know how a joint moves.
+"""The control laws of a joint.
 
 One joint at a time, in the order of a control cycle:
 
@@ -8,8 +8,8 @@ One joint at a time, in the order of a control cycle:
                   joint's limits of position, speed and acceleration (P9, P14)
 3. ``control``    the law of the mode (source Fig. 2): position PID, impedance, torque PID, output,
                   current
-4. ``protect``    what no law may ask for: more speed than the limit, a way beyond it (P9, P14)
-5. ``hand_down``  what the drive follows: the output, or a set-point whose loop it closes (S1)
+4. ``protect``    bounds every law: speed limit, software limits (P9, P14)
+5. ``hand_down``  the set-point of the drive: the output, or one whose loop the drive closes (S1)
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
 by bit, where there is none. Units: rad, rad/s, N·m, A, s; m and N for prismatic joints.
@@ -43,7 +43,7 @@ TORQUE = cython.declare(cython.int, 3)
 OUTPUT = cython.declare(cython.int, 4)
 CURRENT = cython.declare(cython.int, 6)
 
-#: What a drive follows; set_points.SetPoint gives them names.
+#: Set-points of drives; drives.SetPoint gives them names.
 AS_PWM = cython.declare(cython.int, 1)
 AS_CURRENT = cython.declare(cython.int, 2)
 AS_TORQUE = cython.declare(cython.int, 3)
@@ -51,61 +51,61 @@ AS_VELOCITY = cython.declare(cython.int, 4)
 AS_POSITION = cython.declare(cython.int, 5)
 AS_IMPEDANCE = cython.declare(cython.int, 6)
 
-#: Direct positions that follow each other within this time are a stream, others are steps, s; one
-#: that has begun goes on up to the second; each with half of the mean deviation from it on top.
+#: Longest mean interval, s, at which direct positions become a stream, and at which they remain
+#: one; half of the intervals' mean deviation is added. Slower ones are steps.
 SLOWEST = cython.declare(cython.double, 0.052)
 SLOWER = cython.declare(cython.double, 0.060)
-#: For so long a direct position can be the last of a stream, s: five intervals at 20 Hz.
+#: Age at which a direct position ends its stream, s: five intervals at 20 Hz.
 LAST = cython.declare(cython.double, 0.25)
-#: The interval of a stream counts as no less, s.
+#: Shortest interval of a stream that the tracking assumes, s.
 BRIEF = cython.declare(cython.double, 0.008)
-#: Samples that a motion is measured from, and how far apart they are at least, s.
+#: Samples that a motion is fitted to, and their least distance, s.
 KNOTS = cython.declare(cython.int, 6)
 APART = cython.declare(cython.double, 0.012)
-#: Where samples come more slowly, s, jitter does not hide how the motion turns.
+#: Interval above which jitter does not hide the curvature of a motion, s.
 SLOW = cython.declare(cython.double, 0.025)
-#: Memory of the interval, of residuals and of how a motion turns, in samples.
+#: Memory of the interval; of residuals and curvature; in samples.
 MEMORY = cython.declare(cython.double, 100.0)
 BRIEF_MEMORY = cython.declare(cython.double, 12.0)
-#: Natural frequency of what follows a stream, rad/s: at most, and times the interval.
+#: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
 QUICKEST = cython.declare(cython.double, 60.0)
 QUICK = cython.declare(cython.double, 1.2)
 #: A joint is at rest below this part of its speed limit, and of its torque limit in acceleration.
 REST_SPEED = cython.declare(cython.double, 2e-3)
 REST_TORQUE = cython.declare(cython.double, 5e-3)
-#: How long a joint must be at rest for its load to be known, s; time constant of its filter, s.
+#: Time at rest after which the load is known, s; time constant of the load's filter, s.
 REST_TIME = cython.declare(cython.double, 0.03)
 LOAD_FILTER = cython.declare(cython.double, 0.01)
-#: How long the load is looked for at least where a reference waits for it, and at most, s.
+#: Time to measure the load, s: minimum where a reference waits for it, maximum.
 SETTLE_LEAST = cython.declare(cython.double, 0.05)
 SETTLE_MOST = cython.declare(cython.double, 0.5)
-#: How long a joint at rest waits at most for others that still brake, s.
+#: Maximum time that a joint at rest waits for others that still brake, s.
 OTHERS_MOST = cython.declare(cython.double, 3.0)
-#: How long a torque is beyond its limit in a position mode until the log reports it, s.
+#: Time beyond the torque limit in a position mode after which the log reports it, s.
 STRAIN_TIME = cython.declare(cython.double, 0.05)
-#: How firmly TORQUE holds a joint before its first reference, as a part of the torque limit.
+#: Largest holding torque in TORQUE before the first reference, as a part of the torque limit.
 HOLD_SHARE = cython.declare(cython.double, 0.1)
-#: How firmly a joint without stiffness stays where it is put, gravity being compensated: the
-#: same part, for what sensors and masses are wrong by.
+#: Likewise of a joint without stiffness under gravity compensation: covers errors of sensors and
+#: masses.
 REST_SHARE = cython.declare(cython.double, 0.01)
-#: A way so long that no braking is in sight, rad or m.
+#: Distance above which no braking is needed, rad or m.
 FAR = cython.declare(cython.double, 1e9)
 #: Periods within which the protection reduces the speed to what is allowed.
 SPAN = cython.declare(cython.double, 3.0)
-#: Time constant of the way back from beyond a limit, s.
+#: Time constant of the return from beyond a limit, s.
 RETURN = cython.declare(cython.double, 0.1)
-#: Part of the acceleration limit that the protection brakes with, ahead of a limit.
+#: Part of the acceleration limit with which the protection brakes ahead of a limit.
 BRAKING = cython.declare(cython.double, 0.7)
-#: The inertia that it assumes: this part of the least one where the torque may grow; where
-#: torque is reduced this multiple of the mean one, and at most this multiple of the former.
+#: Inertia that the protection assumes: LIGHT × the least where torque grows; HEAVY × the mean
+#: where torque is reduced, at most WIDE × the former.
 LIGHT = cython.declare(cython.double, 0.7)
 HEAVY = cython.declare(cython.double, 2.0)
 WIDE = cython.declare(cython.double, 4.0)
-#: How far what is followed may lead a joint, in position errors worth the torque limit.
+#: Largest lead of the followed reference over the joint, in errors worth the torque limit.
 LEAD = cython.declare(cython.double, 1.0)
-#: No output is greater, percent; NaN is not, either.
+#: Outputs above this, and NaN, are a divergence, percent.
 MOST_OUTPUT = cython.declare(cython.double, 1e3)
-#: Speed that the position law may reach, over the limit: room for a reference at the limit.
+#: Speed bound of the position law, in speed limits: headroom for references at the limit.
 PURSUIT = cython.declare(cython.double, 1.02)
 
 
@@ -115,7 +115,8 @@ class Pid:
 
     u = kff·r + kp·e + I + kd·D;   I += ki·e·T, |I| ≤ limit;   D += alpha·(rate − D)
 
-    An integral beyond a limit that is new has room above it, which shrinks by ``fall`` a cycle.
+    An integral beyond a new, smaller limit has ``room`` above it, which shrinks by ``fall`` per
+    cycle.
     """
 
     kp = cython.declare(cython.double, visibility="public")
@@ -138,21 +139,21 @@ class Pid:
 
     @cython.ccall
     def reset(self, integral: cython.double) -> cython.void:
-        """Start with an integral part, and with no rate."""
+        """Start from an integral part, at rest."""
         self.room = 0.0
         self.integral = self.previous = clamp(integral, -self.limit, self.limit)
         self.derivative = self.error = self.reference = 0.0
 
     @cython.ccall
     def feed(self) -> cython.double:
-        """What the last output was made of, the integral part aside."""
+        """The last output without its integral part."""
         return self.kff * self.reference + self.kp * self.error + self.kd * self.derivative
 
 
 @cython.cfunc
 @cython.inline
 def clamp(value: cython.double, low: cython.double, high: cython.double) -> cython.double:
-    """The value, or the bound that it passes."""
+    """``value`` within ``low`` to ``high``; NaN passes."""
     if value < low:
         return low
     if value > high:
@@ -166,8 +167,7 @@ def brake_speed(
 ) -> cython.double:
     """The greatest speed from which braking in whole cycles ends within a distance.
 
-    In k cycles, each slower than the last by a·T:  d = k v T − a T² k(k − 1)/2, for the least k
-    that ends at rest.
+    d = k v T − a T² k(k − 1)/2: k cycles, each slower by a·T, with the least k that ends at rest.
     """
     cycles: cython.double
     if distance <= 0.0:
@@ -181,11 +181,10 @@ def brake_speed(
 
 @cython.cclass
 class TimeBase:
-    """The last samples of a stream at the times that one reading of it gives them (P4).
+    """The last samples of a stream, at the times of one hypothesis on when they were made (P4).
 
-    The motion that they are samples of is x + v S(t) + a C(t), S = sin(ωt)/ω, C = (1 − cos ωt)/ω²:
-    a parabola whose acceleration turns with ω² = −jerk/velocity, which the samples show; fitted by
-    least squares, t from the last one.
+    Motion: x + v S(t) + a C(t), S = sin(ωt)/ω, C = (1 − cos ωt)/ω², t from the last sample: a
+    parabola whose acceleration turns with ω² = −jerk/velocity, fitted by least squares.
     """
 
     times: cython.double[::1]
@@ -203,14 +202,14 @@ class TimeBase:
 
     @cython.cfunc
     def clear(self, x: cython.double, v: cython.double) -> cython.void:
-        """Start anew with one sample."""
+        """Restart with one sample."""
         self.times[0] = 0.0
         self.turned = self.run = self.turning = self.residual = self.a = 0.0
         self.x, self.v = x, v
 
     @cython.cfunc
     def at(self, time: cython.double) -> cython.double:
-        """The position so long after the last sample."""
+        """The position ``time`` s after the last sample."""
         return self.x + self.v * sine(self.turning, time) + self.a * versine(self.turning, time)
 
     @cython.cfunc
@@ -221,9 +220,9 @@ class TimeBase:
     def speed_up(
         self, before: cython.double, time: cython.double, most: cython.double
     ) -> cython.void:
-        """The acceleration that leads from a velocity so long before to that of now.
+        """The acceleration from the velocity ``time`` s ago to the present one.
 
-        A velocity of exactly 0 says that the motion rests there: it is not braked beyond that.
+        A velocity of exactly 0 is rest: the motion ends there.
         """
         if self.v == 0.0:
             self.a = 0.0
@@ -235,20 +234,20 @@ class TimeBase:
 
     @cython.cfunc
     def turn(self, x: cython.double[::1], knots: cython.int, share: cython.double) -> cython.void:
-        """ω² from four samples, the older ones fading.
+        """ω² from four samples, with fading memory.
 
         r = −jerk τ²/3 v = 4 sin²u/(3 − 4 sin²u) for even samples, u = ωτ/2
         """
         t: cython.double[::1] = self.times
         k: cython.int = 0
         if knots > 4 and t[0] - t[1] < 0.5 * (t[1] - t[2]):
-            k = 1  # the last one is only just there
+            k = 1  # the last interval is too short
         tau: cython.double = (t[k] - t[k + 3]) / 3.0
         first: cython.double = t[k] - t[k + 1]
         second: cython.double = t[k + 1] - t[k + 2]
         third: cython.double = t[k + 2] - t[k + 3]
         if tau <= 0.0 or min(first, second, third) < 0.5 * tau:
-            return  # of one cycle, or too uneven to tell
+            return  # within one cycle, or too uneven
         first = (x[k] - x[k + 1]) / first
         second = (x[k + 1] - x[k + 2]) / second
         third = (x[k + 2] - x[k + 3]) / third
@@ -316,7 +315,7 @@ class TimeBase:
         c = (yc * ss - ys * sc) / whole
         self.x = values[0] + (y1 - s * s1 - c * c1) * n
         self.v, self.a = s * scale, c * scale * scale
-        if fabs(self.a) > 1.5 * max_acceleration:  # no motion of this joint
+        if fabs(self.a) > 1.5 * max_acceleration:  # the joint cannot move like this
             self.x, self.a = values[0], 0.0
             self.v = (values[0] - values[1]) / -self.times[1] if self.times[1] < 0.0 else 0.0
 
@@ -339,16 +338,16 @@ def versine(turning: cython.double, t: cython.double) -> cython.double:
 
 @cython.cclass
 class Stream:
-    """Direct positions that follow each other: samples of a motion (P4).
+    """A stream of direct positions: samples of a motion (P4).
 
-    When was a sample made? On an even grid, from which it comes late (``grid``), or when it was
-    sent (``sent``): the reading that predicts the next sample better is believed. Interval and
-    phase of the grid: regression of the arrivals over their numbers, and their lower envelope; a
-    gap counts as a lost sample where the arrival, or the value, says so.
+    Two hypotheses on the time of a sample: on an even grid, received late (``grid``), or at its
+    arrival (``sent``). The one that predicts the next sample better applies. Interval and phase of
+    the grid: regression of the arrivals over their numbers, and their lower envelope; a gap is a
+    lost sample where arrival or value agree with it.
     """
 
     values: cython.double[::1]
-    numbers: cython.double[::1]  # of intervals that they lie back
+    numbers: cython.double[::1]  # intervals before the last sample
     grid = cython.declare(TimeBase, visibility="public")
     sent = cython.declare(TimeBase, visibility="public")
     count = cython.declare(cython.double, visibility="public")  # samples
@@ -387,15 +386,15 @@ class Stream:
         max_velocity: cython.double,
         max_acceleration: cython.double,
     ) -> cython.void:
-        """Take a sample.
+        """Add a sample.
 
         Args:
             x: rad.
-            velocity: rad/s; where given.
-            given: whether it is.
+            velocity: rad/s; ignored unless ``given``.
+            given: whether the sample has a velocity.
             age: of the last sample, control cycles.
             period: of control, s.
-            max_velocity: rad/s; a difference that would be faster is a step.
+            max_velocity: rad/s; a faster difference is a step.
             max_acceleration: rad/s².
         """
         m: cython.double
@@ -408,7 +407,7 @@ class Stream:
         else:
             reach = max_velocity * (d + self.late + 0.5 * self.interval)
         if self.count > 0.0 and fabs(x - self.last) > reach:
-            self.count = 0.0  # a leap
+            self.count = 0.0  # a step
         if self.count == 0.0:
             self.begin(x, velocity if given else 0.0, given)
             return
@@ -441,12 +440,12 @@ class Stream:
 
     @cython.cfunc
     def clock(self, x: cython.double, d: cython.double, period: cython.double) -> cython.double:
-        """Interval, lateness and time base after ``d`` s; how many intervals they are."""
+        """Update interval, lateness and time base after ``d`` s; ``d`` in intervals."""
         m: cython.double = self.intervals(x, d) if self.count > 2.0 else 1.0
         share: cython.double
         n: cython.double = self.count
         self.missing += 0.05 * (m - 1.0 - self.missing)
-        if self.missing > 0.25 and n > 20.0:  # not lost: the interval is longer than was thought
+        if self.missing > 0.25 and n > 20.0:  # none is lost: the interval is longer
             self.missing = self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = 0.0
             self.weight, self.count, n, m = 1.0, 3.0, 3.0, 1.0
         fade: cython.double = 1.0 - 1.0 / MEMORY
@@ -480,7 +479,7 @@ class Stream:
 
     @cython.cfunc
     def intervals(self, x: cython.double, d: cython.double) -> cython.double:
-        """How many intervals a sample comes after the last one: 1, or more where some are lost."""
+        """Intervals between the last sample and this one: 1, or more where samples are lost."""
         parts: cython.double = (d + self.late) / self.interval + 0.1
         m: cython.double = floor(parts)
         tolerance: cython.double = 0.25 if self.count > 13.0 else 0.6
@@ -501,7 +500,7 @@ class Stream:
 
     @cython.cfunc
     def keep(self, x: cython.double, d: cython.double, m: cython.double) -> cython.void:
-        """Keep a sample, in place of the last one where the one before it is near."""
+        """Store a sample; it replaces the last one where that one is close to its predecessor."""
         k: cython.int
         share: cython.double
         first: cython.double
@@ -531,7 +530,7 @@ class Stream:
             self.grid.turn(self.values, self.knots, share)
             self.sent.turn(self.values, self.knots, share)
             if self.interval < SLOW and self.uneven > 0.1 * self.interval:
-                self.sent.turning = 0.0  # what jitter does to near samples is no turning
+                self.sent.turning = 0.0  # jitter of close samples is no curvature
                 if self.interval < 0.6 * SLOW:
                     self.grid.turning = 0.0
 
@@ -543,7 +542,7 @@ class Stream:
         m: cython.double,
         max_acceleration: cython.double,
     ) -> cython.void:
-        """The motion where its velocity comes along: acceleration from the last two."""
+        """The motion of samples with velocities; acceleration from the last two."""
         self.grid.x = self.sent.x = self.values[0]
         self.grid.v = self.sent.v = velocity
         self.grid.speed_up(self.last_velocity, m * self.interval, max_acceleration)
@@ -551,9 +550,9 @@ class Stream:
 
     @cython.cfunc
     def patience(self) -> cython.double:
-        """How long after its last sample a stream goes on, s.
+        """Time after its last sample at which a stream ends, s.
 
-        An even one for 1.5 of its interval, an uneven one until two in a row are missing.
+        1.5 intervals of an even stream; an uneven one ends when two samples in a row are missing.
         """
         least: cython.double = 1.5 * (self.interval if self.interval > BRIEF else BRIEF)
         longest: cython.double = 1.2 * self.gap
@@ -564,7 +563,7 @@ class Stream:
 
     @cython.cfunc
     def velocity(self) -> cython.double:
-        """Of the motion at the last sample, rad/s; 0 where it is a step."""
+        """Velocity of the motion at the last sample, rad/s; 0 for a step."""
         if not self.flows:
             return 0.0
         return self.grid.v if self.on_grid else self.sent.v
@@ -572,7 +571,7 @@ class Stream:
 
 @cython.cclass
 class Joint:
-    """Everything that the laws know of one joint; ``core.control`` fills in the constants."""
+    """State and constants of one joint; ``core.control`` sets the constants."""
 
     # --- constants of the configuration -----------------------------------------------------
     period = cython.declare(cython.double, visibility="public")
@@ -596,10 +595,10 @@ class Joint:
     has_torque_sensor = cython.declare(cython.bint, visibility="public")
     per_torque = cython.declare(cython.double, visibility="public")  # drive per N·m
     per_speed = cython.declare(cython.double, visibility="public")  # drive per rad/s: back-EMF
-    compensation = cython.declare(cython.double, visibility="public")  # part of it made up for
+    compensation = cython.declare(cython.double, visibility="public")  # compensated part of it
     per_feed = cython.declare(cython.double, visibility="public")  # drive per percent of u_ff
-    in_amps = cython.declare(cython.bint, visibility="public")  # drive is no voltage
-    kind = cython.declare(cython.int, visibility="public")  # what the drive follows: AS_...
+    in_amps = cython.declare(cython.bint, visibility="public")  # drive is a current
+    kind = cython.declare(cython.int, visibility="public")  # the drive's set-point: AS_...
     delay = cython.declare(cython.double, visibility="public")  # of the drive, beyond a period, s
     pursuit = cython.declare(cython.double, visibility="public")  # velocity per error, 1/s
     ohms = cython.declare(cython.double, visibility="public")
@@ -621,7 +620,7 @@ class Joint:
     damping = cython.declare(cython.double, visibility="public")
     torque_offset = cython.declare(cython.double, visibility="public")  # τ_ff
     offset_given = cython.declare(cython.bint, visibility="public")  # by a user
-    load_taken = cython.declare(cython.double, visibility="public")  # taken over on entering
+    load_taken = cython.declare(cython.double, visibility="public")  # at the start of the law
     torque_command = cython.declare(cython.double, visibility="public")
     output_command = cython.declare(cython.double, visibility="public")
     current_command = cython.declare(cython.double, visibility="public")  # A
@@ -644,12 +643,12 @@ class Joint:
     ramp_velocity = cython.declare(cython.double, visibility="public")
     ramp_target = cython.declare(cython.double, visibility="public")
     ramp_step = cython.declare(cython.double, visibility="public")  # rad/s per cycle
-    driven = cython.declare(cython.bint, visibility="public")  # a velocity that needs no ramp
+    driven = cython.declare(cython.bint, visibility="public")  # by a velocity without a ramp
     direct_velocity = cython.declare(cython.double, visibility="public")
     direct_age = cython.declare(cython.double, visibility="public")  # cycles since the last one
     stream = cython.declare(Stream, visibility="public")
     stream_acceleration = cython.declare(cython.double, visibility="public")  # filtered
-    stream_peak = cython.declare(cython.double, visibility="public")  # of it, of late
+    stream_peak = cython.declare(cython.double, visibility="public")  # decaying maximum of it
     reference = cython.declare(cython.double, visibility="public")
     reference_velocity = cython.declare(cython.double, visibility="public")
     followed = cython.declare(cython.double, visibility="public")  # within all limits
@@ -664,13 +663,13 @@ class Joint:
     current_before = cython.declare(cython.double, visibility="public")  # a cycle ago
     acceleration = cython.declare(cython.double, visibility="public")
     load = cython.declare(cython.double, visibility="public")  # filtered, without inertia
-    motion = cython.declare(cython.double, visibility="public")  # torque that acceleration takes
+    motion = cython.declare(cython.double, visibility="public")  # torque of the acceleration
     gravity = cython.declare(cython.double, visibility="public")  # of the arm's model, or 0
-    forward = cython.declare(cython.double, visibility="public")  # fed forward to what is followed
+    forward = cython.declare(cython.double, visibility="public")  # feed-forward torque
     lifts = cython.declare(cython.bint, visibility="public")  # compensates, and the arm is known
-    lift = cython.declare(cython.double, visibility="public")  # gravity's torque that is added
-    blocked = cython.declare(cython.bint, visibility="public")  # stands, though it is to move
-    carried = cython.declare(cython.double, visibility="public")  # integral part when it was not
+    lift = cython.declare(cython.double, visibility="public")  # compensated gravity torque
+    blocked = cython.declare(cython.bint, visibility="public")  # at rest against its reference
+    carried = cython.declare(cython.double, visibility="public")  # integral part while it was not
     readings = cython.declare(cython.int, visibility="public")  # since power-on
     rest_cycles = cython.declare(cython.int, visibility="public")
     settling = cython.declare(cython.bint, visibility="public")  # held until the load is known
@@ -706,14 +705,14 @@ class Joint:
         self.direct_age = INFINITE
         self.was_on_limit = self.diverged = self.strained = False
 
-    # --- what the board asks of a joint -----------------------------------------------------
+    # --- requests ---------------------------------------------------------------------------
 
     @cython.ccall
     def hold(self, position: cython.double) -> cython.void:
-        """Let the reference stand at a position, at rest (M9, P3).
+        """Set the reference to a position, at rest (M9, P3).
 
-        What is followed starts with the velocity that the joint has, and brakes within the
-        acceleration limit (P14).
+        The followed reference starts at the joint's velocity and brakes within the acceleration
+        limit (P14).
         """
         self.moving = False
         self.moved = self.reference = self.followed = position
@@ -736,8 +735,8 @@ class Joint:
 
         Args:
             target: rad.
-            time: duration T, s; at least one period is used.
-            brake: time in which the present velocity is braked, s; 0: it goes on into the move.
+            time: duration T, s; at least one period.
+            brake: time to brake the present velocity, s; 0: the move starts with that velocity.
         """
         self.active = self.moving = True
         self.move_start = self.reference
@@ -760,10 +759,10 @@ class Joint:
 
     @cython.ccall
     def drive_at(self, velocity: cython.double) -> cython.void:
-        """Take a velocity reference that acts at once (Y1).
+        """Set a velocity reference that acts at once (Y1).
 
-        The position reference goes with what is followed: what the acceleration limit makes of
-        a step of velocity is not caught up.
+        The position reference equals the followed one: the distance that the acceleration limit
+        costs is not made up for.
         """
         self.active = self.driven = True
         self.ramp_target = self.ramp_velocity = self.reference_velocity = velocity
@@ -772,7 +771,7 @@ class Joint:
 
     @cython.ccall
     def halt(self) -> cython.void:
-        """Bring the velocity reference to zero as hard as the joint may (P12)."""
+        """Ramp the velocity reference to zero at the acceleration limit (P12)."""
         if self.driven:
             self.drive_at(0.0)
         else:
@@ -780,12 +779,12 @@ class Joint:
 
     @cython.ccall
     def step_to(self, position: cython.double) -> cython.void:
-        """Take a direct position (P4): a step, or one more sample of a stream."""
+        """Set a direct position (P4): a step, or a sample of a stream."""
         self.take_sample(position, 0.0, False)
 
     @cython.ccall
     def step_with(self, position: cython.double, velocity: cython.double) -> cython.void:
-        """Take a direct position that has a velocity of its own (P4)."""
+        """Set a direct position with its velocity (P4)."""
         self.take_sample(position, clamp(velocity, -self.max_velocity, self.max_velocity), True)
 
     @cython.cfunc
@@ -806,7 +805,7 @@ class Joint:
 
     @cython.ccall
     def at_rest(self) -> cython.bint:
-        """Whether the last readings show a joint that neither moves nor begins to."""
+        """Whether velocity and acceleration of the last readings are negligible."""
         return (
             self.readings > 1
             and fabs(self.velocity) <= REST_SPEED * self.max_velocity
@@ -815,25 +814,24 @@ class Joint:
 
     @cython.ccall
     def known_load(self) -> cython.double:
-        """The torque that carries the joint: measured, without that of its acceleration (M9)."""
+        """The static torque: measured torque less that of the acceleration (M9), N·m."""
         if self.rest_cycles * self.period >= REST_TIME:
             return self.load
         return self.torque - self.motion
 
     @cython.ccall
     def feed_torque(self) -> cython.double:
-        """What u_ff is worth as a torque, N·m."""
+        """u_ff as a torque, N·m."""
         if self.feeds and self.per_torque > 0.0:
             return self.output_offset * self.per_feed / self.per_torque
         return 0.0
 
     @cython.ccall
     def start(self, law: cython.int, resting: cython.bint = True) -> cython.void:
-        """Run a law from now on, without a jump: it takes over the load (M9).
+        """Switch to a law without a step of torque: it starts from the load (M9).
 
-        A joint that is not at rest is first brought there by the position law, and one that is
-        held there while others move; what carries it when all have come to rest becomes its torque
-        (IMPEDANCE, TORQUE, CURRENT).
+        Until all joints are at rest the position law brakes this one, or holds it; its static
+        torque then becomes the torque of the new law (IMPEDANCE, TORQUE, CURRENT).
 
         Args:
             law: OFF, POSITION, ...
@@ -860,7 +858,7 @@ class Joint:
 
     @cython.cfunc
     def take(self, load: cython.double) -> cython.void:
-        """Make the load what the law of the mode gives when nothing else is requested."""
+        """Make the load the torque of the law without references."""
         self.settling = self.awaited = False
         self.load_taken = load - self.lift - self.torque_offset
         self.torque_command = load - self.lift
@@ -870,7 +868,7 @@ class Joint:
 
     @cython.ccall
     def offer_torque(self, torque: cython.double) -> cython.void:
-        """Take a τ_ff (P11); it replaces the load that was taken over."""
+        """Set τ_ff (P11), which replaces the load taken over."""
         if self.settling:
             self.take(self.known_load())
         self.offset_given = True
@@ -878,7 +876,7 @@ class Joint:
 
     @cython.ccall
     def command_torque(self, torque: cython.double) -> cython.void:
-        """Take a torque reference: from now on nothing but it acts (P7)."""
+        """Set the torque reference, which replaces load and hold (P7)."""
         if self.settling:
             self.take(self.known_load())
         self.holding = False
@@ -886,9 +884,9 @@ class Joint:
 
     @cython.cfunc
     def carry(self, gravity: cython.double, known: cython.bint) -> cython.void:
-        """Add the torque of gravity where the joint compensates it (G1).
+        """Add the gravity torque where the joint compensates it (G1).
 
-        What begins or ceases to be added is taken from the rest: the torque makes no jump.
+        Switching it on or off is offset in the load and the command: the torque makes no step.
         """
         lifts: cython.bint = self.compensates and known
         lift: cython.double = gravity if lifts else 0.0
@@ -900,15 +898,15 @@ class Joint:
 
     @cython.ccall
     def command_current(self, current: cython.double) -> cython.void:
-        """Take a current reference: from now on nothing but it acts (Y2)."""
+        """Set the current reference, which replaces load and hold (Y2)."""
         self.settling = self.awaited = self.holding = False
         self.current_command = current
 
     @cython.ccall
     def give_up(self) -> cython.void:
-        """Drive nothing, and forget what led to an output that is not finite.
+        """Drive nothing, and reset the state that led to an output that is not finite.
 
-        The reference stays where the joint is; the next law starts afresh from there.
+        The reference is the joint's position, from which the next law starts.
         """
         self.diverged = True
         self.output = self.torque_reference = self.load = self.asked = 0.0
@@ -934,7 +932,7 @@ if not cython.compiled:  # attributes start at zero, as they do compiled
 
 @cython.cfunc
 def observe(j: Joint, position: cython.double, velocity: cython.double) -> cython.void:
-    """Acceleration and rest: a = Δq̇/T; τ = J·a where no more is known of the arm."""
+    """Acceleration and rest: a = Δq̇/T; torque of the acceleration: J·a without an arm model."""
     j.acceleration = (velocity - j.velocity) / j.period if j.readings > 0 else 0.0
     j.position, j.velocity = position, velocity
     if not j.has_torque_sensor:
@@ -961,11 +959,11 @@ def weigh(j: Joint) -> cython.void:
 
 @cython.cfunc
 def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
-    """Take the load over once it is known, or has been waited for long enough.
+    """Take the load over once it is known, or after SETTLE_MOST.
 
     Args:
-        j: That settles.
-        braking: Whether one of those that settle is still being brought to rest.
+        j: The joint, which settles.
+        braking: Whether one of the settling joints still brakes.
         rested: Whether all of them have been at rest for REST_TIME.
     """
     elapsed: cython.double
@@ -1019,10 +1017,10 @@ def advance(j: Joint) -> cython.void:
 
 @cython.cfunc
 def advance_move(j: Joint) -> cython.void:
-    """The quintic of a move: leaves with v0, ends at rest (P1).
+    """The quintic of a move, from velocity v0 to rest (P1).
 
-    q(s) = q0 + v0 T s + (10 R − 6 v0 T) s³ + (8 v0 T − 15 R) s⁴ + (6 R − 3 v0 T) s⁵, s = t/T; a
-    velocity that is no part of it is braked by v0 (1 − 3u² + 2u³), u = t/T_b.
+    q(s) = q0 + v0 T s + (10 R − 6 v0 T) s³ + (8 v0 T − 15 R) s⁴ + (6 R − 3 v0 T) s⁵, s = t/T; with
+    a brake time T_b the initial velocity is braked by v0 (1 − 3u² + 2u³), u = t/T_b, instead.
     """
     s: cython.double
     u: cython.double
@@ -1061,9 +1059,9 @@ def advance_move(j: Joint) -> cython.void:
 
 @cython.cfunc
 def advance_ramp(j: Joint) -> cython.void:
-    """The velocity reference: ramped (P5), and no more than speed and limits leave (P14).
+    """The velocity reference: ramped (P5), within the speed limit, braking ahead of limits (P14).
 
-    Together with a move it keeps to the speed limit, and brakes ahead of a position limit.
+    The speed limit applies to the sum with a move's velocity.
     """
     total: cython.double
     up: cython.double
@@ -1084,11 +1082,11 @@ def advance_ramp(j: Joint) -> cython.void:
 
 @cython.cfunc
 def follow(j: Joint) -> cython.void:
-    """What the laws follow: the reference, within speed, acceleration and limits (P14).
+    """The followed reference: the reference within speed, acceleration and position limits (P14).
 
-    Where the joint can, it is the reference itself; else the fastest way there that ends with
-    the reference's velocity: v = v_ref + brake_speed(rest of the way). A stream is the motion
-    that its samples show (``follow_stream``).
+    It equals the reference where the limits allow; else it is the fastest approach that ends with
+    the reference's velocity: v = v_ref + brake_speed(distance). Of a stream it tracks the motion
+    fitted to the samples (``follow_stream``).
     """
     goal: cython.double = j.reference
     goal_velocity: cython.double = j.reference_velocity
@@ -1139,11 +1137,11 @@ def follow(j: Joint) -> cython.void:
 
 @cython.cfunc
 def follow_stream(j: Joint) -> cython.double:
-    """The velocity that leads what is followed to the motion of a stream, and along with it.
+    """The velocity of the followed reference on its way to the motion of a stream, and along it.
 
     e = r − x, w = v − v_r:  v̇ = a_r + 2ω (w_e − w), w_e = ½ω e near it (critically damped), and
-    √(2b(|e| − 2b/ω²)) far away, b = 0.8 (a_max − peak |a_r|): braking to the motion leaves room
-    for what the motion itself takes. a_r is low-passed, ω goes with the stream's interval.
+    √(2b(|e| − 2b/ω²)) far away, b = 0.8 (a_max − peak |a_r|), which leaves the acceleration of the
+    motion itself. a_r is low-passed; ω is inverse to the stream's interval.
     """
     s: Stream = j.stream
     base: TimeBase = s.grid if s.on_grid else s.sent
@@ -1214,24 +1212,24 @@ def pid_step(
 
 @cython.cfunc
 def unwind(p: Pid, excess: cython.double) -> cython.void:
-    """Anti-windup: where the output is cut, an integral that pushes further goes back."""
+    """Anti-windup: undo the integral's last step where it drives a saturated output further."""
     if p.error * excess > 0.0:
         p.integral = p.previous
 
 
 @cython.cfunc
 def position_law(j: Joint) -> cython.double:
-    """Position PID with the torque of what is followed fed forward (I5, first row of Fig. 2).
+    """Position PID with feed-forward of the followed reference (I5, first row of Fig. 2).
 
     τ = kp·e + ∫ki·e dt + kd·ė + τ(q, q̇_ref, q̈_ref) + τ_friction(q̇_ref), e = q_ref − q; τ() is the
-    arm's dynamics and gravity, or J·q̈_ref where no more is known.
+    arm's dynamics and gravity, or J·q̈_ref without a model.
 
-    What is followed leads the joint by no more than the torque limit is worth: one that was held
-    back goes on from where it is, at the speed of a reference, when it is free again (P14).
+    The followed reference leads the joint by at most the error that is worth the torque limit: a
+    joint that was blocked continues from its place at the speed of a reference (P14).
     """
     p: Pid = j.position_pid
     keep_near(j)
-    late: cython.double = j.followed - j.delay * j.followed_velocity  # as the drive has it by now
+    late: cython.double = j.followed - j.delay * j.followed_velocity  # what the drive has by now
     return (
         pid_step(p, j.followed, late - j.position, j.followed_velocity - j.velocity)
         + j.forward
@@ -1241,7 +1239,7 @@ def position_law(j: Joint) -> cython.double:
 
 @cython.cfunc
 def keep_near(j: Joint) -> cython.void:
-    """Let what is followed lead the joint by no more than torque and speed limits bear (P14)."""
+    """Bound the lead of the followed reference by the torque and speed limits (P14)."""
     p: Pid = j.position_pid
     lead: cython.double
     if p.kp > 0.0:
@@ -1253,7 +1251,7 @@ def keep_near(j: Joint) -> cython.void:
 
 @cython.cfunc
 def friction(j: Joint, velocity: cython.double) -> cython.double:
-    """Friction at a velocity: F_c v/v_slip + F_v v, the former up to ± F_c, of its direction."""
+    """Friction at a velocity: clip(F_c v/v_slip, ± F_c) + F_v v, with F of its direction."""
     ahead: cython.bint = velocity >= 0.0
     dry: cython.double = j.coulomb if ahead else j.coulomb_negative
     wet: cython.double = j.viscous if ahead else j.viscous_negative
@@ -1264,7 +1262,7 @@ def friction(j: Joint, velocity: cython.double) -> cython.double:
 
 @cython.cfunc
 def stay(j: Joint, place: cython.double) -> cython.void:
-    """Let what is followed stand at a place in this cycle, without the torque to get it moving."""
+    """Stop the followed reference at a place, without the feed-forward of its acceleration."""
     j.forward -= j.inertia * j.followed_acceleration
     j.followed = place
     j.followed_velocity = j.followed_acceleration = 0.0
@@ -1273,12 +1271,13 @@ def stay(j: Joint, place: cython.double) -> cython.void:
 
 @cython.cfunc
 def hold_back(j: Joint) -> cython.void:
-    """Let a blocked joint push no harder than it can be caught when it is freed (P14).
+    """Bound the push of a blocked joint, so that its release stays within the speed limit (P14).
 
     |kp·e + I − I_free| ≤ J·v_top/T',  T' = T (1 + lead/2) + the drive's delay
 
-    I_free is the integral part of the joint while it moved, or was at a reference at rest; T' is
-    how long its torque acts unseen and while the winding takes it back. What is followed waits.
+    I_free is the integral part while the joint moved, or was at a reference at rest; T' is the
+    time until the board sees the release and the winding has removed the torque. The followed
+    reference waits.
     """
     p: Pid = j.position_pid
     excess: cython.double
@@ -1307,9 +1306,9 @@ def hold_back(j: Joint) -> cython.void:
 def impedance(j: Joint) -> cython.double:
     """Torque of a virtual spring and damper (I5; second row of source Fig. 2).
 
-    τ = τ_ff + load + g(q) + k (q_ref − q) − d q̇; the load is what was taken over on entering (M9),
-    g(q) is gravity where it is compensated: without a spring the joint then stays where it is put,
-    held as firmly as a good gearbox rubs (G1).
+    τ = τ_ff + load + g(q) + k (q_ref − q) − d q̇; the load is that on entering (M9), g(q) the
+    compensated gravity. With g(q) and k = 0 the joint stays where it is put, by a holding torque
+    of the size of gearbox friction (G1).
     """
     torque: cython.double = (
         j.torque_offset
@@ -1323,9 +1322,9 @@ def impedance(j: Joint) -> cython.double:
 
 @cython.cfunc
 def hold_torque(j: Joint, share: cython.double) -> cython.double:
-    """A hold that gives way: clip(kp (q_hold − q) − kd q̇, ± share·τ_max).
+    """A hold that yields: clip(kp (q_hold − q) − kd q̇, ± share·τ_max).
 
-    Pushed harder, the joint stays where it is left.
+    Pushed harder, the joint moves, and holds where it is released.
     """
     p: Pid = j.position_pid
     firm: cython.double = share * j.max_torque
@@ -1336,7 +1335,7 @@ def hold_torque(j: Joint, share: cython.double) -> cython.double:
 
 @cython.cfunc
 def rubbing_torque(j: Joint) -> cython.double:
-    """TORQUE, CURRENT before a first reference: load, and a hold as a gearbox rubs (M9)."""
+    """TORQUE and CURRENT before a first reference: the load and a hold that yields (M9)."""
     return j.torque_command + j.lift + hold_torque(j, HOLD_SHARE)
 
 
@@ -1344,7 +1343,7 @@ def rubbing_torque(j: Joint) -> cython.double:
 def torque_law(j: Joint, reference: cython.double) -> cython.double:
     """Torque PID: u = kff·τ_ref + kp·e + ∫ki·e dt + kd·ė, e = τ_ref − τ (P7).
 
-    A drive that closes this loop itself is given the reference.
+    A drive that closes this loop itself receives the reference.
     """
     p: Pid = j.torque_pid
     error: cython.double
@@ -1358,7 +1357,7 @@ def torque_law(j: Joint, reference: cython.double) -> cython.double:
 
 @cython.cfunc
 def law_torque(j: Joint) -> cython.double:
-    """The torque that the law of the mode asks for."""
+    """The torque requested by the law of the mode."""
     if j.law == POSITION or j.settling:
         return position_law(j)
     if j.law == IMPEDANCE:
@@ -1412,10 +1411,10 @@ def control(j: Joint) -> cython.void:
 
 @cython.cfunc
 def ahead_of_winding(j: Joint, wanted: cython.double) -> cython.double:
-    """The drive that brings the current within a cycle to what is wanted at its end.
+    """The drive whose current is the wanted one at the end of the cycle.
 
-    L di/dt = v − R i, solved for v over one period:  v = R (i' − a i)/(1 − a), a = exp(−T R/L);
-    the current is taken to be where the last cycle sent it.
+    L di/dt = v − R i, solved for v over one period:  v = R (i' − a i)/(1 − a), a = exp(−T R/L),
+    where i is the current that the last cycle wanted.
     """
     drive: cython.double = wanted
     if not j.in_amps:
@@ -1429,7 +1428,7 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
     """The inner loop of a board with current output (P10).
 
     v = R·(i_ref + lead·Δi_ref) + Ke·q̇ + PI(i_ref, i); the lead as in ``ahead_of_winding``. A
-    user's reference (Y2) is a step: the PI compares with the last one, which is reached by now.
+    user's reference (Y2) is a step: the PI compares with the one before, reached by now.
     """
     p: Pid = j.current_pid
     before: cython.double = p.reference
@@ -1450,10 +1449,10 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
 
 @cython.cfunc
 def protect(j: Joint, drive: cython.double) -> cython.double:
-    """What a joint may get of a drive (P9, P14).
+    """Bound the drive by the speed limit, and by the software limits (P9, P14).
 
-    No faster than the speed limit; where no position law keeps it inside its limits, no faster
-    towards one than it can brake, and back from beyond it.
+    Where no position law keeps a joint inside its limits, its speed towards one is bounded by its
+    braking distance, and from beyond one it is driven back.
     """
     top: cython.double = PURSUIT * j.max_velocity
     bottom: cython.double = -top
@@ -1471,16 +1470,16 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
 
 @cython.cfunc
 def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.double:
-    """The drive that brings a joint to a speed, and no further; both count in a way, +1 or -1.
+    """The drive at which a joint just reaches a speed; speed and drive in direction ``way``, ±1.
 
-    The motor's torque τ lags by its winding. What is left over of it for acceleration, n, follows
-    from the last cycle whatever load and friction are, and may be at its end no more than lets
-    the joint come to the speed while n fades by T/H a cycle:
+    The motor's torque τ lags by its winding. Its excess for acceleration, n, follows from the last
+    cycle, whatever load and friction are. At the end of this cycle n is at most what brings the
+    joint to the speed while n decays by T/H per cycle:
 
     n0 = J q̈ + lag·Δτ,   n1 = (J (v_top − q̇) − lag·n0·T)/H,   τ1 = τ + n1 − n0,   H = 3 (T + delay)
 
-    lag·Δτ is what the torque is beyond its mean over the cycle. Torque grows as if the joint were
-    light, and is taken away as if it were heavy.
+    lag·Δτ is the torque at the end of the cycle beyond its mean. Torque grows as for a light
+    joint, and is reduced as for a heavy one.
     """
     drive: cython.double
     span: cython.double = SPAN * (j.period + j.delay)
@@ -1501,7 +1500,7 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
 
 @cython.cfunc
 def speed_towards(j: Joint, room: cython.double, top: cython.double) -> cython.double:
-    """The speed allowed towards a limit that is so far away; negative beyond it: back."""
+    """The speed allowed towards a limit at distance ``room``; negative beyond it."""
     speed: cython.double
     if room < 0.0:
         return room / RETURN
@@ -1511,7 +1510,7 @@ def speed_towards(j: Joint, room: cython.double, top: cython.double) -> cython.d
 
 @cython.cfunc
 def note_limit(j: Joint) -> cython.void:
-    """Whether the joint is beyond a limit, or was and still lies on its edge (P9)."""
+    """Whether the joint is beyond a limit; with a hysteresis of 1 % of the range, 1 deg (P9)."""
     room: cython.double = j.limit_upper - j.position
     below: cython.double = j.position - j.limit_lower
     room = min(room, below)
@@ -1525,10 +1524,10 @@ def note_limit(j: Joint) -> cython.void:
 
 @cython.cfunc
 def hand_down(j: Joint, drive: cython.double) -> cython.void:
-    """The drive of the laws as what the drive follows (S1): it, or an impedance that is worth it.
+    """The output of the laws as the drive's set-point (S1), or an impedance of equal torque.
 
-    τ_ff = drive − k (q_set − q) − d (q̇_set − q̇): what the laws and their bounds add is in τ_ff. Of
-    a rate it takes off what the law made of it, filtered: else the difference came back, late.
+    τ_ff = drive − k (q_set − q) − d (q̇_set − q̇) holds what the laws and their bounds add. Of the
+    damping it subtracts the filtered rate that the law used: the raw one would return delayed.
     """
     p: Pid = j.position_pid
     spring: cython.double = 0.0
@@ -1553,10 +1552,10 @@ def hand_down(j: Joint, drive: cython.double) -> cython.void:
 
 @cython.cfunc
 def hand_down_path(j: Joint, feed: cython.double) -> cython.void:
-    """What is followed, to a drive that closes the loop of position or velocity itself (S2).
+    """The followed reference for a drive that closes the loop of position or velocity (S2).
 
-    τ_ff = τ(q, q̇_ref, q̈_ref) + τ_friction(q̇_ref) + the load taken over on entering (M9); as a
-    velocity:  q̇_ref + v (q_ref − q), v = kp/kd of the position PID.
+    τ_ff = τ(q, q̇_ref, q̈_ref) + τ_friction(q̇_ref) + the load on entering (M9); as a velocity:
+    q̇_ref + v (q_ref − q), v = kp/kd of the position PID.
     """
     p: Pid = j.position_pid
     torque: cython.double = p.integral + p.kff * j.followed + j.forward + feed
@@ -1575,17 +1574,18 @@ def hand_down_path(j: Joint, feed: cython.double) -> cython.void:
 
 @cython.cclass
 class Laws:
-    """All joints of a board, and views of the arrays that everybody reads.
+    """The control cycle of n joints, on views of the board's arrays.
 
     Args:
         joints: of class Joint.
         rows: measured position, velocity, torque, current; position, velocity and torque
             reference; output: a buffer of n doubles each.
         done: n bytes, 1 where no position move is under way.
-        arm: the dynamics of these joints; None: each is taken by itself.
-        feeds_arm: Whether the arm is fed forward in all laws, else only where it is requested.
-        handed: the set-points' rows but PWM, in the order of set_points.Value; None: all joints
-            have drives that take PWM.
+        arm: the dynamics of these joints; None: each joint is modelled by its own inertia.
+        feeds_arm: whether the arm is fed forward in all laws, else only in those that compensate
+            gravity.
+        handed: the rows of set-points except PWM, in the order of measurement.Value; None: all
+            drives accept PWM.
     """
 
     joints: list[Joint]
@@ -1646,8 +1646,12 @@ class Laws:
             self.arm_position, self.arm_velocity, self.arm_acceleration, self.arm_torque = arm.rows
 
     def step(self) -> bool:
-        """One control period of all joints; whether one has something to tell, or no longer: a
-        limit, or that it diverged; an output that is not finite never leaves.
+        """One control period of all joints.
+
+        An output that is not finite is never written.
+
+        Returns:
+            Whether a joint came to a limit or left it, or diverged.
         """
         k: cython.Py_ssize_t
         j: Joint
@@ -1686,12 +1690,12 @@ class Laws:
                 self.output[k] = j.output
             else:
                 self.hand_over(k, j)
-            if tells(j):
+            if has_news(j):
                 changed = True
         return changed
 
     def prepare(self) -> bool:
-        """Before laws start: know motion and gravity; whether all joints are at rest."""
+        """Update motion and gravity before laws start; whether all joints are at rest."""
         k: cython.Py_ssize_t
         j: Joint
         resting: cython.bint = True
@@ -1707,14 +1711,14 @@ class Laws:
 
     @cython.cfunc
     def hand_over(self, k: cython.Py_ssize_t, j: Joint) -> cython.void:
-        """The set-point of a joint to where its drive is given it."""
+        """Write the set-point of a joint into the rows of its drive."""
         self.set_current[k], self.set_torque[k] = j.set_current, j.set_torque
         self.set_velocity[k], self.set_position[k] = j.set_velocity, j.set_position
         self.set_stiffness[k], self.set_damping[k] = j.set_stiffness, j.set_damping
 
     @cython.cfunc
     def settle_joints(self) -> cython.void:
-        """Let joints take their loads over, none before all of them have come to rest."""
+        """Take loads over, of no joint before all of them are at rest."""
         j: Joint
         braking: cython.bint = False
         rested: cython.bint = True
@@ -1728,7 +1732,7 @@ class Laws:
 
     @cython.cfunc
     def sense_motion(self) -> cython.void:
-        """Torque of each joint for the measured motion of the whole arm."""
+        """Torque of each joint for the measured motion of the arm, gravity left out."""
         k: cython.Py_ssize_t
         j: Joint
         for k in range(len(self.joints)):
@@ -1743,7 +1747,7 @@ class Laws:
 
     @cython.cfunc
     def sense_gravity(self) -> cython.void:
-        """The load of the arm's own links where it is measured to be."""
+        """Gravity torque of the arm in its measured pose."""
         k: cython.Py_ssize_t
         j: Joint
         for k in range(len(self.joints)):
@@ -1754,7 +1758,7 @@ class Laws:
 
     @cython.cfunc
     def feed_forward(self) -> cython.void:
-        """The torque of what each joint follows, with gravity where all angles are known."""
+        """Torque of the followed references, with gravity where all angles are known."""
         k: cython.Py_ssize_t
         j: Joint
         if not self.knows_arm():
@@ -1777,7 +1781,7 @@ class Laws:
 
     @cython.cfunc
     def compensate(self) -> cython.void:
-        """Gravity's torque of each joint that compensates it, in its pose (G1)."""
+        """Gravity torque of the joints that compensate it, in the measured pose (G1)."""
         k: cython.Py_ssize_t
         j: Joint
         wanted: cython.bint = False
@@ -1797,7 +1801,7 @@ class Laws:
                 j.carry(self.arm_torque[k], True)
 
     def forget_arm(self) -> None:
-        """Before the arm's masses change: integral parts hold the load until it is known anew."""
+        """Before the arm's masses change: integral parts hold the load until the next cycle."""
         if self.modelled:
             self.turn_arm(False)
 
@@ -1805,7 +1809,7 @@ class Laws:
     def knows_arm(self) -> cython.bint:
         """Whether the arm's dynamics act: all angles are known.
 
-        From there on gravity is fed forward, and the integral parts give so much less.
+        Gravity is then fed forward, and the integral parts are reduced by it.
         """
         j: Joint
         known: cython.bint = self.arm is not None and self.feeds_arm
@@ -1817,7 +1821,7 @@ class Laws:
 
     @cython.cfunc
     def turn_arm(self, known: cython.bint) -> cython.void:
-        """The arm's dynamics act from now on, or no longer; no torque makes a jump."""
+        """Switch the arm's dynamics on or off without a step of torque."""
         k: cython.Py_ssize_t
         j: Joint
         sign: cython.double
@@ -1833,13 +1837,13 @@ class Laws:
 @cython.cfunc
 @cython.inline
 def is_number(value: cython.double) -> cython.bint:
-    """Neither infinite nor not a number."""
+    """Whether a value is finite."""
     return value - value == 0.0
 
 
 @cython.cfunc
 def set_point_sum(j: Joint) -> cython.double:
-    """Neither infinite nor not a number where none of what the drive follows is."""
+    """Finite where all values of the set-point are."""
     return (
         j.set_current
         + j.set_torque
@@ -1851,8 +1855,8 @@ def set_point_sum(j: Joint) -> cython.double:
 
 
 @cython.cfunc
-def tells(j: Joint) -> cython.bint:
-    """Whether a joint came to a limit or left it, of position or, for a while, of torque."""
+def has_news(j: Joint) -> cython.bint:
+    """Whether a joint came to a limit or left it: of position, or for STRAIN_TIME of torque."""
     changed: cython.bint = j.on_limit != j.was_on_limit
     strained: cython.bint = j.strain_cycles * j.period >= STRAIN_TIME
     changed = changed or strained != j.strained

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dynamics of an arm: which torques a motion takes (recursive Newton-Euler).
+"""The dynamics of an arm: the torques of a motion (recursive Newton-Euler).
 
 τ = M(q) q̈ + c(q, q̇) + g(q), by two passes over the tree of the joints, with axes z and
 R_i = E_i Rot_z(q_i), the link's spin ω, its rate α, and the acceleration a of its origin::
@@ -30,13 +30,13 @@ if cython.compiled:
 else:
     from math import cos, fabs, sin
 
-#: What of a torque limit stays free for motion where a load takes nearly all.
+#: Least part of a torque limit that is left for motion, whatever the load.
 LEAST_ROOM = cython.declare(cython.double, 0.1)
 
 
 @cython.cclass
 class Body:
-    """A link in the passes: constants, its joint's state, what was found, and its move."""
+    """A link in the passes: constants, state of its joint, results, and its move."""
 
     carrier: Body
     slides = cython.declare(cython.bint, visibility="public")
@@ -120,7 +120,7 @@ class Body:
 
     @cython.ccall
     def hang(self, carrier: Body) -> cython.void:
-        """Be carried by another body."""
+        """Attach the body to the one that carries it."""
         self.carrier = carrier
 
 
@@ -132,7 +132,7 @@ if not cython.compiled:  # attributes start at zero, as they do compiled
 
 @cython.cfunc
 def outwards(b: Body) -> cython.void:
-    """Motion of a link, and the force and torque that it takes."""
+    """Motion of a link, and its force and torque."""
     u: Body = b.carrier
     x: cython.double
     y: cython.double
@@ -195,7 +195,7 @@ def turn(b: Body) -> cython.void:
 
 @cython.cfunc
 def inwards(b: Body) -> cython.void:
-    """The torque of a joint; what its link takes is added to the link that carries it."""
+    """The torque of a joint; force and torque of its link act on the link that carries it, too."""
     u: Body = b.carrier
     b.torque = (b.fz if b.slides else b.nz) + b.rotor * b.ddq
     fx: cython.double = b.r0 * b.fx + b.r1 * b.fy + b.r2 * b.fz
@@ -250,10 +250,10 @@ class Arm:
 
     @cython.ccall
     def inverse(self, weight: cython.double) -> cython.void:
-        """The torques that the motion in the rows takes, into the row of torques.
+        """Write the torques of the motion in the rows into the row of torques.
 
         Args:
-            weight: of gravity: 1, or 0 for what motion takes alone.
+            weight: of gravity: 1, or 0 for the torques of the motion alone.
         """
         k: cython.Py_ssize_t
         b: Body
@@ -282,10 +282,10 @@ class Arm:
 
     @cython.ccall
     def excess(self, samples: cython.int) -> cython.double:
-        """What moves take of the room that loads and friction leave; above 1: too much.
+        """Torque of moves in relation to what loads and friction leave; above 1: too much.
 
-        max over time and joints of |τ_motion| / (τ_limit − τ_static), where τ is beyond τ_limit; 0
-        where it nowhere is. Moves that take k times as long need 1/k² of it.
+        max over time and joints of |τ_motion| / (τ_limit − τ_static), where τ exceeds τ_limit; 0
+        where it never does. Moves of k times the duration need 1/k² of it.
 
         Args:
             samples: in each joint's own move; twice as many in the longest.
@@ -308,7 +308,7 @@ class Arm:
 
     @cython.cfunc
     def taken(self, time: cython.double) -> cython.double:
-        """The same at one time from now, s."""
+        """``excess`` at a time from now, s."""
         most: cython.double = 0.0
         strained: cython.bint = False
         b: Body
@@ -329,7 +329,7 @@ class Arm:
 
 @cython.cfunc
 def ending(b: Body) -> cython.double:
-    """When the move of a joint ends, from now, s."""
+    """Time until the move of a joint ends, s."""
     return max(b.time, b.brake) - b.past
 
 
@@ -343,7 +343,7 @@ def rubbed(b: Body) -> cython.double:
 
 @cython.cfunc
 def bound(b: Body, sign: cython.double) -> cython.double:
-    """The torque that a motor has in a direction: where it drives, back-EMF takes of it."""
+    """The torque that a motor has in a direction; driving, it loses that of the back-EMF."""
     if b.dq * sign > 0.0:
         return min(b.limit, b.stall - b.fading * fabs(b.dq))
     return b.limit
@@ -351,7 +351,7 @@ def bound(b: Body, sign: cython.double) -> cython.double:
 
 @cython.cfunc
 def beyond(b: Body) -> cython.double:
-    """By how much the whole torque of a joint passes what its motor has; else below 0."""
+    """Torque of a joint beyond that of its motor; below 0 where it suffices."""
     torque: cython.double = b.whole + rubbed(b)
     return fabs(torque) - bound(b, torque)
 
@@ -366,7 +366,7 @@ def share(b: Body) -> cython.double:
 
 @cython.cfunc
 def place(b: Body, time: cython.double) -> cython.void:
-    """Where a joint is in its move, as ``laws.advance_move`` has it."""
+    """State of a joint in its move, as in ``laws.advance_move``."""
     u: cython.double
     s: cython.double
     run: cython.double = 0.0

@@ -2,10 +2,10 @@
 """The checks of every cycle that raise hardware faults, one joint at a time (SPEC F1, F3, F6).
 
 1. ``first_passed``  the bounds of a reading; NaN and infinity pass every bound, and the last
-                     reading that was a number stands in for them from here on
-2. ``restart``       where the motor's bridge was switched: its travel is reckoned from here on
-3. ``look``          every SLOW cycles what changes slowly, or adds up: the travel of encoder
-                     against motor, the hard limits, I²t; and what is to be warned of
+                     valid reading replaces them from here on
+2. ``restart``       where the motor's bridge was switched: its travel counts from here on
+3. ``look``          every SLOW cycles the slow checks: travel of encoder against motor, hard
+                     limits, I²t; and the warnings
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
 by bit, where there is none. Units: rad, rad/s, N·m, A, °C, s; m and N for prismatic joints.
@@ -25,7 +25,7 @@ if cython.compiled:
 else:
     from math import fabs
 
-#: What a joint fails, in the order in which a cause is looked for; causes.Check gives them names.
+#: The checks, in the order of the search for a cause; causes.Check gives them names.
 NOTHING = cython.declare(cython.int, 0)
 ALARM = cython.declare(cython.int, 1)
 CURRENT = cython.declare(cython.int, 2)
@@ -39,7 +39,7 @@ TRAVEL = cython.declare(cython.int, 9)
 OVERRUN = cython.declare(cython.int, 10)
 OVERLOAD = cython.declare(cython.int, 11)
 
-#: How far below a warning its cause must fall until it is warned of again: budget, K.
+#: Hysteresis of the warnings: part of the budget, K.
 RELIEF = cython.declare(cython.double, 0.1)
 COOLER = cython.declare(cython.double, 2.0)
 
@@ -50,7 +50,7 @@ BEYOND = cython.declare(cython.double, CREDIBLE)
 
 @cython.cclass
 class JointMonitor:
-    """What is known of one joint; ``core.fault_monitor`` fills in constants and limits."""
+    """State of one joint's checks; ``fault_monitor`` sets constants and limits."""
 
     # --- constants of the configuration -----------------------------------------------------
     travel_per_output = cython.declare(cython.double, visibility="public")
@@ -96,7 +96,7 @@ class JointMonitor:
     strained = cython.declare(cython.bint, visibility="public")  # warned of
     hot = cython.declare(cython.bint, visibility="public")  # warned of
 
-    # --- what is wrong ----------------------------------------------------------------------
+    # --- failed checks ----------------------------------------------------------------------
     passed = cython.declare(cython.int, visibility="public")  # the first bound
     slipped = cython.declare(cython.bint, visibility="public")  # beyond max_travel
     overran = cython.declare(cython.bint, visibility="public")  # beyond max_overrun
@@ -114,7 +114,7 @@ class JointMonitor:
 
     @cython.ccall
     def expect_anything(self) -> cython.void:
-        """Let the next position be any."""
+        """Accept any next position."""
         self.lowest, self.highest = -INFINITE, INFINITE
 
     @cython.ccall
@@ -132,7 +132,7 @@ class JointMonitor:
 
     @cython.ccall
     def forget_travel(self) -> cython.void:
-        """Start the comparison of encoder and motor afresh."""
+        """Restart the comparison of encoder and motor."""
         self.travel, self.slipped = 0.0, False
 
 
@@ -145,13 +145,13 @@ if not cython.compiled:  # attributes start at zero, as they do compiled
 @cython.cfunc
 @cython.inline
 def known(value: cython.double, before: cython.double) -> cython.double:
-    """The value, or the one before it where it is none of a sensor."""
+    """The value, or the one before it where it is not valid."""
     return value if fabs(value) <= BEYOND else before
 
 
 @cython.cfunc
 def expect(m: JointMonitor, position: cython.double) -> cython.void:
-    """Where the next reading may be: between standing still and going on as in the last cycle.
+    """Set the range of the next reading: from no motion to that of the last cycle.
 
     q + min(0, Δ) − m ≤ q' ≤ q + max(0, Δ) + m, with Δ the last displacement and m = max_jump
     """
@@ -171,7 +171,7 @@ def restart(m: JointMonitor, position: cython.double, current: cython.double) ->
 
 @cython.cfunc
 def motor_travel(m: JointMonitor, current: cython.double) -> cython.double:
-    """How far the motor went since the last look, as its own equation tells; 0 without power.
+    """Travel of the motor since the last check, from its own equation; 0 without power.
 
     V = R i + L di/dt + Ke ω, over the cycles k of period T with the currents i_k at their ends::
 
@@ -194,7 +194,7 @@ def check_travel(
     current: cython.double,
     forget: cython.double,
 ) -> cython.void:
-    """Travel of the motor against travel of the encoder, forgetting slowly (F1)."""
+    """Compare the travel of motor and encoder, with slow forgetting (F1)."""
     m.travel = forget * m.travel + (travelled - (position - m.mark) * m.live)
     m.mark, m.first = position, current
     m.currents = m.outputs = 0.0
@@ -203,7 +203,7 @@ def check_travel(
 
 @cython.cfunc
 def check_overrun(m: JointMonitor, position: cython.double) -> cython.void:
-    """The hard limits: distance of the joint from their middle (F1)."""
+    """Check the hard limits, by the distance from their middle (F1)."""
     m.overrun = position - m.middle
     m.overran = not fabs(m.overrun) <= m.max_overrun
 
@@ -212,7 +212,7 @@ def check_overrun(m: JointMonitor, position: cython.double) -> cython.void:
 def check_overload(m: JointMonitor, current: cython.double, elapsed: cython.double) -> cython.void:
     """I²t: s' = max(0, s + (p i² − i_nom²) Δt), p 1 with power and 0 without (F1).
 
-    A current beyond the peak is an overcurrent, whose joint gets no power; it counts as the peak.
+    A current beyond the peak counts as the peak: its joint loses power by overcurrent.
     """
     current = min(fabs(current), m.max_current)
     m.overload += (current * current * m.fed - m.nominal_squared) * elapsed
@@ -223,7 +223,7 @@ def check_overload(m: JointMonitor, current: cython.double, elapsed: cython.doub
 
 @cython.cfunc
 def warn(m: JointMonitor, temperature: cython.double) -> cython.bint:
-    """Whether a fault by heat begins or ends to be near (F6)."""
+    """Whether a warning of heat begins or ends (F6)."""
     strained: cython.bint = m.used > m.warn_used - (RELIEF if m.strained else 0.0)
     hot: cython.bint = temperature > m.warn_temperature - (COOLER if m.hot else 0.0)
     news: cython.bint = strained != m.strained or hot != m.hot
@@ -233,7 +233,7 @@ def warn(m: JointMonitor, temperature: cython.double) -> cython.bint:
 
 @cython.cclass
 class Monitor:
-    """All joints of a board, and views of the arrays that everybody reads.
+    """The checks of n joints, on views of the board's arrays.
 
     Args:
         joints: Of class JointMonitor.
@@ -242,13 +242,13 @@ class Monitor:
         rows: Position, current and output in force of the joint (read; the current differs
             from that of its motor where motors are coupled), travel of the motors since power-on
             and part of the I²t budget used (written), the same.
-        slow: Cycles from one look at the slow checks to the next.
+        slow: Cycles from one slow check to the next.
         period: Of control, s.
-        forget: What is left of a travel error from one look to the next.
+        forget: Factor of a travel error from one slow check to the next.
 
     Attributes:
-        news: A joint has come near a fault by heat, or away from it, since this was set to false.
-        countdown: Cycles until the next look.
+        news: A warning of heat has begun or ended since this was set to false.
+        countdown: Cycles until the next slow check.
     """
 
     news = cython.declare(cython.bint, visibility="public")
@@ -297,7 +297,7 @@ class Monitor:
         self.joint_position, self.joint_current, self.output, self.travelled, self.used = rows
 
     def step(self) -> bool:
-        """Watch one reading of all joints; false when any of them has a cause to fault."""
+        """Check one reading of all joints; false when one of them has a cause of a fault."""
         k: cython.Py_ssize_t
         m: JointMonitor
         position: cython.double
@@ -329,7 +329,7 @@ class Monitor:
 
     @cython.cfunc
     def first_passed(self, m: JointMonitor, k: cython.Py_ssize_t) -> cython.int:  # noqa: PLR0911
-        """The first bound that the reading of a joint passes; what is not finite passes any."""
+        """The first bound that the reading of a joint exceeds; a value that is not finite does."""
         if not fabs(self.alarm[k]) <= m.max_alarm:
             return ALARM
         if not fabs(self.current[k]) <= m.max_current:
@@ -356,7 +356,7 @@ class Monitor:
         position: cython.double,
         current: cython.double,
     ) -> cython.void:
-        """The slow checks of a joint; what its last reading is reckoned to be."""
+        """The slow checks of a joint, from its position and current of the last reading."""
         travelled: cython.double = motor_travel(m, current)
         self.travelled[k] += travelled
         check_travel(m, travelled, position, current, self.forget)
