@@ -11,7 +11,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 
 from control_board_ros.interface import ACTIONS, FOLLOW_JOINT_TRAJECTORY
-from control_board_ros.node.wiring import actions, follow_trajectory
+from control_board_ros.node.wiring import actions, trajectories
 from control_board_ros.node.wiring.request_log import RequestLog
 
 
@@ -60,7 +60,7 @@ def test_a_goal_cancelled_before_it_began(action: Any, monkeypatch: pytest.Monke
     monkeypatch.setattr(actions, "ActionServer", serve)
     made = [
         actions.Actions(node, member, never, never, requests),
-        follow_trajectory.FollowTrajectory(node, member, never, never, requests),
+        trajectories.FollowTrajectory(node, member, never, never, requests),
     ]
     handle = Handle(action.load().Goal())
     result = ended(executed[action.name](handle))
