@@ -11,6 +11,7 @@ from rig import joint
 from control_board_ros.core.calibration.calibration import (
     AbsoluteSensor,
     CalibrationError,
+    CalibrationStatus,
     Calibrator,
     HardStop,
     OffsetAndMove,
@@ -392,3 +393,59 @@ def test_an_absolute_sensor_gives_the_angle_at_once() -> None:
     assert calibrator.step()
     assert (calibrator.progress.phase, calibrator.progress.fraction) == ("done", 1.0)
     assert bench.position == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(("kind", "scale"), KINDS)
+def test_a_joint_that_creeps_is_at_no_stop(kind: str, scale: float) -> None:
+    """K6: 2 mrad of the encoder, or 10 mrad of the motor, within the stall time are motion."""
+    for step, motor, stalls in (
+        (3e-4, 3e-4, False),
+        (1e-4, 1e-4, True),
+        (0.0, 1.5e-3, False),  # the encoder alone is frozen
+        (0.0, 5e-4, True),
+    ):
+        bench = Bench(kind)
+        calibrator = stop_type(bench, speed=1.0 if kind == "revolute" else 0.05)
+        bench.step = step * scale
+        bench.drawn = 0.0
+        text = ""
+        for _ in range(50):
+            try:
+                calibrator.step()
+            except CalibrationError as error:
+                text = str(error)
+                break
+            bench.travelled += (motor - step) * scale
+            bench.cycle()
+            bench.current = 0.0
+        assert ("stands still, but its motor draws 0 A" in text) is stalls
+
+
+@pytest.mark.parametrize(("lasting", "enough"), [(6, False), (7, True)])
+def test_the_current_of_a_stall_must_last(lasting: int, enough: bool) -> None:
+    """K6: half of V/R behind a low pass of a fifth of the stall time, 10 cycles of 50 here."""
+    bench = Bench(stops=(-9.0, 0.0))
+    calibrator = stop_type(bench, stall_time=0.5)
+    failed = False
+    for cycle in range(52):
+        try:
+            calibrator.step()
+        except CalibrationError:
+            failed = True
+            break
+        bench.drawn = float(cycle >= 50 - lasting)
+        bench.cycle()
+        if not bench.drawn:
+            bench.current = 0.0
+    assert failed is not enough
+    assert enough == (calibrator.progress.phase == "backing off the stop")
+
+
+def test_a_calibration_that_has_not_begun_has_no_progress() -> None:
+    status = CalibrationStatus("a")
+    assert (status.running, status.done, status.progress, status.message) == (
+        False,
+        False,
+        0.0,
+        "",
+    )

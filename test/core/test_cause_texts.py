@@ -100,6 +100,7 @@ def test_a_hot_winding() -> None:
         (100.0, math.inf, 110.0, 0.0),
         (100.0, 125.0, 20.0, 0.0),  # it never gets colder than what is around it
         (100.0, 125.0, 19.0, 0.0),
+        (100.0, 20.0 + 0.5 * math.e, 20.5, 100.1),  # half a kelvin above it is enough
         (100.0, 100.0, 110.0, 0.1),  # it is cold enough by now
         (100.0, 20.0 + 90.0 * math.e, 110.0, 100.1),
     ],

@@ -160,6 +160,9 @@ def test_joints_follow_by_gears() -> None:
     mixed = Coupling(("a", "b"), ("x", "y", "z"), ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)))
     with pytest.raises(ValueError, match="z following one joint; it follows x and y"):
         _ = mixed.gears
+    (idle,) = Coupling(("a",), ("x", "y"), ((2.0,), (0.0,)), (0.0, 0.3)).gears
+    assert idle.leader == "x"
+    assert idle.place(1.5) == (0.3, 0.0)  # no axis moves it
 
 
 @pytest.mark.parametrize(
