@@ -264,6 +264,7 @@ def test_each_time_it_closes_a_slip_is_told_of() -> None:
         made.until(order + 10)
         made.state.position[0] += 1.0  # it still comes to rest
         made.until(order + 12)
+        assert len(made.reports) == (begin == 200)
         made.state.position[0] += DEGREE
         made.until(order + 20)
     assert len(made.reports) == 2
