@@ -224,7 +224,7 @@ class Operating:
     async def _repeat(self, board: Board, hold: Hold) -> None:
         try:
             async with self._in_order[board.name]:
-                if self.holds.get(hold.board, hold.joint) is not hold:  # released meanwhile
+                if self.holds.get(hold.board, hold.joint) is not hold:  # released in between
                     return
                 reply = await doing.send_held(board, hold.kind, hold.joint, hold.value)
         except (BoardError, RequestError):

@@ -166,7 +166,7 @@ def test_an_overload() -> None:
     code, text, advice, until = slow_cause(Check.OVERLOAD, own, one, 0.016)
     assert code is FaultCode.I2T
     assert text == "more than 5 A nominal for too long (I2t: 2 s at peak)"
-    assert advice == "wait 1.3 s; no power heats it meanwhile"
+    assert advice == "wait 1.3 s; without power it does not heat up"
     assert until == pytest.approx(wait)
     own.overload = 100.0
     assert overload_time(own, 0.016) == pytest.approx(2.0 * 0.016)

@@ -171,7 +171,7 @@ def test_i2t_fades_without_power_whatever_the_sensor_says() -> None:
     rig.tick(8)
     reply = rig.board.set_control_mode("left", "fidl")
     assert not reply
-    assert "no power heats it meanwhile, then send FORCE_IDLE again" in reply.message
+    assert "without power it does not heat up, then send FORCE_IDLE again" in reply.message
     assert "remove it" not in reply.message
     wait = told(reply)
     assert wait == pytest.approx(0.2 * 75.0 / 25.0, abs=0.2)

@@ -171,7 +171,7 @@ class Commands:
             return Reply(selection.names, given, values=tuple(taken.tolist()))
         started = dict(zip(chosen.tolist(), taken.tolist(), strict=True))
         answers = answers or [JointAnswer()] * len(selection.names)
-        return told(selection, answers, started, notes)
+        return reply_of(selection, answers, started, notes)
 
     def get_move_time(self, chosen: Indices, positions: Floats, speeds: Floats) -> Floats:
         """The duration of position moves that start now (P1), s, shape (k,)."""
@@ -273,7 +273,7 @@ class Commands:
         return answers
 
 
-def told(
+def reply_of(
     selection: Selection, answers: Sequence[JointAnswer], started: dict[int, float], notes: Notes
 ) -> Reply:
     """The reply to references: those started, as bounded, and the notes on them."""

@@ -285,11 +285,11 @@ class Simulation(Plant, Protocol):
     def inject(
         self, joints: int | str | Sequence[int | str], kind: str, persistent: bool = False
     ) -> None:
-        """Break something in joints: in all of them, or (ValueError) in none."""
+        """Inject a fault into joints: into all of them, or (ValueError) into none."""
         ...
 
     def clear_injected(self, joints: Sequence[int | str] | None = None) -> None:
-        """Mend what was broken in some joints, or (None) in all."""
+        """Remove the injected faults of some joints, or (None) of all."""
         ...
 
     def reset(self) -> None:

@@ -164,7 +164,7 @@ def slow_cause(check: Check, monitor: JointMonitor, joint: JointConfig, period: 
         code,
         f"more than {limits.nominal_current:.3g} A nominal for too long "
         f"(I2t: {limits.overload_time:.3g} s at peak)",
-        f"wait {tenths(wait)} s; no power heats it meanwhile",
+        f"wait {tenths(wait)} s; without power it does not heat up",
         wait,
     )
 
