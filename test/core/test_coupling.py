@@ -195,6 +195,14 @@ def test_motors_share_what_the_axes_ask_for() -> None:
     assert currents * torque_per_ampere == pytest.approx(wanted)
 
 
+def test_accelerations_from_rest() -> None:
+    """Y3: without rates the joints are at rest; the curve of a linkage does not act."""
+    at, acceleration = np.array([0.3]), np.array([2.0])
+    found = LINKED.accelerations(acceleration, at=at)
+    assert found == pytest.approx(LINKED.jacobian(at) @ acceleration)
+    assert found == pytest.approx(LINKED.accelerations(acceleration, np.zeros(1), at))
+
+
 def test_an_axis_without_power_asks_for_no_torque() -> None:
     """Y3: its motors run along for the others, and have no power where none needs them."""
     ones = np.ones(3)
