@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Broken configurations and hostile robot descriptions, given to the executable itself.
+"""Broken configurations and hostile robot descriptions, given to the node.
 
-test/sim has the 2,000 mutations and every kind of broken value in process; here a handful of
-each show that the executable tells of them in one line, with exit code 2.
+test/settings has the 2,000 mutations and every kind of broken value; here a handful of each end
+the node before it starts, with one line and exit code 2.
 """
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 from plants import PENDULUM
 
+from control_board_ros.node.main import KnownError, run
 from control_board_ros.testing import child_environment
-
-pytestmark = pytest.mark.ros
 
 #: s of CPU time: some ten times what a refusal takes on a busy machine, far less than a bomb.
 LONG = 15.0
@@ -79,43 +79,24 @@ ROBOTS = {
 }
 
 
-def complaint(path: Path, *arguments: str) -> str:
-    """What the executable says before it ends with exit code 2, and has not worked for long."""
-    command = [
-        sys.executable,
-        "-m",
-        "control_board_ros.node.main",
-        "--ros-args",
-        *arguments,
-    ]
-    children = os.times()
-    done = subprocess.run(
-        command,
-        env=child_environment(79),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    after = os.times()
-    worked = after.children_user + after.children_system
-    worked -= children.children_user + children.children_system
-    assert done.returncode == 2, done.stderr
-    assert done.stderr.count("\n") == 1, done.stderr
-    assert done.stderr.startswith("control_board: ")
-    assert str(path) in done.stderr
-    assert done.stdout == ""
-    assert worked < LONG
-    return done.stderr
+def refusal(path: Path, *arguments: str) -> str:
+    """The one line with which the node ends before it starts, with exit code 2, at once."""
+    begin = time.process_time()
+    with pytest.raises(KnownError) as refused:
+        run(["--ros-args", *arguments], threading.Event())
+    assert time.process_time() - begin < LONG
+    assert refused.value.code == 2
+    assert str(path) in str(refused.value)
+    return str(refused.value)
 
 
 @pytest.mark.parametrize("kind", FILES)
 def test_broken_parameter_files(kind: str, tmp_path: Path) -> None:
-    """Exit code 2, one line with file and place, no traceback."""
+    """Exit code 2, one line with file and place."""
     content, words = FILES[kind]
     path = tmp_path / "broken.yaml"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    assert words in complaint(path, "--params-file", str(path))
+    assert words in refusal(path, "--params-file", str(path))
 
 
 @pytest.mark.parametrize("kind", ROBOTS)
@@ -124,7 +105,7 @@ def test_broken_robot_descriptions(kind: str, tmp_path: Path) -> None:
     content, words = ROBOTS[kind]
     path = tmp_path / "arm.urdf"
     path.write_text(content)
-    text = complaint(path, "-p", f"robot:={path}")
+    text = refusal(path, "-p", f"robot:={path}")
     assert words in text
     assert "root:" not in text  # of /etc/passwd
 
@@ -132,7 +113,34 @@ def test_broken_robot_descriptions(kind: str, tmp_path: Path) -> None:
 def test_a_missing_description(tmp_path: Path) -> None:
     """A path that is not there, and one that is no file."""
     path = tmp_path / "none.urdf"
-    assert "No such file" in complaint(path, "-p", f"robot:={path}")
+    assert "No such file" in refusal(path, "-p", f"robot:={path}")
     folder = tmp_path / "folder.urdf"
     folder.mkdir()
-    assert "is a folder" in complaint(folder, "-p", f"robot:={folder}")
+    assert "is a folder" in refusal(folder, "-p", f"robot:={folder}")
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    ("option", "name", "content"),
+    [("--params-file", "broken.yaml", FILES["tag"][0]), ("-p", "arm.urdf", ROBOTS["external"][0])],
+)
+def test_the_executable_ends_with_one_line(
+    option: str, name: str, content: str, tmp_path: Path
+) -> None:
+    """Exit code 2, one line on stderr, no traceback."""
+    path = tmp_path / name
+    path.write_text(content)
+    value = f"robot:={path}" if option == "-p" else str(path)
+    done = subprocess.run(
+        [sys.executable, "-m", "control_board_ros.node.main", "--ros-args", option, value],
+        env=child_environment(79),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert done.stderr.startswith("control_board: ")
+    assert str(path) in done.stderr
+    assert done.stdout == ""
