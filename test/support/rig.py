@@ -99,7 +99,7 @@ def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> Simu
             )
             for name, home, zero in zip(config.names, homes, zeros, strict=True)
         ),
-        physics_rate=config.control_rate * 2,
+        physics_rate=config.control_rate,
     )
 
 
