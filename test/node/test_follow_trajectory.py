@@ -33,7 +33,8 @@ Result = FollowJointTrajectory.Result
 @pytest.fixture(scope="module")
 def params() -> dict[str, Any]:
     # Stamps are simulated time then, exact on a busy machine too.
-    return {"allow_fault_injection": True, "publish_clock": True, "real_time_factor": 4.0}
+    rates = {"real_time_factor": 4.0, "control_rate": 250.0}
+    return {"allow_fault_injection": True, "publish_clock": True, **rates}
 
 
 def trajectory(
