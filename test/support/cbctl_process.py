@@ -24,6 +24,8 @@ from control_board_ros.cli.line.options import ROS_ARGUMENTS, hoist, read_option
 
 #: s; a guard against what hangs, on the busiest machine: no test is decided by it.
 GUARD = 120.0
+#: s between two looks: a poll without a pause takes the processor from what it waits for.
+POLL = 0.02
 EXECUTABLE = Path(sys.executable).with_name("cbctl")
 COMMAND = (
     [str(EXECUTABLE)]
@@ -151,7 +153,8 @@ class Asker:
 
 
 def until(condition: Callable[[], bool], timeout: float = GUARD) -> None:
-    """Ask again and again until it holds."""
+    """Wait until a condition holds."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, "it did not come to pass"
+        time.sleep(POLL)
