@@ -28,7 +28,7 @@ JOINTS = {kind: f"lbr_iiwa_joint_{number}" for number, kind in enumerate(OWN, 2)
 def mixed() -> Iterator[BoardProcess]:
     """An arm with a drive of another kind at each joint, three times as fast as real time."""
     drives = {f"{joint}.drive": [kind.code] for kind, joint in JOINTS.items()}
-    rest = {"physics": "ideal", "real_time_factor": 3.0}
+    rest = {"physics": "ideal", "control_rate": 250.0, "real_time_factor": 3.0}
     with board_process(RATE | drives | rest) as board:
         yield board
 

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from cbctl_process import COMMAND, GUARD
+from cbctl_process import COMMAND, GUARD, until
 
 from control_board_ros.testing import child_environment, free_domain, ros_node
 
@@ -32,8 +32,8 @@ def hostile(kind: str, domain: int) -> Iterator[None]:
     )
     try:
         with ros_node(domain, "looking", spin=False) as node:
-            while "hostile" not in node.get_node_names():
-                assert process.poll() is None
+            until(lambda: "hostile" in node.get_node_names() or process.poll() is not None)
+            assert process.poll() is None
         yield
     finally:
         process.send_signal(signal.SIGINT)
