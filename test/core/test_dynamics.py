@@ -165,6 +165,8 @@ def test_compiled_and_plain_python_give_the_same_bits() -> None:
     state = np.random.default_rng(5).uniform(-2.0, 2.0, (3, 3))
     assert torques(compiled, *state).tobytes() == torques(plain, *state).tobytes()
     assert moving(compiled, 1.0, 0.3, 2.0) == moving(plain, 1.0, 0.3, 2.0) > 0.0
+    # a move of the least that a wire can ask for: the square of its time is 0
+    assert moving(compiled, 1e-210, 1e-200, 1e9) == moving(plain, 1e-210, 1e-200, 1e9)
 
 
 def _rebuilt(module: Any, arm: Arm, links: tuple[Link, ...]) -> tuple[Any, ...]:

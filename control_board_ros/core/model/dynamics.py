@@ -390,6 +390,6 @@ def place(b: Body, time: cython.double) -> cython.void:
         z: cython.double = 6.0 * reach - 3.0 * run
         b.q += s * (run + s * s * (x + s * (y + s * z)))
         b.dq += (run + s * s * (3.0 * x + s * (4.0 * y + s * 5.0 * z))) / b.time
-        b.ddq += s * (6.0 * x + s * (12.0 * y + s * 20.0 * z)) / (b.time * b.time)
+        b.ddq += s * (6.0 * x + s * (12.0 * y + s * 20.0 * z)) / b.time / b.time
     if not b.lower <= b.q <= b.upper:
         b.q, b.dq, b.ddq = min(max(b.q, b.lower), b.upper), 0.0, 0.0
