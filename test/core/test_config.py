@@ -131,6 +131,10 @@ BAD: list[tuple[str, Callable[[], object]]] = [
     ("j.calibration.speed: 0.0", calibration(speed=0.0)),
     ("j.calibration.output: 0.0", calibration(output=0.0)),
     ("j.calibration.output: 101.0", calibration(output=101.0)),
+    (
+        "j.calibration.output: 30.0",
+        one(limits={"output": 20.0}, calibration=Calibration(output=30.0, type=12)),
+    ),
     ("j.calibration.stall_time: 0.0", calibration(stall_time=0.0)),
     ("j.calibration.timeout: 0.0", calibration(timeout=0.0)),
     ("j.calibration.control_mode: 'hwfa'", calibration(control_mode=ControlMode.HW_FAULT)),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -13,25 +14,27 @@ from control_board_ros.core.terms.joint_kind import JointKind as K
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (K.REVOLUTE.position(0.2153), "12.3°"),
-        (K.CONTINUOUS.position(-1e-5), "0.0°"),  # no -0.0
-        (K.PRISMATIC.position(0.04), "40.0 mm"),
-        (K.REVOLUTE.velocity(1.0), "57.3°/s"),
-        (K.PRISMATIC.velocity(-0.25), "-250.0 mm/s"),
-        (K.REVOLUTE.acceleration(1.0), "57.3°/s²"),
-        (K.PRISMATIC.acceleration(1.0), "1000.0 mm/s²"),
-        (K.REVOLUTE.force(1.234), "1.23 N·m"),
-        (K.PRISMATIC.force(-0.001), "0.00 N"),
-        (K.REVOLUTE.travel(-2.0, 2.0), "-114.6…114.6°"),
-        (K.PRISMATIC.travel(0.0, 0.04), "0.0…40.0 mm"),
-        (K.CONTINUOUS.travel(-math.inf, math.inf), "endless"),
-        (K.REVOLUTE.position(math.nan), "-"),
-        (K.PRISMATIC.force(math.inf), "-"),
+        (lambda: K.REVOLUTE.position(0.2153), "12.3°"),
+        (lambda: K.CONTINUOUS.position(-1e-5), "0.0°"),  # no -0.0
+        (lambda: K.PRISMATIC.position(0.04), "40.0 mm"),
+        (lambda: K.REVOLUTE.velocity(1.0), "57.3°/s"),
+        (lambda: K.PRISMATIC.velocity(-0.25), "-250.0 mm/s"),
+        (lambda: K.REVOLUTE.acceleration(1.0), "57.3°/s²"),
+        (lambda: K.PRISMATIC.acceleration(1.0), "1000.0 mm/s²"),
+        (lambda: K.REVOLUTE.force(1.234), "1.23 N·m"),
+        (lambda: K.PRISMATIC.force(-0.001), "0.00 N"),
+        (lambda: K.REVOLUTE.travel(-2.0, 2.0), "-114.6…114.6°"),
+        (lambda: K.PRISMATIC.travel(0.0, 0.04), "0.0…40.0 mm"),
+        (lambda: K.CONTINUOUS.travel(-math.inf, math.inf), "endless"),
+        (lambda: K.PRISMATIC.travel(-60.0e3, 60.0e3), "endless"),  # beyond 100,000 m
+        (lambda: K.PRISMATIC.travel(-40.0e3, 40.0e3), "-40000000.0…40000000.0 mm"),
+        (lambda: K.REVOLUTE.position(math.nan), "-"),
+        (lambda: K.PRISMATIC.force(math.inf), "-"),
     ],
 )
-def test_texts(text: str, expected: str) -> None:
+def test_texts(text: Callable[[], str], expected: str) -> None:
     """One resolution: 0.1°, 0.1 mm, 0.01 N·m."""
-    assert text == expected
+    assert text() == expected
 
 
 def test_units() -> None:

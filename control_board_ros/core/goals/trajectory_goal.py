@@ -325,11 +325,6 @@ class TrajectoryGoal:
             self.cancelled = True
             self._end(Code.SUCCESSFUL, f"cancelled; {', '.join(self.names)} stopped")
 
-    def preempt(self) -> None:
-        """Stop the joints: a new goal is for others."""
-        if self.outcome is None:
-            self._end(Code.INVALID_GOAL, PREEMPTED)
-
     def take_over(self, old: TrajectoryGoal) -> None:
         """Preempt a goal: joints of both go on with it until this one begins, the others stop."""
         if old.outcome is not None:
