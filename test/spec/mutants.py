@@ -11,7 +11,8 @@ CPU time, so a busy machine changes no result.
 
 Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
 run that was interrupted goes on from there. When one of these tests changes, or with "--again",
-those that survived are tried again; when a file of the package changes, or with "--anew", all.
+those that survived are tried again; when the code of a module changes, all of that module; with
+"--anew", all.
 
 All tests that reach a mutant may take minutes, those that kill it take seconds mostly: with
 "--budget 60" only the first ones are run, up to so many seconds as recorded. What they do not kill
@@ -37,7 +38,16 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "support"))
 
-from attempts import FOLDERS, PACKAGE, PAGES, ROOT, attempts, digest_of, reach_of  # noqa: E402
+from attempts import (  # noqa: E402
+    FOLDERS,
+    PACKAGE,
+    PAGES,
+    ROOT,
+    attempts,
+    code_of,
+    digest_of,
+    reach_of,
+)
 from mutations import Mutant, mutants, rows  # noqa: E402
 from reach import interval, module_name  # noqa: E402
 
@@ -83,33 +93,41 @@ def survivors(text: str) -> dict[str, str]:
 
 
 class Record:
-    """The results of this state of the package, in a file that a stopped run leaves.
+    """The results so far, each with the code of its module, in a file that a stopped run leaves.
 
-    Where tests have changed since, the mutants that survived are forgotten; where the package has,
-    all, and the reach of the tests.
+    Those of a module whose code has changed are forgotten; where tests have, the mutants that
+    survived. What tests reach is recorded anew when any file of the package has changed.
     """
 
     def __init__(self, path: Path, *, anew: bool, again: bool) -> None:
         self.path, self.fates = path, dict[str, str]()
+        self._codes = {
+            module_name(PACKAGE / "core", module): code_of(module)
+            for module in (PACKAGE / "core").rglob("*.py")
+        }
         tests = [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
         tests += [ROOT / PAGES, *(ROOT / "docs").glob("*.py")]
         heads = [f"# {digest_of(files)}" for files in (PACKAGE.rglob("*.py"), tests)]
-        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-        if lines[:1] == heads[:1] and not anew:
-            self.fates = {name: fate for fate, _, name in (x.partition(" ") for x in lines[2:])}
-        if lines[:1] != heads[:1] or anew:
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() and not anew else []
+        if lines[:1] != heads[:1]:
             REACH.unlink(missing_ok=True)
-        if lines[:2] != heads or anew or again:
-            self.fates = {name: fate for name, fate in self.fates.items() if fate != "passed"}
-            path.parent.mkdir(exist_ok=True)
-            told = [*heads, *(f"{fate} {name}" for name, fate in self.fates.items())]
-            path.write_text("\n".join([*told, ""]), encoding="utf-8")
+        retry = lines[1:2] != heads[1:] or again
+        for fate, code, name in (line.split(" ", 2) for line in lines[2:]):
+            module = name.partition(":")[0]
+            if self._codes.get(module) == code and not (retry and fate == "passed"):
+                self.fates[name] = fate
+        path.parent.mkdir(exist_ok=True)
+        kept = [self._line(name, fate) for name, fate in self.fates.items()]
+        path.write_text("\n".join([*heads, *kept, ""]), encoding="utf-8")
+
+    def _line(self, name: str, fate: str) -> str:
+        return f"{fate} {self._codes[name.partition(':')[0]]} {name}"
 
     def add(self, mutant: Mutant, fate: str) -> None:
         """Keep one result."""
         self.fates[str(mutant)] = fate
         with self.path.open("a", encoding="utf-8") as file:
-            file.write(f"{fate} {mutant}\n")
+            file.write(self._line(str(mutant), fate) + "\n")
 
 
 def chosen(made: list[Mutant], wanted: Any) -> list[Mutant]:

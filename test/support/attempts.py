@@ -306,6 +306,17 @@ def digest_of(files: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
+def code_of(module: Path) -> str:
+    """A short digest of what a module does: of its code without comments and docstrings."""
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
+            node
+        ):
+            node.body[0] = ast.Pass()
+    return hashlib.sha256(ast.unparse(tree).encode()).hexdigest()[:16]
+
+
 def attempts(
     tried: Iterable[Mutant], reach: Reach, jobs: int, budget: float, folder: Path
 ) -> Iterator[tuple[Mutant, str]]:
