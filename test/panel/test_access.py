@@ -98,6 +98,7 @@ def test_the_theme_follows_the_system(page: Any) -> None:
 
 def test_the_keyboard_reaches_everything(page: Any) -> None:
     """Tab goes through all controls, in the order that is seen, each with a focus that is seen."""
+    page.locator("canvas[aria-label^='The robot in 3D']").wait_for()  # it comes last
     page.evaluate("document.activeElement.blur(); scrollTo(0, 0); window.reached = new Set(); 0")
     count = page.evaluate(f"{FOCUSABLE}.length")
     assert count > 60
