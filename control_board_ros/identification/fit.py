@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from ..protocols import Floats
 from .equations import (
@@ -108,7 +108,7 @@ def solve(problem: Problem) -> tuple[Floats, Floats, Floats]:
         weights = problem.weights(rest)
     last = least_squares(residuals, x / scale, max_nfev=1)
     covariance, freedom = uncertainty(last.jac, residuals(x / scale), problem.blocks)
-    widths = student.ppf(0.5 + 0.5 * LEVEL, freedom) * np.sqrt(np.diag(covariance))
+    widths = stdtrit(freedom, 0.5 + 0.5 * LEVEL) * np.sqrt(np.diag(covariance))
     return x, widths * scale, covariance * np.outer(scale, scale)
 
 

@@ -266,13 +266,25 @@ class Finger:
         self._send("touchEnd", [])
 
 
+#: Brings an element to the middle, where no bar covers it; resolves once it has stayed where it is
+#: for ten frames: a scroll rolls on.
+INTO_THE_MIDDLE = """element => new Promise((resolve) => {
+  element.scrollIntoView({block: "center", behavior: "instant"});
+  let before = "", frames = 0;
+  const look = () => {
+    const box = element.getBoundingClientRect(), now = `${box.x} ${box.y}`;
+    frames = now === before ? frames + 1 : 0;
+    before = now;
+    if (frames < 10) requestAnimationFrame(look); else resolve();
+  };
+  look();
+})"""
+
+
 def centre(locator: Any, share: float = 0.5) -> tuple[float, float]:
-    """A point of an element, once the page has come to rest: a scroll rolls on."""
-    locator.scroll_into_view_if_needed()
-    box, before = locator.bounding_box(), None
-    while box != before:
-        locator.page.wait_for_timeout(100)
-        box, before = locator.bounding_box(), box
+    """A point of an element, once the page has come to rest."""
+    locator.evaluate(INTO_THE_MIDDLE)
+    box = locator.bounding_box()
     return box["x"] + share * box["width"], box["y"] + box["height"] / 2.0
 
 
