@@ -19,7 +19,7 @@ from control_board_ros.core.terms.vocabs import BrakeMode
 
 #: In cycles of 2 ms: to open, to close, and from one look at closed brakes to the next.
 OPENS, CLOSES, LOOK = 15, 10, 25
-RUN, STOP = Wanted(Law.POSITION), Wanted(Law.OFF)
+RUN, STOP = (Wanted(law, direct=False, feeds=True) for law in (Law.POSITION, Law.OFF))
 DEGREE = np.pi / 180.0
 
 
@@ -89,7 +89,7 @@ def test_a_brake_closes_before_its_joint_loses_power(made: Made) -> None:
     """Y4: 20 ms, in which the joint is held, with the gains of POSITION."""
     made.run()
     begin = made.state.cycle
-    made.controller.arm([0], Law.TORQUE, direct=True)
+    made.controller.arm([0], Law.TORQUE, direct=True, feeds=True)
     assert list(made.brakes.admit([0, 1], STOP)) == [1]
     assert made.brakes.holding
     assert made.brakes.orders[0] == 1.0
@@ -143,24 +143,6 @@ def test_taken_back_before_it_is_open(made: Made) -> None:
     made.until(100)
     assert made.brakes.closed[0]
     assert not made.powers
-
-
-def test_a_restart_closes_it(made: Made) -> None:
-    """N1: and it works by itself, as if it had never been stuck."""
-    made.brakes._set_mode(0, BrakeMode.OPEN)
-    made.until(50)
-    assert not made.brakes.closed[0]
-    made.brakes.admit([0], RUN)
-    brake = made.brakes._brakes[0]
-    assert brake is not None
-    brake.stuck = True
-    made.brakes.power_on(range(2))
-    assert made.brakes.mode(0) is BrakeMode.AUTOMATIC
-    assert not made.brakes.is_stuck(0)
-    made.until(50 + CLOSES)
-    assert made.brakes.closed[0]
-    assert made.brakes.orders[0] == 1.0
-    assert made.brakes.mode(1) is None
 
 
 def test_new_times_hold_from_the_next_order_on(made: Made) -> None:

@@ -56,7 +56,7 @@ def test_a_bound_leaves_the_law_that_runs_its_set_point() -> None:
     """S1: a joint under torque control goes on being given torques."""
     one = joint("a", drive=(SetPoint.POSITION, SetPoint.TORQUE))
     made = controller(board_config(one))
-    made.arm([0], Law.TORQUE, direct=False)
+    made.arm([0], Law.TORQUE, direct=False, feeds=True)
     assert made._state.kinds.tolist() == [SetPoint.TORQUE]
     made.set_caps(np.array([0]), np.array([3.0]), None)
     assert made._state.kinds.tolist() == [SetPoint.TORQUE]
@@ -67,7 +67,7 @@ def test_a_restart_forgets_the_law_that_ran() -> None:
     """N1: its set-point is that of a joint without power again, and its gains the first ones."""
     config = board_config(joint("a", drive=(SetPoint.POSITION, SetPoint.TORQUE)))
     made = controller(config)
-    made.arm([0], Law.TORQUE, direct=False)
+    made.arm([0], Law.TORQUE, direct=False, feeds=True)
     (zone,) = zones_of(config)
     made.power_on(zone)
     assert made._state.kinds.tolist() == [SetPoint.POSITION]
@@ -160,7 +160,7 @@ def test_what_a_joint_carries_where_its_law_begins() -> None:
     made = Controller(config, state)
     state.torque[:], state.current[:] = 7.0, 2.0
     made.joints[2].braked, made.joints[2].gravity = True, 3.0
-    made.arm([0, 1, 2], Law.TORQUE, direct=False)
+    made.arm([0, 1, 2], Law.TORQUE, direct=False, feeds=True)
     assert [one.torque for one in made.joints] == [7.0, 2.0 * PER_AMPERE, 3.0]
     assert made.joints[2].load == 3.0  # what its brake has carried
     expected = [one.torque_reference for one in made.joints]

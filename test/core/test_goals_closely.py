@@ -295,7 +295,7 @@ def test_a_joint_at_either_limit_is_within(shown: float, taken: float) -> None:
 
 def test_a_pose_has_no_negative_zero() -> None:
     """It is shown to people and written to files: 0.0, not -0.0."""
-    assert repr(made_pose(standing_at(0.0).board, "p", ["a"], [-0.0]).positions) == "(0.0,)"
+    assert repr(made_pose(standing_at(0.0).board, "p", ["a"], [-0.0], 0.0).positions) == "(0.0,)"
 
 
 # --- calibrations --------------------------------------------------------------------------------

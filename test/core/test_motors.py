@@ -195,6 +195,9 @@ def test_the_angle_of_a_joint_without_power_can_be_set(rig: Rig) -> None:
     assert shown.position[:2].tolist() == pytest.approx([1.0, -1.0], abs=5e-3)
     assert rig.modes()[:2] == [M.POSITION] * 2
     assert not rig.board.set_encoders("left", math.nan)
+    rig.enter("idl")
+    assert rig.board.set_encoders()
+    assert rig.tick().position.tolist() == pytest.approx([0.0] * 3, abs=1e-3)
 
 
 def test_loops_tell_what_they_follow(rig: Rig) -> None:

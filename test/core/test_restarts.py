@@ -91,6 +91,18 @@ def test_a_joint_is_held_where_it_is_when_its_brake_has_opened() -> None:
     assert rig.board.engine.monitor.joints[0].fed == 1.0  # it heats its winding from now on
 
 
+def test_a_brake_that_was_kept_open_closes_with_a_power_cycle() -> None:
+    """Y4, N1: and is worked automatically again."""
+    rig = ready(board_config(BRAKED, joint("b")))
+    rig.enter("idl", "a")
+    assert rig.board.set_brake("a", "open")
+    rig.tick(30)
+    assert not rig.board.is_joint_braked()[0]
+    rig.board.power_cycle()
+    assert rig.board.get_brake("a") == [BrakeMode.AUTOMATIC]
+    assert rig.board.engine.brakes.orders[0] == 1.0
+
+
 def test_a_calibrator_s_joint_has_no_limits_behind_its_brake_either() -> None:
     """Y4, P9: its angle is not known when the brake has opened."""
     slow = Calibration(type=3, required=False, start=1.0, speed=0.05, timeout=100.0)

@@ -47,6 +47,19 @@ def test_it_waits_unconfigured(rig: Rig) -> None:
     assert set(modes(rig)) == {M.NOT_CONFIGURED}
 
 
+def test_a_board_that_waits_for_configure_is_configured_without_power() -> None:
+    """N2: asked for, each time after a power cycle."""
+    rig = Rig(board_config(MOVES, RESTS, autoconfigure=False))
+    rig.board.set_stage(Stage.INACTIVE)
+    for _ in range(2):
+        rig.board.power_cycle()
+        rig.tick(3)
+        assert modes(rig) == [M.NOT_CONFIGURED] * 2
+        assert rig.board.configure()
+        assert modes(rig) == [M.IDLE] * 2
+        assert not rig.board.state.powered.any()
+
+
 def test_inactive_is_configured_and_without_power(rig: Rig) -> None:
     """N2: also a joint that starts in POSITION, or requires a calibration, is in IDLE."""
     rig.board.set_stage(Stage.INACTIVE)

@@ -232,14 +232,14 @@ def test_the_silence_of_the_heartbeat_is_a_stop() -> None:
     assert rig.run(0.09) is not None
     assert M.HW_FAULT not in rig.board.get_control_mode()
     for _ in range(4):
-        rig.board.engine.emergency.beat(rig.board.time)
+        rig.board.beat()
         rig.run(0.09)
         assert M.HW_FAULT not in rig.board.get_control_mode()
     rig.run(0.02)
     assert rig.board.get_control_mode() == [M.HW_FAULT] * 3
     assert rig.board.get_faults()[0].text == "emergency stop, no heartbeat for 0.1 s"
     assert rig.board.recover().codes == (Reason.EMERGENCY_STOP,) * 3
-    rig.board.engine.emergency.beat(rig.board.time)
+    rig.board.beat()
     rig.tick()
     assert rig.board.recover()
 
@@ -250,12 +250,12 @@ def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
     rig.tick()
     rig.board.emergency_stop()
     rig.run(0.2)
-    rig.board.engine.emergency.beat(rig.board.time)
+    rig.board.beat()
     rig.tick()
     assert rig.board.engine.emergency.reason == ("requested", "release it")
     assert not rig.board.recover()
     rig.board.emergency_stop(False)
-    rig.board.engine.emergency.beat(rig.board.time)
+    rig.board.beat()
     rig.tick()
     assert rig.board.recover()
 

@@ -33,9 +33,7 @@ class CalibratedMachine(Protocol):
     calibrations: Calibrations
 
     def go(self, j: int, trigger: Trigger) -> bool: ...
-    def set_law(
-        self, joints: Sequence[int], law: Law, *, direct: bool = False, feeds: bool = True
-    ) -> None: ...
+    def set_law(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool) -> None: ...
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None: ...
     def report(self, level: str, key: str, j: int, text: str) -> None: ...
 
@@ -215,11 +213,11 @@ class JointAccess:
 
     def hold(self) -> None:
         self._machine.references.reset([self._j], bounded=False)
-        self._machine.set_law([self._j], Law.POSITION, feeds=False)
+        self._machine.set_law([self._j], Law.POSITION, direct=False, feeds=False)
 
     def drive(self, output: float) -> None:
         self._machine.controller.joints[self._j].output_command = output
-        self._machine.set_law([self._j], Law.OUTPUT, feeds=False)
+        self._machine.set_law([self._j], Law.OUTPUT, direct=False, feeds=False)
 
     def set_offset(self, offset: float) -> None:
         self._machine.calibrations.set_offset(self._j, offset)

@@ -263,7 +263,7 @@ class Run:
     interactions: list[InteractionMode]
     path: Path
     start: float
-    held: bool = False
+    held: bool
     spline: Spline | None = None
     last: Sample | None = None
     left: str = ""

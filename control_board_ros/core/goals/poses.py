@@ -179,7 +179,7 @@ def made_pose(
     name: str,
     joints: Sequence[str],
     positions: Sequence[float],
-    speed: float = 0.0,
+    speed: float,
 ) -> Pose:
     """A pose of a board's joints, checked.
 

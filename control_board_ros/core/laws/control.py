@@ -172,7 +172,7 @@ class Controller:
         joint.max_output = output
         self._set_drive(j, self._armed[j][0])
 
-    def arm(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool = True) -> None:
+    def arm(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool) -> None:
         """Start a law from the present torque of joints (M9).
 
         Args:

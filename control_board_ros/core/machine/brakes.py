@@ -46,8 +46,8 @@ class Wanted(NamedTuple):
     """A law that waits for the brake, with the arguments of :meth:`Machine.set_law`."""
 
     law: Law
-    direct: bool = False
-    feeds: bool = True
+    direct: bool
+    feeds: bool
 
 
 class Owner(Protocol):
@@ -117,13 +117,6 @@ class Brakes:
 
     # --- for the machine ------------------------------------------------------------------------
 
-    def power_on(self, joints: Sequence[int]) -> None:
-        """Restart joints: their brakes close, and work automatically (N1)."""
-        for j in joints:
-            if (brake := self._brakes[j]) is not None:
-                brake.mode, brake.wanted, brake.stuck = BrakeMode.AUTOMATIC, None, False
-                self._order(j, closed=True)
-
     def reconfigure(self) -> None:
         """Take new times and torques."""
         for brake, joint in zip(self._brakes, self._machine.config.joints, strict=True):
@@ -160,7 +153,7 @@ class Brakes:
         if not held or brake.due is None:
             return True
         brake.wanted = wanted
-        self._machine.controller.arm([j], Law.POSITION, direct=False)
+        self._machine.controller.arm([j], Law.POSITION, direct=False, feeds=True)
         return False
 
     def step(self) -> None:

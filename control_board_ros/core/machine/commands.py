@@ -135,10 +135,10 @@ class Commands:
         kind: CommandKind,
         selection: Selection,
         asked: Floats,
-        along: Floats | None = None,
+        along: Floats | None,
         *,
-        together: bool = False,
-        time: float | None = None,
+        together: bool,
+        time: float | None,
     ) -> Reply:
         """Start references of one kind; COMMANDS names their accompanying values.
 

@@ -84,7 +84,6 @@ class Machine:
     def power_on(self, joints: Sequence[int]) -> None:
         """Restart joints, NOT_CONFIGURED and without power (N1)."""
         self.calibrations.forget(joints)
-        self.brakes.power_on(joints)
         for j in joints:
             self._on_limit[j] = self._strained[j] = False
             self.go(j, Event.POWER_ON)
@@ -143,9 +142,7 @@ class Machine:
         self.monitor.arm(joints, on=mode in CONFIGURED, calibrated=state.calibrated)
         state.note_modes(joints)
 
-    def set_law(
-        self, joints: Sequence[int], law: Law, *, direct: bool = False, feeds: bool = True
-    ) -> None:
+    def set_law(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool) -> None:
         """Run a law from the present torque of joints, as soon as their brakes are open (Y4)."""
         ready = self.brakes.admit(joints, Wanted(law, direct, feeds))
         self.controller.arm(ready, law, direct=direct, feeds=feeds)

@@ -261,4 +261,4 @@ class Stops:
         for j in chosen:
             mode = state.control_modes[j]
             if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
-                machine.set_law([j], law, direct=mode in DIRECT_GAINS)
+                machine.set_law([j], law, direct=mode in DIRECT_GAINS, feeds=True)
