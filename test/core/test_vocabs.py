@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from control_board_ros.core.terms.vocabs import (
@@ -46,16 +46,20 @@ INTERACTION = {"STIFF": ("stif", 1718187123), "COMPLIANT": ("comp", 1886220131)}
 
 @pytest.mark.parametrize(("name", "code", "vocab"), [(n, *v) for n, v in CONTROL.items()])
 def test_control_mode_values(name: str, code: str, vocab: int) -> None:
+    """V1, V2: those of source §4 and of YARP 4; ``vel`` has three letters."""
     mode = ControlMode[name]
     assert (mode.code, int(mode), str(mode)) == (code, vocab, name)
+    assert (encode(code), decode(vocab)) == (vocab, code)
     for text in (code, name, name.lower(), name.title(), vocab, np.int32(vocab), mode):
         assert parse_control_mode(text) is mode
 
 
 @pytest.mark.parametrize(("name", "code", "vocab"), [(n, *v) for n, v in INTERACTION.items()])
 def test_interaction_mode_values(name: str, code: str, vocab: int) -> None:
+    """V1, V2: ``stif`` has no quote."""
     mode = InteractionMode[name]
     assert (mode.code, int(mode), str(mode)) == (code, vocab, name)
+    assert (encode(code), decode(vocab)) == (vocab, code)
     for text in (code, name, name.lower(), vocab, np.int64(vocab), mode):
         assert parse_interaction_mode(text) is mode
 
@@ -75,6 +79,7 @@ CODES = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, 
 
 @given(CODES)
 def test_round_trip(code: str) -> None:
+    """V1: every code of 1 to 4 characters."""
     vocab = encode(code)
     assert -(2**31) <= vocab < 2**31
     assert decode(vocab) == code
@@ -83,7 +88,13 @@ def test_round_trip(code: str) -> None:
 
 
 @given(st.text().filter(lambda t: not (1 <= len(t) <= 4 and t.isascii() and t.isprintable())))
+@example("")
+@example("vels2")
+@example("é")
+@example("a\n")
+@example("\x7f")
 def test_other_texts_do_not_encode(text: str) -> None:
+    """V1: anything else is an error."""
     with pytest.raises(ValueError, match="1 to 4 printable ASCII characters"):
         encode(text)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make conformance``: run the tests of test/spec and show, rule by rule, how they went.
+"""``make conformance``: run the tests of the rules and show, rule by rule, how they went.
 
 Prints the table rule -> tests -> result, writes it to docs/conformance.md, and ends with 1 when
 a rule has no test or a test failed, or when ``control_board_conformance`` finds one that is not
@@ -23,7 +23,7 @@ SUPPORT = HERE.parent / "support"
 PAGE = ROOT / "docs" / "conformance.md"
 sys.path.insert(0, str(SUPPORT))
 
-from rules import RULES, proved_by  # noqa: E402
+from rules import RULES, TESTS, proved_by  # noqa: E402
 
 from control_board_ros.conformance import Outcome, Result, as_line, as_text, run  # noqa: E402
 from control_board_ros.conformance.channel import Channel  # noqa: E402
@@ -93,8 +93,8 @@ def page(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) 
     lines = [
         "# Conformance",
         "",
-        "Rule by rule, the tests of `test/spec` that prove it, and how often each ran (with",
-        "different modes, joints or values). From outside: the result of",
+        "Rule by rule, the tests that prove it, those of `test/spec` by their file alone, and how",
+        "often each ran (with different modes, joints or values). From outside: the result of",
         "[`control_board_conformance`](howto/conformance.md) over ROS. Written by",
         "`make conformance`.",
         "",
@@ -123,7 +123,7 @@ def show(table: dict[str, dict[str, Counter[str]]]) -> None:
 
 def main(arguments: list[str]) -> int:
     results = Results()
-    options = ["-q", "-p", "no:cacheprovider", f"--rootdir={ROOT}", str(HERE)]
+    options = ["-q", "-p", "no:cacheprovider", f"--rootdir={ROOT}", *map(str, TESTS)]
     code = pytest.main([*options, *arguments], plugins=[results])
     table = results.by_rule()
     show(table)

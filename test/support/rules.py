@@ -4,12 +4,17 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import control_board_ros.conformance  # noqa: F401  (each of its modules registers its rules)
 from control_board_ros.conformance.rules import in_order
 
 #: Every rule of the specification and what it is about, in its order.
 RULES = {rule.name: rule.title for rule in in_order()}
+
+_HERE = Path(__file__).resolve().parent.parent
+#: Where tests of rules are: through a board; of codes, which need none.
+TESTS = (_HERE / "spec", _HERE / "core" / "test_vocabs.py")
 
 _PROVES = re.compile(r"^((?:[VMPIFKND]\d+|Y[1-5]|A)(?:, (?:[VMPIFKND]\d+|Y[1-5]|A))*): ")
 
