@@ -16,6 +16,7 @@ SPEC = Path(__file__).resolve().parents[2] / "docs" / "spec.md"
 def test_docstrings_name_rules() -> None:
     assert proved_by("M4: text") == ["M4"]
     assert proved_by("M4, P13, A: text") == ["M4", "P13", "A"]
+    assert proved_by("E1, F3, R: text") == ["F3"]
     assert proved_by("A joint does it.") == []
     assert proved_by("nothing") == []
     assert proved_by(None) == []

@@ -143,7 +143,7 @@ def test_a_calibration_that_failed_ends_in_idle() -> None:
 
 
 def test_an_unsupported_mode_is_recovered_from(rig: Rig) -> None:
-    """E1, M5."""
+    """E1, M5: to the mode before it."""
     rig.board.set_control_mode("bare", M.POSITION)
     assert not rig.board.set_control_mode("bare", M.TORQUE)
     assert rig.board.get_control_mode("bare") == [M.HW_FAULT]
@@ -151,7 +151,7 @@ def test_an_unsupported_mode_is_recovered_from(rig: Rig) -> None:
 
 
 def test_an_unknown_joint_recovers_none(rig: Rig) -> None:
-    """M7."""
+    """E1, M7: the request is refused whole."""
     rig.plant.inject("left", "overcurrent", False)
     rig.run(0.1)
     reply = rig.board.recover(["left", "elbow"])

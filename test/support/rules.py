@@ -16,17 +16,22 @@ _HERE = Path(__file__).resolve().parent.parent
 #: Where tests of rules are: through a board; of codes, which need none.
 TESTS = (_HERE / "spec", _HERE / "core" / "test_vocabs.py")
 
-_PROVES = re.compile(r"^((?:[VMPIFKND]\d+|Y[1-5]|A)(?:, (?:[VMPIFKND]\d+|Y[1-5]|A))*): ")
+#: Sections of the specification whose rules are no rules of the suite.
+_BEYOND = "RTBSEG"
+_NAME = r"(?:[A-Z]\d+|A|R)"
+_PROVES = re.compile(rf"^({_NAME}(?:, {_NAME})*): ")
 
 
 def proved_by(docstring: str | None) -> list[str]:
-    """The rules that a test names: its docstring begins with them, as in ``M4, P13: …``.
+    """The rules of the suite that a test names: its docstring begins with them.
+
+    As in ``M4, P13: …``, or ``E1, F3: …``, where E1 is left out.
 
     Raises:
         ValueError: there is no such rule.
     """
     found = _PROVES.match((docstring or "").strip())
-    rules = found[1].split(", ") if found else []
+    rules = [rule for rule in (found[1].split(", ") if found else []) if rule[0] not in _BEYOND]
     for rule in rules:
         if rule not in RULES:
             raise ValueError(f"rule {rule} unknown; rules: {', '.join(RULES)}")
