@@ -135,9 +135,15 @@ BAD: list[tuple[str, Callable[[], object]]] = [
         "j.calibration.output: 30.0",
         one(limits={"output": 20.0}, calibration=Calibration(output=30.0, type=12)),
     ),
+    ("j.calibration.output: 90.0", calibration(output=90.0)),  # no room for a push (K6)
+    ("j.calibration.stop: -2.4", calibration(stop=-2.4)),
     ("j.calibration.stall_time: 0.0", calibration(stall_time=0.0)),
     ("j.calibration.timeout: 0.0", calibration(timeout=0.0)),
     ("j.calibration.control_mode: 'hwfa'", calibration(control_mode=ControlMode.HW_FAULT)),
+    (
+        "j.calibration.control_mode: 'torq'",
+        lambda: plain("j", calibration=replace(GOOD, control_mode=M.TORQUE)),
+    ),
     (
         "j.calibration.interaction_mode: 'comp'",
         lambda: plain("j", calibration=replace(GOOD, interaction_mode=InteractionMode.COMPLIANT)),
@@ -154,6 +160,20 @@ def test_errors_name_key_value_and_what_is_allowed(start: str, make: Callable[[]
     assert "is not allowed; " in text
     assert "\n" not in text
     assert error.value.key == start.split(":", maxsplit=1)[0]
+
+
+def test_configuration_is_whole_or_not_at_all() -> None:
+    """N2: gains, limits, maximum output and current must all be there and be valid."""
+    good = joint("left")
+    for name in ("limits", "position_pid", "torque_pid", "impedance"):
+        fields = {key: getattr(good, key) for key in ("name", "limits", "position_pid")}
+        fields |= {key: getattr(good, key) for key in ("torque_pid", "impedance")}
+        del fields[name]
+        with pytest.raises(TypeError, match=name):
+            type(good)(**fields)
+    for name in ("output", "peak_current", "nominal_current", "torque"):
+        with pytest.raises(ConfigError, match=name):
+            joint("left", limits={name: -1.0})
 
 
 def test_configurations_are_frozen() -> None:

@@ -17,11 +17,10 @@ from rig import (
     board_config,
     in_status,
     joint,
-    plain,
     ready,
 )
 
-from control_board_ros.core.config.config import Calibration, ConfigError, Pid
+from control_board_ros.core.config.config import Calibration, Pid
 from control_board_ros.core.terms.vocabs import ControlMode
 
 SENSOR = Calibration(type=12, zero=0.7)
@@ -126,13 +125,6 @@ def test_the_modes_after_it(modes: Any) -> None:
     here = truth(rig)
     rig.run(1.0)
     assert truth(rig) == pytest.approx(here, abs=2e-3)  # M9
-
-
-def test_compliant_only_where_supported() -> None:
-    """K3, I7: a calibrator cannot leave a joint in what it does not implement."""
-    for changes in ({"interaction_mode": COMPLIANT}, {"control_mode": M.TORQUE}):
-        with pytest.raises(ConfigError, match="is not allowed"):
-            plain("bare", calibration=replace(SENSOR, **changes))
 
 
 def test_requests_and_commands_while_calibrating() -> None:
@@ -603,17 +595,3 @@ def test_calibration_from_every_mode(start: str) -> None:
     assert rig.board.calibrate("left")
     assert rig.modes() == [M.CALIBRATING]
     assert rig.board.state.powered.tolist() == [1.0]
-
-
-def test_configuration_is_whole_or_not_at_all() -> None:
-    """N2: gains, limits, maximum output and current must all be there and be valid."""
-    good = joint("left")
-    for name in ("limits", "position_pid", "torque_pid", "impedance"):
-        fields = {key: getattr(good, key) for key in ("name", "limits", "position_pid")}
-        fields |= {key: getattr(good, key) for key in ("torque_pid", "impedance")}
-        del fields[name]
-        with pytest.raises(TypeError, match=name):
-            type(good)(**fields)
-    for name in ("output", "peak_current", "nominal_current", "torque"):
-        with pytest.raises(ConfigError, match=name):
-            joint("left", limits={name: -1.0})

@@ -15,7 +15,6 @@ from control_board_ros.core.calibration.calibration import CalibrationError, Har
 from control_board_ros.core.config.config import (
     BoardConfig,
     Calibration,
-    ConfigError,
     JointConfig,
     Pid,
 )
@@ -340,20 +339,3 @@ def test_a_sliding_joint_blocked_before_its_start(kind: int) -> None:
     blocked = replace(FINGER, type=kind, zero=0.001, timeout=8.0)
     text = calibrate(finger(lambda _, q, dq: -1e5 * max(q - 0.02, 0.0) - 100.0 * dq, blocked))
     assert "timed out after 8 s while moving to the start position" in text
-
-
-# --- configuration ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"output": 90.0, "stop": 2.2}, "calibration.output: 90"),
-        ({"stop": -2.4}, "calibration.stop: -2.4"),
-    ],
-)
-def test_a_hard_stop_that_cannot_be_confirmed(changes: dict[str, float], key: str) -> None:
-    """K6, N2: no room for the push within the limits, or a stop outside the hard range."""
-    with pytest.raises(ConfigError, match="is not allowed") as error:
-        joint("left", calibration=replace(STOP, **changes))
-    assert key in str(error.value)
