@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, cast
 
 import pytest
@@ -335,23 +336,65 @@ def test_what_gives_way_under_the_push_is_no_stop(kind: str, scale: float) -> No
         assert ("gave way by" in found) is not is_stop
 
 
-@pytest.mark.parametrize("phase", ["driving to the hard stop", "pushing against the stop"])
-def test_a_stall_draws_at_least_half_of_its_current(phase: str) -> None:
-    """K5: a drive that is not at its torque finds no stop, and confirms none."""
-    for drawn, stalls in ((0.55, True), (0.45, False)):
-        bench = Bench(begin=0.0, stops=(-9.0, 0.1))
-        found = outcome(stop_type(bench), bench, phase, drawn=drawn)
-        assert ("stands still, but its motor draws" in found) is not stalls
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("phase", "output"), [("driving to the hard stop", 16.0), ("pushing against the stop", 24.0)]
+)
+def test_a_stall_draws_at_least_half_of_its_current(phase: str, output: float, way: float) -> None:
+    """K5, K6: a drive that is not at its torque, I = V/R, finds no stop, and confirms none."""
+    ends = (-9.0, 0.1) if way > 0.0 else (-0.1, 9.0)
+
+    def found(drawn: float) -> str:
+        bench = Bench(begin=0.0, stops=ends)
+        calibrator = stop_type(bench, output=way * 16.0, stop=way)
+        return outcome(calibrator, bench, phase, drawn=drawn)
+
+    assert found(0.55) == ""
+    text = r"stands still, but its motor draws (\S+) A at (\S+) %, where a stall needs (\S+) A"
+    told = re.match(text, found(0.45))
+    assert told is not None
+    needs = way * output * 0.48
+    numbers = pytest.approx([0.45 * needs, way * output, needs], rel=0.01)
+    assert [*map(float, told.groups())] == numbers
 
 
-def test_a_place_further_away_the_second_time_is_no_stop() -> None:
-    """K5: 0.01 rad, and less where the range is small: a quarter of the way back."""
-    for apart, same in ((0.009, True), (0.011, False)):
-        bench = Bench(begin=0.0, stops=(-9.0, 0.1))
-        bench.step = 0.0005
-        again = "approaching the stop again"
-        found = outcome(stop_type(bench), bench, again, stops=(-9.0, 0.1 + apart))
-        assert ("stood still at 0.1 rad, and at" in found) is not same
+class Rippled(Bench):
+    """One whose current flows in every second cycle only, at twice its mean."""
+
+    flows = False
+
+    def cycle(self) -> None:
+        super().cycle()
+        self.flows = not self.flows
+        self.current *= 2.0 * self.flows
+
+
+@pytest.mark.parametrize("flows", [False, True])
+def test_a_ripple_of_the_current_is_averaged(flows: bool) -> None:
+    """K6: the current that counts is filtered, whatever the last reading is."""
+    bench = Rippled(begin=0.0, stops=(-9.0, 0.1))
+    bench.flows = flows
+    assert outcome(stop_type(bench, stall_time=0.5), bench) == ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "half", "same"),
+    [("revolute", 2.2, 0.01), ("revolute", 0.06, 0.0075), ("prismatic", 0.02, 0.0005)],
+)
+def test_a_place_further_away_the_second_time_is_no_stop(
+    kind: str, half: float, same: float
+) -> None:
+    """K5, K6: 0.01 rad, or 0.5 mm; less in a small range: a quarter of the way back."""
+    limits = {"lower": -0.9 * half, "upper": 0.9 * half, "hard_margin": 0.05 * half}
+    limits |= {"hard_lower": -half, "hard_upper": half}
+    for apart, is_stop in ((0.9 * same, True), (1.1 * same, False)):
+        bench = Bench(kind, stops=(-9.0, 0.1 * half), limits=limits)
+        bench.step = 0.05 * same
+        calibrator = stop_type(bench, stop=half, start=0.8 * half)
+        again, stops = "approaching the stop again", (-9.0, 0.1 * half + apart)
+        found = outcome(calibrator, bench, again, stops=stops)
+        assert (found == "") is is_stop
+        assert ("when it came again" in found) is not is_stop
 
 
 def test_a_small_range_makes_the_way_back_small() -> None:

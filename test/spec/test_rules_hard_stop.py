@@ -11,13 +11,7 @@ import numpy as np
 import pytest
 from rig import M, Rig, board_config, joint, simulation_config
 
-from control_board_ros.core.calibration.calibration import CalibrationError, HardStop
-from control_board_ros.core.config.config import (
-    BoardConfig,
-    Calibration,
-    JointConfig,
-    Pid,
-)
+from control_board_ros.core.config.config import BoardConfig, Calibration, Pid
 from control_board_ros.core.terms.measurement import Array
 from control_board_ros.sim.bodies.ideal import IdealBody
 from control_board_ros.sim.config import SimulationConfig
@@ -25,7 +19,7 @@ from control_board_ros.sim.plant import SimulatedPlant
 
 #: -4 % give 9.6 N·m at a stall, and 14.4 N·m in the push.
 STOP = Calibration(type=5, output=-4.0, stop=-2.2, start=0.2, speed=1.0, timeout=20.0)
-TORQUE, PUSH = 9.6, 14.4
+TORQUE = 9.6
 
 #: Torque that acts on the joint besides its motor: of torque (N·m), position and velocity.
 Load = Callable[[float, float, float], float]
@@ -183,116 +177,6 @@ def test_a_stop_at_the_wrong_end() -> None:
     text = calibrate(rig_with(calibration=replace(STOP, stop=2.2)))
     assert "would have started at 4.9 rad" in text
     assert "sign of calibration.output" in text
-
-
-class FakeHand:
-    """A hand on a joint that is at its stop once driven; its motor draws so much per percent."""
-
-    def __init__(self, one: JointConfig, amperes: float) -> None:
-        self.joint, self.amperes = one, amperes
-        self.reading = self.position = self.travelled = 0.0
-        self.output = 0.0
-
-    @property
-    def current(self) -> float:
-        return self.amperes * self.output
-
-    def hold(self) -> None:
-        self.output = 0.0
-
-    def drive(self, output: float) -> None:
-        self.output, self.reading = output, 0.0
-
-    def set_offset(self, offset: float) -> None:
-        self.position = self.reading - offset
-
-    def move(self, target: float, speed: float) -> None:
-        self.reading += target - self.position
-        self.position = target
-
-    def moving(self) -> bool:
-        return False
-
-
-def test_a_motor_without_current_is_at_no_stop() -> None:
-    """K6, K4: standing still is not enough: the drive must be at its torque, I = V/R."""
-    calibrator = HardStop(STOP, FakeHand(joint("left"), 0.202), 0.002)
-    why = r"draws -0\.8\d* A at -4 %, where a stall needs -1\.92 A"
-    with pytest.raises(CalibrationError, match=why):
-        run(calibrator)
-
-
-def test_a_motor_with_its_current_is() -> None:
-    """K6: the same with the current of a stall, 0.48 A per percent, and of a hot winding."""
-    for amperes in (0.48, 0.3):
-        hand = FakeHand(joint("left"), amperes)
-        run(HardStop(STOP, hand, 0.002))
-        assert hand.position == pytest.approx(STOP.start)
-
-
-class NoisyHand(FakeHand):
-    """The same, with a current that is there in each second cycle only, of twice the mean."""
-
-    first = 0
-
-    @property
-    def current(self) -> float:
-        self.first = 1 - self.first
-        return 2.0 * self.first * self.amperes * self.output
-
-
-@pytest.mark.parametrize("first", [0, 1])
-def test_a_ripple_of_the_current_is_averaged(first: int) -> None:
-    """K6: the current that counts is filtered, whatever the last reading is."""
-    hand = NoisyHand(joint("left"), 0.48)
-    hand.first = first
-    run(HardStop(STOP, hand, 0.002))
-    assert hand.position == pytest.approx(STOP.start)
-
-
-class ShiftedHand(FakeHand):
-    """The same, whose place is another one each time it is driven after it went back."""
-
-    shift = 0.0
-
-    def __init__(self, one: JointConfig, amperes: float) -> None:
-        super().__init__(one, amperes)
-        self.went: list[float] = []
-
-    def drive(self, output: float) -> None:
-        self.output, self.reading = output, self.shift if self.went else 0.0
-
-    def move(self, target: float, speed: float) -> None:
-        self.went.append(target - self.position)
-        super().move(target, speed)
-
-
-@pytest.mark.parametrize(
-    ("kind", "half", "back"),
-    [("revolute", 2.2, 0.1), ("revolute", 0.06, 0.03), ("prismatic", 0.02, 0.005)],
-)
-def test_the_way_back_and_what_is_the_same_place(kind: str, half: float, back: float) -> None:
-    """K6: back by 0.1 rad (5 mm) or a quarter of the range; 0.01 rad or 1/4 of that apart."""
-    limits = {"lower": -0.9 * half, "upper": 0.9 * half, "hard_margin": 0.05 * half}
-    limits |= {"hard_lower": -half, "hard_upper": half}
-    one = joint("left", kind=kind, limits=limits)
-    stop = replace(STOP, stop=-half, start=0.0)
-    same = min({"revolute": 0.01, "prismatic": 0.0005}[kind], 0.25 * back)
-    for shift, fails in ((0.9 * same, False), (1.1 * same, True)):
-        hand = ShiftedHand(one, 0.48)
-        hand.shift = shift
-        if fails:
-            with pytest.raises(CalibrationError, match="when it came again"):
-                run(HardStop(stop, hand, 0.002))
-        else:
-            run(HardStop(stop, hand, 0.002))
-        assert hand.went[0] == pytest.approx(back)
-
-
-def run(calibrator: HardStop) -> None:
-    """Step a calibrator until it is done."""
-    while not calibrator.step():
-        pass
 
 
 # --- sliding joints --------------------------------------------------------------------------
