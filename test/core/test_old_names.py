@@ -58,3 +58,17 @@ def test_a_refused_mode_leaves_the_interaction_alone() -> None:
     with pytest.warns(DeprecationWarning, match="set_impedance_position_mode"):
         assert not asked.set_impedance_position_mode("a")
     assert asked.asked == [ControlMode.POSITION]
+
+
+def test_old_methods_write_to_the_log() -> None:
+    """D1: where there is a log, the deprecation is written to it."""
+    told: list[str] = []
+
+    class Logging(Asked):
+        def log_deprecated(self, text: str) -> None:
+            told.append(text)
+
+    with pytest.warns(DeprecationWarning, match="set_velocity_mode"):
+        assert Logging().set_velocity_mode(0)
+    assert len(told) == 1
+    assert "set_velocity_mode" in told[0]

@@ -13,7 +13,6 @@ from rig import COMMANDS, COMPLIANT, STIFF, M, Rig, board_config, joint, ready
 
 from control_board_ros import protocols
 from control_board_ros.core.board import Board
-from control_board_ros.core.old_names import ModeShortcuts
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode
 
@@ -198,23 +197,6 @@ def test_old_getters(rig: Rig) -> None:
         warnings.simplefilter("error")
         assert rig.board.get_control_mode(1) == [M.VELOCITY]
         assert rig.board.set_position_direct_mode(1)
-
-
-def test_old_methods_write_to_the_log() -> None:
-    """D1: where there is a log, the deprecation is written to it."""
-    told: list[str] = []
-
-    class Logging(ModeShortcuts):
-        def set_control_mode(self, joints: Any, modes: Any) -> bool:
-            return True
-
-        def log_deprecated(self, text: str) -> None:
-            told.append(text)
-
-    with pytest.warns(DeprecationWarning, match="set_velocity_mode"):
-        assert Logging().set_velocity_mode(0)
-    assert len(told) == 1
-    assert "set_velocity_mode" in told[0]
 
 
 @pytest.mark.parametrize(
