@@ -9,25 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import (
-    Rig,
-    board_config,
-    held,
-    joint,
-    ready,
-    simulation_config,
-)
+from rig import ACTIVE, M, Rig, board_config, held, joint, ready, simulation_config
 
 from control_board_ros.core.config.config import Pid
 from control_board_ros.core.terms.measurement import ROWS, Actuation, Intake, Measurement, Row
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.sim.plant import SimulatedPlant
 
-M = ControlMode
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 #: Finite, and so far from any sensor that a product of two of them is not.
 ABSURD = 1e300
-DRIVEN = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP)
 
 
 class Lying:
@@ -70,7 +61,7 @@ def test_a_reading_that_is_not_finite_is_a_fault_of_its_joint_and_leaves_nothing
     config = board_config(joint("left"), joint("right"))
     plant = Lying(config, row, value, slice(0, 1))
     rig = ready(config, plant)
-    for mode, interaction in itertools.product(DRIVEN, ("stif", "comp")):
+    for mode, interaction in itertools.product(ACTIVE, ("stif", "comp")):
         rig.enter(mode)
         assert rig.board.set_interaction_mode(None, interaction)
         rig.board.position_move(None, 0.2, 0.5)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rig import STANDARD
 
 from control_board_ros.core.terms.faults import FaultCode as F
 from control_board_ros.core.terms.measurement import Array
@@ -24,7 +25,6 @@ from control_board_ros.simulation import Simulation
 pytestmark = pytest.mark.physics
 
 DEGREE = math.radians(1.0)
-USER_MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
 
 J1, J2, J4 = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 4))
 
@@ -56,7 +56,7 @@ def enter(simulation: Simulation, mode: M | str, joints: Any = None) -> None:
 
 
 @pytest.mark.parametrize("interaction", ["stif", "comp"])
-@pytest.mark.parametrize("mode", USER_MODES)
+@pytest.mark.parametrize("mode", STANDARD)
 def test_a_push_within_the_range_never_faults(mode, interaction):
     """P9, F1: pushed by hand, a joint yields or holds as its mode says; nothing faults."""
     with iiwa() as simulation:
@@ -163,7 +163,7 @@ def test_a_push_through_the_hard_margin_is_a_fault():
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
-@pytest.mark.parametrize("into", USER_MODES)
+@pytest.mark.parametrize("into", STANDARD)
 def test_switching_at_full_speed_stays_within_the_torque_limit(into, way):
     """M9 (promise P7): no torque beyond the joint's limit, no fault, no jump of the reference."""
     with iiwa() as simulation:

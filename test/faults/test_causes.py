@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig import POSITION_MODES, RATE, Rig, board_config, held, joint, ready
+from rig import ACTIVE, RATE, Rig, board_config, held, joint, ready
 
 from control_board_ros.core.terms.faults import FaultCode as F
 from control_board_ros.core.terms.measurement import Row
@@ -162,7 +162,7 @@ def test_a_broken_encoder_is_found_again_when_the_motor_runs(kind):
     assert rig.board.get_faults("left")[0].code == F.ENCODER_MISMATCH
 
 
-@pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP])
+@pytest.mark.parametrize("mode", ACTIVE)
 def test_the_emergency_stop_takes_all_power_in_one_cycle(mode):
     """F1 (promise P5): in HW_FAULT the motor current is exactly 0 from the next reading on."""
     rig = ready()

@@ -9,20 +9,19 @@ from __future__ import annotations
 import random
 
 import pytest
-from rig import COMPLIANT, STATUSES, STIFF, board_config, in_status, joint, plain, ready
+from rig import COMPLIANT, STANDARD, STATUSES, STIFF, board_config, in_status, joint, plain, ready
 
 from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode
 
-USER_MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
 #: Source Table 3: what set may not ask for (M6).
 NEVER = (M.HW_FAULT, M.CALIBRATING, M.CALIB_DONE, M.NOT_CONFIGURED, M.CONFIGURED)
 UNIMPLEMENTED = (M.CURRENT, M.VELOCITY_DIRECT)
-REQUESTS = (*USER_MODES, M.FORCE_IDLE, *UNIMPLEMENTED, *NEVER)
-FROM = (*USER_MODES, *STATUSES)
-STATUS_REQUESTS = (*USER_MODES, *UNIMPLEMENTED)
+REQUESTS = (*STANDARD, M.FORCE_IDLE, *UNIMPLEMENTED, *NEVER)
+FROM = (*STANDARD, *STATUSES)
+STATUS_REQUESTS = (*STANDARD, *UNIMPLEMENTED)
 
 
 def joint_in(mode, interaction, *, sensor=True):
@@ -203,7 +202,7 @@ def test_ten_thousand_switches_leave_nothing_behind():
     choose = random.Random(3).choice
     versions = rig.board.modes_version
     for k in range(10_000):
-        assert rig.board.set_control_mode("left", choose(USER_MODES))
+        assert rig.board.set_control_mode("left", choose(STANDARD))
         if k % 20 == 0:
             rig.tick()
     assert rig.board.modes_version > versions + 5000

@@ -9,7 +9,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from rig import board_config, joint, plain, ready
+from rig import ACTIVE, board_config, joint, plain, ready
 
 from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.terms.modes import STATES
@@ -21,8 +21,6 @@ NUMBERS = [0.0, 0.1, -0.3, 1.0, -5.0, 1e6, 1e308, 5e-324, math.nan, math.inf, -m
 JOINTS = [None, (), "left", 1, ["bare", "left"], ["left", "left"], "nobody", [0, 7], -1]
 MODES = [*M, *InteractionMode, "pos", "ipwm", "", "POSITION", 0, 7103862, ["pos", "vel"], None]
 OFF = (M.IDLE, M.HW_FAULT, M.NOT_CONFIGURED)
-#: TORQUE, which one joint cannot have, makes that one fault.
-DRIVING = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP)
 DRIVEN = ("position_move", "set_position", "velocity_move", "set_ref_torque", "set_output")
 
 
@@ -64,7 +62,7 @@ class User:
             plant.push(j, 0.0)
         self.freed = True
         board.set_control_mode(None, M.FORCE_IDLE)
-        return board.set_control_mode(None, self.random.choice(DRIVING))
+        return board.set_control_mode(None, self.random.choice(ACTIVE))  # TORQUE faults bare
 
     def drive(self, joints):
         board, one = self.rig.board, self.number()
@@ -141,7 +139,7 @@ def test_random_users(seed, output):
                 met[mode] += 1
             assert board.state.done.shape == (3,)
     assert len(board.engine.events) <= 1000
-    assert {"kept in a fault", M.IDLE, *DRIVING} <= set(met), met  # all was looked at
+    assert {"kept in a fault", M.IDLE, *ACTIVE} <= set(met), met  # all was looked at
     rig.plant.clear_injected()
     for name in board.names:
         rig.plant.push(name, 0.0)

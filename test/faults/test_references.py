@@ -8,21 +8,19 @@ import re
 
 import numpy as np
 import pytest
-from rig import COMMANDS, TAKES, ready
+from rig import COMMANDS, MODE_OF, ready
 
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode as M
 
 DEGREE = math.radians(1.0)
-#: A mode that takes each kind.
-MODE = {kind: next(mode for mode, kinds in TAKES.items() if kind in kinds) for kind in COMMANDS}
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 
 
 def commanded(kind):
     """A rig whose joints left and right take a kind; the method to send it, and its getter."""
     rig = ready()
-    rig.enter(MODE[kind], ["left", "right"])
+    rig.enter(MODE_OF[kind], ["left", "right"])
     send, get, value = COMMANDS[kind]
     return rig, getattr(rig.board, send), getattr(rig.board, get), value
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rig import COMMANDS, M, Rig, board_config, joint, plain, simulation_config
+from rig import COMMANDS, M, Rig, board_config, column, joint, plain, simulation_config
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, Calibration, Pid
@@ -156,8 +156,8 @@ def test_moves_start_and_end_at_rest_without_a_jump(
         shots += rig.record(wait)
     while not rig.board.check_motion_done()[0]:
         shots.append(rig.tick())
-    reference = np.array([one.position_reference[0] for one in shots])
-    velocity = np.array([one.velocity_reference[0] for one in shots])
+    reference = column(shots, "position_reference")
+    velocity = column(shots, "velocity_reference")
     assert velocity[0] == 0.0
     assert velocity[-1] == 0.0
     assert reference[-1] == moves[-1][0]
@@ -192,7 +192,7 @@ def test_new_gains_without_a_jump() -> None:
     changed = replace(config.joints[0], position_pid=Pid(kp=200.0, ki=200.0, kd=30.0))
     rig.board.reconfigure(replace(config, joints=(changed,)))
     shots = rig.record(1.0)
-    assert np.abs([one.position[0] - before.position[0] for one in shots]).max() < 0.02
+    assert np.abs(column(shots, "position") - before.position[0]).max() < 0.02
     assert abs(shots[0].output[0] - before.output[0]) < 0.3 * abs(before.output[0])
     assert rig.modes() == [M.POSITION]
 

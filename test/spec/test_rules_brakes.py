@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import RATE, Rig, board_config, joint
+from rig import RATE, M, Rig, board_config, joint, truth
 
 from control_board_ros.core.config.config import Brake, Calibration
 from control_board_ros.core.terms.faults import FaultCode
@@ -18,7 +18,6 @@ from control_board_ros.core.terms.reply import Answer, Reason
 from control_board_ros.core.terms.vocabs import BrakeMode, ControlMode
 from control_board_ros.simulation import Simulation
 
-M = ControlMode
 DEGREE = math.radians(1.0)
 BRAKE = Brake(present=True, slip_torque=60.0)
 RELEASE, ENGAGE = round(0.03 * RATE), round(0.02 * RATE)
@@ -33,10 +32,6 @@ def braked(**changes: Any) -> Rig:
     rig.plant.push("left", LOAD)
     rig.tick(100)
     return rig
-
-
-def truth(rig: Rig) -> float:
-    return float(rig.plant._motors.position[0])
 
 
 def power(rig: Rig) -> tuple[bool, bool]:

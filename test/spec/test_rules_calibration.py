@@ -11,6 +11,8 @@ import pytest
 from rig import (
     COMMANDS,
     COMPLIANT,
+    STANDARD,
+    STATUSES,
     STIFF,
     M,
     Rig,
@@ -18,6 +20,7 @@ from rig import (
     in_status,
     joint,
     ready,
+    truth,
 )
 
 from control_board_ros.core.config.config import Calibration, Pid
@@ -35,11 +38,6 @@ def calibrating(calibration: Calibration, **changes: Any) -> Rig:
     """A joint at 0.5 rad whose encoder reads 0.7 more; it must calibrate and has not ticked."""
     one = joint("left", calibration=calibration, **changes)
     return Rig(board_config(one), home=[0.5], zero=[0.7])
-
-
-def truth(rig: Rig) -> float:
-    """Where the joint really is."""
-    return float(rig.plant.body._position[0])
 
 
 @pytest.mark.parametrize("calibration", ALL, ids=NAMES)
@@ -568,14 +566,11 @@ def test_power_cycle() -> None:
     assert rig.board.get_ref_speed("left")[0] == pytest.approx(np.radians(10.0))
 
 
-SELECTABLE = ("pos", "posd", "vel", "mix", "torq", "open", "idl")
-
-
-@pytest.mark.parametrize("start", [*SELECTABLE, M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED])
-def test_power_cycle_from_everywhere(start: Any) -> None:
+@pytest.mark.parametrize("start", [*STANDARD, *STATUSES], ids=str)
+def test_power_cycle_from_everywhere(start: ControlMode) -> None:
     """N1: whatever a joint is in, power-on is NOT_CONFIGURED and without power; ~/modes tells."""
-    rig = in_status(M.IDLE if isinstance(start, str) else start)
-    if isinstance(start, str):
+    rig = in_status(start if start in STATUSES else M.IDLE)
+    if start in STANDARD:
         rig.enter(start)
         rig.board.set_output("left", 3.0)
         rig.tick()
@@ -587,8 +582,8 @@ def test_power_cycle_from_everywhere(start: Any) -> None:
     assert not rig.board.state.powered.any()
 
 
-@pytest.mark.parametrize("start", SELECTABLE)
-def test_calibration_from_every_mode(start: str) -> None:
+@pytest.mark.parametrize("start", STANDARD, ids=str)
+def test_calibration_from_every_mode(start: ControlMode) -> None:
     """K1: requested by the user in any mode, the joint is CALIBRATING at once."""
     rig = in_status(M.IDLE)
     rig.enter(start)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import M, Rig, board_config, joint, simulation_config
+from rig import M, Rig, board_config, joint, simulation_config, truth
 
 from control_board_ros.core.config.config import BoardConfig, Calibration, Pid
 from control_board_ros.core.terms.measurement import Array
@@ -49,11 +49,6 @@ def rig_with(
     simulation = simulation_config(config, home=[0.5], zero=[0.7])
     body = LoadedBody(config, simulation, load)
     return Rig(config, SimulatedPlant(config, simulation, body))
-
-
-def truth(rig: Rig) -> float:
-    """Where the joint really is."""
-    return float(rig.plant.body._position[0])
 
 
 def calibrate(rig: Rig) -> str:

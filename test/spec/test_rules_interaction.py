@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rig import (
     COMPLIANT,
+    PER_TORQUE,
     POSITION_MODES,
     STIFF,
     TAKES,
@@ -26,8 +27,6 @@ from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode
 
-PER_TORQUE = 100.0 / 48.0 / 5.0
-PASSIVE = (M.IDLE, M.TORQUE, M.OPENLOOP)
 #: u = τ: what the impedance asks for is what the output shows.
 OPEN_TORQUE = Pid(kp=0.0, kff=1.0)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import COMMANDS, COMPLIANT, STIFF, M, Rig, board_config, joint, ready
+from rig import COMMANDS, COMPLIANT, MODE_OF, STIFF, M, Rig, board_config, joint, ready
 
 from control_board_ros import protocols
 from control_board_ros.core.board import Board
@@ -35,15 +35,6 @@ OLD = {
     "set_open_loop_mode": (M.OPENLOOP, STIFF),
     "set_impedance_position_mode": (M.POSITION, COMPLIANT),
     "set_impedance_velocity_mode": (M.VELOCITY, COMPLIANT),
-}
-
-
-MODES = {
-    "position": "pos",
-    "position direct": "posd",
-    "velocity": "vel",
-    "torque": "torq",
-    "output": "open",
 }
 
 
@@ -90,7 +81,7 @@ def test_one_a_subset_and_all(kind: str, joints: Any, values: Any, expected: lis
     """A: joints are an index, a name, a sequence of them or None for all; one value for all."""
     rig = ready(board_config(joint("left"), joint("right"), joint("third")))
     method, getter, _ = COMMANDS[kind]
-    rig.enter(MODES[kind])
+    rig.enter(MODE_OF[kind])
     before = getattr(rig.board, getter)()
     reply = getattr(rig.board, method)(joints, values)
     assert reply, reply.message

@@ -10,7 +10,9 @@ import pytest
 from rig import (
     COMMANDS,
     COMPLIANT,
+    PER_TORQUE,
     POSITION_MODES,
+    STANDARD,
     STIFF,
     TAKES,
     M,
@@ -28,7 +30,6 @@ from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
-SELECTABLE = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
 NEVER_SET = ("hwfa", "cal", "cald", "cfgn", "cfgy", "stif", "comp", "xyz", "", 0, -1, 2**40)
 
 
@@ -41,12 +42,12 @@ def test_pwm_is_openloop() -> None:
         assert rig.board.get_control_mode(0)[0].code == "open"
 
 
-@pytest.mark.parametrize("start", SELECTABLE, ids=str)
+@pytest.mark.parametrize("start", STANDARD, ids=str)
 def test_requests_from_a_selectable_mode(start: ControlMode) -> None:
     """M1, M5, M6, F4: from each mode every other one can be set; the rest as their rules say."""
     rig = ready()
     board = rig.board
-    for wanted in SELECTABLE:
+    for wanted in STANDARD:
         rig.enter(start, "left")
         assert board.set_control_mode("left", wanted)
         assert rig.modes() == [wanted, M.IDLE, M.IDLE]
@@ -75,7 +76,7 @@ def test_requests_in_a_status(status: ControlMode) -> None:
     """M6, F2, K2, N4: a status refuses every mode; FORCE_IDLE leaves the first two, to IDLE."""
     rig = in_status(status)
     board = rig.board
-    for wanted in (*SELECTABLE, "icur", "veld", *NEVER_SET):
+    for wanted in (*STANDARD, "icur", "veld", *NEVER_SET):
         reply = board.set_control_mode("left", wanted)
         assert not reply
         assert set(reply.answers) <= {Answer.REFUSED}
@@ -87,7 +88,7 @@ def test_requests_in_a_status(status: ControlMode) -> None:
 
 def in_mode(mode: ControlMode, interaction: InteractionMode) -> Rig:
     """One joint in a mode or status, with an interaction mode."""
-    if mode not in SELECTABLE:
+    if mode not in STANDARD:
         return in_status(mode, startup_interaction=interaction)
     rig = ready(board_config(joint("left", startup_interaction=interaction)))
     rig.enter(mode, "left")
@@ -125,7 +126,7 @@ def test_each_mode_takes_its_commands(mode: ControlMode, interaction: Interactio
     assert rig.modes() == [mode]
 
 
-@pytest.mark.parametrize("mode", [*SELECTABLE, M.HW_FAULT], ids=str)
+@pytest.mark.parametrize("mode", [*STANDARD, M.HW_FAULT], ids=str)
 def test_what_a_mode_ignores_is_never_kept(mode: ControlMode) -> None:
     """M4, M9: it moves nothing now, nor in any mode that would have taken it."""
     rig = in_mode(mode, STIFF)
@@ -201,7 +202,7 @@ def test_a_request_reaches_all_joints_between_two_cycles(rig: Rig) -> None:
     assert np.all(rig.board.tick(rig.plant.read()).powered == 1.0)
 
 
-@pytest.mark.parametrize("mode", SELECTABLE, ids=str)
+@pytest.mark.parametrize("mode", STANDARD, ids=str)
 def test_the_same_mode_again(mode: ControlMode) -> None:
     """M8: asking for the mode a joint is in changes nothing at all, bit for bit."""
     rigs = ready(), ready()
@@ -231,15 +232,11 @@ def loaded() -> Rig:
     return rig
 
 
-#: PWM percent for one N·m: 100/48 V of 1 ohm over 5 N·m/A.
-PER_TORQUE = 100.0 / 48.0 / 5.0
-
-
 #: Real changes: from the modes that differ in what they leave behind, to any other.
 CHANGES = [
     (before, mode)
     for before in (M.IDLE, M.POSITION, M.VELOCITY, M.TORQUE, M.OPENLOOP)
-    for mode in SELECTABLE
+    for mode in STANDARD
     if before is not mode
 ]
 
@@ -343,7 +340,7 @@ def test_last_accepted_references(rig: Rig) -> None:
 def test_modes_belong_to_the_user(rig: Rig) -> None:
     """M2: motion, limits, timeouts and time change no mode."""
     board = rig.board
-    for mode in SELECTABLE:
+    for mode in STANDARD:
         rig.enter(mode, "left")
         for method, _, _value in COMMANDS.values():
             getattr(board, method)("left", 50.0)

@@ -11,17 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 from rig import (
+    ACTIVE,
     COMMANDS,
     COMPLIANT,
     LIMITS,
+    MODE_OF,
     MOTOR,
+    PER_TORQUE,
     POSITION_MODES,
     RATE,
+    STANDARD,
     STIFF,
-    TAKES,
     M,
     Rig,
     board_config,
+    column,
     held,
     joint,
     ready,
@@ -33,7 +37,6 @@ from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode
 
 PERIOD = 1.0 / RATE
-PER_TORQUE = 100.0 / 48.0 / 5.0
 ONLY_P = Pid(kp=100.0)
 NEVER = Timeouts(velocity=0.0)
 
@@ -43,10 +46,6 @@ def moving(*modes: str, **changes: Any) -> Rig:
     rig = ready(board_config(joint("left", **({"timeouts": NEVER} | changes))))
     rig.enter(modes[0] if modes else "pos")
     return rig
-
-
-def column(snapshots: list[Any], name: str) -> np.ndarray:
-    return np.array([getattr(one, name)[0] for one in snapshots])
 
 
 # --- P1 to P3: moves -------------------------------------------------------------------------
@@ -450,7 +449,7 @@ def test_current_stays_below_the_peak() -> None:
     assert 0.9 * 20.0 < volts / MOTOR.resistance < 20.0
 
 
-@pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP, M.IDLE], ids=str)
+@pytest.mark.parametrize("mode", STANDARD, ids=str)
 @pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
 def test_output_feedforward(mode: ControlMode, interaction: Any) -> None:
     """P11: u_ff adds to the output in all active modes, at once; not where there is no power."""
@@ -463,7 +462,7 @@ def test_output_feedforward(mode: ControlMode, interaction: Any) -> None:
     assert change == pytest.approx(0.0 if mode is M.IDLE else 2.5)
 
 
-@pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP, M.IDLE], ids=str)
+@pytest.mark.parametrize("mode", STANDARD, ids=str)
 @pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
 def test_torque_feedforward(mode: ControlMode, interaction: Any) -> None:
     """P11, I5: τ_ff is part of the impedance torque, and acts in COMPLIANT only."""
@@ -708,7 +707,7 @@ def test_speed_limit_where_no_position_loop_is() -> None:
         assert column(shots, "velocity")[-1] > 0.9 * LIMITS.velocity
 
 
-@pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP], ids=str)
+@pytest.mark.parametrize("mode", ACTIVE, ids=str)
 @pytest.mark.parametrize("output", ["pwm", "current"])
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_output_keeps_its_limit(mode: ControlMode, output: str, way: float) -> None:
@@ -831,7 +830,7 @@ def test_a_mode_change_ends_the_timeout() -> None:
 def test_what_is_not_finite_is_ignored(kind: str, value: float) -> None:
     """P13, M4: with the reason, and counted; the other joints of the message are served."""
     rig = ready(board_config(joint("left"), joint("right")))
-    rig.enter(next(mode for mode, kinds in TAKES.items() if kind in kinds))
+    rig.enter(MODE_OF[kind])
     method, getter, good = COMMANDS[kind]
     modes, before = rig.modes(), getattr(rig.board, getter)("left")[0]
     reply = getattr(rig.board, method)(None, [value, good])

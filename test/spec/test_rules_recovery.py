@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig import COMPLIANT, STIFF, Held, Rig, board_config, joint
+from rig import COMPLIANT, STIFF, Held, M, Rig, board_config, joint
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import Calibration
@@ -19,7 +19,6 @@ from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Answer, Reason
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
-M = ControlMode
 MOVING = {"left": (M.VELOCITY, STIFF), "right": (M.POSITION, COMPLIANT), "bare": (M.MIXED, STIFF)}
 
 

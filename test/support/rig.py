@@ -21,7 +21,6 @@ from control_board_ros.core.config.config import (
 )
 from control_board_ros.core.state import Snapshot
 from control_board_ros.core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
-from control_board_ros.core.terms.modes import STANDARD
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
     Encoder,
@@ -35,6 +34,9 @@ M = ControlMode
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 STATUSES = (M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED)
 POSITION_MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED)
+#: Source Table 1: the modes with power, and all that a user sets.
+ACTIVE = (*POSITION_MODES, M.TORQUE, M.OPENLOOP)
+STANDARD = (*ACTIVE, M.IDLE)
 RATE = 500.0
 
 LIMITS = Limits(
@@ -51,6 +53,8 @@ LIMITS = Limits(
 MOTOR = Motor(
     resistance=1.0, inductance=1e-3, torque_constant=0.1, gear_ratio=50.0, supply_voltage=48.0
 )
+#: PWM percent for one N·m: 100/48 V of 1 ohm over 5 N·m/A.
+PER_TORQUE = 100.0 / 48.0 / 5.0
 
 
 def joint(name: str, *, limits: dict[str, Any] | None = None, **changes: Any) -> JointConfig:
@@ -218,6 +222,16 @@ def in_status(status: ControlMode, **changes: Any) -> Rig:
     return rig
 
 
+def truth(rig: Rig) -> float:
+    """Where the first joint of an ideal plant really is, rad or m."""
+    return float(rig.plant.body._position[0])
+
+
+def column(snapshots: list[Snapshot], name: str) -> Array:
+    """What snapshots show of the first joint, shape (k,)."""
+    return np.array([getattr(one, name)[0] for one in snapshots])
+
+
 #: For each kind of reference: the method that sends it, the getter that reads it back, a value.
 COMMANDS: dict[str, tuple[str, str, float]] = {
     "position": ("position_move", "get_target_position", 0.5),
@@ -240,3 +254,6 @@ TAKES: dict[ControlMode, set[str]] = {
     M.CALIBRATING: set(),
     M.NOT_CONFIGURED: set(),
 }
+
+#: For each kind of reference a mode that takes it.
+MODE_OF = {kind: next(mode for mode, kinds in TAKES.items() if kind in kinds) for kind in COMMANDS}
