@@ -14,7 +14,6 @@ from rig import COMMANDS, COMPLIANT, MODE_OF, STIFF, M, Rig, board_config, joint
 from control_board_ros import protocols
 from control_board_ros.core.board import Board
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.terms.vocabs import ControlMode
 
 #: §4, method by method, in snake_case.
 SOURCE = {
@@ -188,26 +187,3 @@ def test_old_getters(rig: Rig) -> None:
         warnings.simplefilter("error")
         assert rig.board.get_control_mode(1) == [M.VELOCITY]
         assert rig.board.set_position_direct_mode(1)
-
-
-@pytest.mark.parametrize(
-    ("mode", "command"),
-    [
-        ("pos", "velocity_move"),
-        ("vel", "position_move"),
-        ("pos", "set_position"),
-        ("posd", "position_move"),
-    ],
-)
-@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
-def test_no_automatic_switch(mode: str, command: str, interaction: Any) -> None:
-    """D2, M2: the other kind of reference does not switch the mode: it is ignored."""
-    rig = ready()
-    rig.board.set_interaction_mode("left", interaction)
-    rig.enter(mode, "left")
-    assert not getattr(rig.board, command)("left", 1.0)
-    shown = rig.run(0.3)
-    assert rig.board.get_control_mode("left")[0] is ControlMode[rig.modes()[0].name]
-    assert rig.modes()[0].code == mode
-    assert shown.position[0] == pytest.approx(0.0, abs=1e-3)
-    assert shown.rejected_commands[0] == 1

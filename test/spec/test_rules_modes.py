@@ -126,14 +126,20 @@ def test_each_mode_takes_its_commands(mode: ControlMode, interaction: Interactio
     assert rig.modes() == [mode]
 
 
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
 @pytest.mark.parametrize("mode", [*STANDARD, M.HW_FAULT], ids=str)
-def test_what_a_mode_ignores_is_never_kept(mode: ControlMode) -> None:
-    """M4, M9: it moves nothing now, nor in any mode that would have taken it."""
-    rig = in_mode(mode, STIFF)
+def test_what_a_mode_ignores_is_never_kept(
+    mode: ControlMode, interaction: InteractionMode
+) -> None:
+    """M4, M2, M9, D2: it switches no mode; it moves nothing, now and in a mode that takes it."""
+    rig = in_mode(mode, interaction)
     ignored = [kind for kind in COMMANDS if kind not in TAKES[mode]]
     for kind in ignored:
         getattr(rig.board, COMMANDS[kind][0])("left", COMMANDS[kind][2])
-    rig.run(0.1)
+    shown = rig.run(0.3)
+    assert rig.modes() == [mode]
+    assert shown.position[0] == pytest.approx(0.0, abs=1e-3)
+    assert shown.rejected_commands[0] == len(ignored)
     for later, kinds in TAKES.items():
         if kinds & set(ignored):
             rig.enter(later, "left")
