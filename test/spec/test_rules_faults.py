@@ -306,18 +306,6 @@ def test_user_fault() -> None:
     assert (cleared.active, cleared.code, cleared.text) == (False, 16, fault.text)
 
 
-@pytest.mark.parametrize("start", [*STANDARD, M.CALIBRATING], ids=str)
-def test_force_idle_everywhere(start: ControlMode) -> None:
-    """F4, K2: FORCE_IDLE outside a fault is IDLE, and no getter returns it."""
-    rig = in_status(M.CALIBRATING) if start is M.CALIBRATING else ready()
-    if start is not M.CALIBRATING:
-        rig.enter(start, "left")
-    assert rig.board.set_control_mode("left", M.FORCE_IDLE)
-    assert rig.modes()[0] is M.IDLE
-    assert not rig.board.get_faults("left")[0].active
-    assert rig.tick().output[0] == 0.0
-
-
 @pytest.mark.parametrize("wanted", [*STANDARD, "icur", "veld"], ids=str)
 def test_nothing_else_leaves_a_fault(wanted: Any) -> None:
     """F2: every other request is refused with the cause and the next step; nothing changes."""

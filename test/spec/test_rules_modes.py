@@ -13,6 +13,7 @@ from rig import (
     PER_TORQUE,
     POSITION_MODES,
     STANDARD,
+    STATUSES,
     STIFF,
     TAKES,
     M,
@@ -65,15 +66,17 @@ def test_requests_from_a_selectable_mode(start: ControlMode) -> None:
     rig.enter(start, "left")
     assert board.set_control_mode("left", "fidl")
     assert rig.modes() == [M.IDLE, M.IDLE, M.IDLE]
+    assert not board.get_faults("left")[0].active
+    assert rig.tick().output[0] == 0.0
     rig.enter(start, "left")
     rig.plant.inject("left", "external")
     rig.tick(2)
     assert rig.modes() == [M.HW_FAULT, M.IDLE, M.IDLE]
 
 
-@pytest.mark.parametrize("status", [M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED], ids=str)
+@pytest.mark.parametrize("status", STATUSES, ids=str)
 def test_requests_in_a_status(status: ControlMode) -> None:
-    """M6, F2, K2, N4: a status refuses every mode; FORCE_IDLE leaves the first two, to IDLE."""
+    """M6, F2, F4, K2, N4: a status refuses every mode; FORCE_IDLE leaves two, to IDLE."""
     rig = in_status(status)
     board = rig.board
     for wanted in (*STANDARD, "icur", "veld", *NEVER_SET):
@@ -84,6 +87,8 @@ def test_requests_in_a_status(status: ControlMode) -> None:
     left = status is not M.NOT_CONFIGURED
     assert bool(board.set_control_mode("left", "fidl")) is left
     assert rig.modes() == [M.IDLE if left else status]
+    assert not board.get_faults("left")[0].active
+    assert rig.tick().output[0] == 0.0
 
 
 def in_mode(mode: ControlMode, interaction: InteractionMode) -> Rig:
