@@ -775,11 +775,15 @@ def test_a_stop_ends_the_timeout() -> None:
 
 
 def test_timeouts_off() -> None:
-    """P12: 0 is never."""
-    rig = moving("vel")
+    """P12, Y2: 0 is never, and the default of all but velocities."""
+    rig = moving("vel", control_modes=(*STANDARD, M.CURRENT))
     rig.board.velocity_move("left", 0.1, 20.0)
     assert rig.run(5.0).velocity_reference[0] == 0.1
-    for mode, method, value in (("torq", "set_ref_torque", 0.1), ("open", "set_output", 0.5)):
+    for mode, method, value in (
+        ("torq", "set_ref_torque", 0.1),
+        ("open", "set_output", 0.5),
+        ("icur", "set_ref_current", 0.1),
+    ):
         rig.enter(mode)
         getattr(rig.board, method)("left", value)
         rig.run(2.0)
@@ -788,11 +792,17 @@ def test_timeouts_off() -> None:
 
 @pytest.mark.parametrize(
     ("mode", "method", "key"),
-    [("torq", "set_ref_torque", "torque"), ("open", "set_output", "output")],
+    [
+        ("torq", "set_ref_torque", "torque"),
+        ("open", "set_output", "output"),
+        ("icur", "set_ref_current", "current"),
+    ],
 )
-def test_torques_and_outputs_that_expire_fault(mode: str, method: str, key: str) -> None:
-    """P12, F1: the expiry of a torque or output reference is the fault "reference timeout"."""
-    rig = ready(board_config(joint("left", timeouts=replace(NEVER, **{key: 0.1}))))
+def test_torques_outputs_and_currents_that_expire_fault(mode: str, method: str, key: str) -> None:
+    """P12, Y2, F1: the expiry of such a reference is the fault "reference timeout"."""
+    timeouts = replace(NEVER, **{key: 0.1})
+    one = joint("left", control_modes=(*STANDARD, M.CURRENT), timeouts=timeouts)
+    rig = ready(board_config(one))
     rig.enter(mode)
     rig.run(0.5)  # without a reference nothing expires
     for _ in range(3):

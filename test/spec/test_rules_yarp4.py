@@ -170,19 +170,6 @@ def test_a_current_drives_no_joint_beyond_its_limits(way: float, output: str) ->
     assert any("software limits" in text for text in made.warnings())
 
 
-def test_an_expired_current_is_a_fault() -> None:
-    """Y2, P12: a current has a timeout as a torque has; 0 by default, which is never."""
-    assert Timeouts().current == 0.0
-    made = rig(timeouts=Timeouts(current=0.1))
-    made.enter(CURRENT, "left")
-    made.board.set_ref_current("left", 0.1)
-    made.run(0.09)
-    assert made.modes()[0] is CURRENT
-    made.run(0.03)
-    assert made.modes()[0] is M.HW_FAULT
-    assert "reference timeout" in made.board.get_faults("left")[0].text
-
-
 def test_a_feed_forward_adds_to_a_current() -> None:
     """P11, Y2: u_ff in percent of the peak current."""
     made = held(joint("left", **BOTH))
