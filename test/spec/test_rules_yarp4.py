@@ -7,7 +7,20 @@ import math
 
 import numpy as np
 import pytest
-from rig import COMPLIANT, LIMITS, MOTOR, STIFF, M, Rig, board_config, held, joint, plain, ready
+from rig import (
+    COMPLIANT,
+    LIMITS,
+    MOTOR,
+    STIFF,
+    M,
+    Rig,
+    board_config,
+    column,
+    held,
+    joint,
+    plain,
+    ready,
+)
 
 from control_board_ros.core.config.config import Timeouts
 from control_board_ros.core.terms.measurement import Row
@@ -43,9 +56,9 @@ def test_a_direct_velocity_acts_at_once() -> None:
     assert made.board.set_ref_velocity("left", 1.0)
     assert made.tick().velocity_reference[0] == 1.0
     shown = made.record(0.12)
-    speeds = [float(one.velocity[0]) for one in shown]
+    speeds = column(shown, "velocity")
     assert speeds[-1] == pytest.approx(1.0, abs=0.03)
-    assert max(speeds) < 1.05  # what the acceleration limit took is not caught up
+    assert speeds.max() < 1.05  # what the acceleration limit took is not caught up
     assert made.board.get_ref_velocity("left")[0] == 1.0
     assert made.board.get_target_velocity("left")[0] == 0.0  # of VELOCITY: none came
     assert made.board.set_ref_velocity("left", -1.0)
@@ -76,7 +89,7 @@ def test_a_direct_velocity_is_bounded_and_expires(interaction: object) -> None:
     assert reply.values == (LIMITS.velocity,)
     assert "bounded" in reply.message
     shown = made.record(0.5)
-    assert max(abs(float(one.velocity[0])) for one in shown) < 1.05 * LIMITS.velocity
+    assert np.abs(column(shown, "velocity")).max() < 1.05 * LIMITS.velocity
     rest = made.run(4.0)
     assert abs(float(rest.velocity[0])) < 1e-3
     assert made.modes()[0] is DIRECT
@@ -91,7 +104,7 @@ def test_a_direct_velocity_brakes_ahead_of_a_limit(way: float) -> None:
     made.enter(DIRECT, "left")
     made.board.set_ref_velocity("left", way * 3.0)
     shown = made.record(3.0)
-    assert max(way * float(one.position[0]) for one in shown) < LIMITS.upper + 0.01
+    assert (way * column(shown, "position")).max() < LIMITS.upper + 0.01
     assert shown[-1].position[0] == pytest.approx(way * LIMITS.upper, abs=0.01)
     assert abs(float(shown[-1].velocity[0])) < 0.01
     assert made.modes()[0] is DIRECT
@@ -138,7 +151,7 @@ def test_a_current_reference_stays_within_the_peak() -> None:
     assert reply.values == (PEAK,)
     assert made.board.get_ref_current("left")[0] == PEAK
     shown = made.record(0.3)
-    assert max(abs(float(one.current[0])) for one in shown) < PEAK
+    assert np.abs(column(shown, "current")).max() < PEAK
     assert made.modes()[0] is CURRENT
 
 
@@ -164,8 +177,8 @@ def test_a_current_drives_no_joint_beyond_its_limits(way: float, output: str) ->
     made.board.take_events()
     made.board.set_ref_current("left", way * 0.6 * PEAK)
     shown = made.record(4.0)
-    assert max(abs(float(one.velocity[0])) for one in shown) < 1.05 * LIMITS.velocity
-    assert max(way * float(one.position[0]) for one in shown) < LIMITS.upper + 0.03
+    assert np.abs(column(shown, "velocity")).max() < 1.05 * LIMITS.velocity
+    assert (way * column(shown, "position")).max() < LIMITS.upper + 0.03
     assert made.modes()[0] is CURRENT
     assert any("software limits" in text for text in made.warnings())
 
