@@ -73,6 +73,21 @@ def test_our_board_keeps_all_in_process(joint: str, count: int) -> None:
     assert outcomes.count(Outcome.HELD) == count, results
 
 
+@pytest.mark.parametrize(
+    ("robot", "joint", "names"),
+    [
+        ("icub_hand", "l_index_distal", ("Y1", "Y2", "Y3")),
+        ("panda", "panda_joint4", ("Y4",)),
+    ],
+)
+def test_our_robots_keep_what_yarp_4_added_in_process(
+    robot: str, joint: str, names: tuple[str, ...]
+) -> None:
+    """Direct velocities, currents, couplings and brakes, which the arm above has not."""
+    results = board_in_process.tried(names, robot, joint)
+    assert {outcome for outcome, _ in results.values()} == {Outcome.HELD}, results
+
+
 @pytest.mark.ros
 def test_only_a_joint_that_can_be_tried_is() -> None:
     with board_process(RATE, config=ARM) as board:
