@@ -75,7 +75,7 @@ def malformed(bench: Bench) -> str:
 
 
 def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
-    """Send malformed references of a kind; the last accepted one remains."""
+    """Send malformed references of a kind; each is counted, and the last accepted one remains."""
     field, mode = COMMANDS[kind].field, COMMANDS[kind].mode
     good, before = bench.another(kind), bench.last(kind)
     for values in ([math.nan], [math.inf], [-math.inf], [], [good, good]):
@@ -85,4 +85,5 @@ def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
         last = bench.last(kind)
         expect(last == before, f"{values} for one joint was accepted as a {kind} of {last:.4g}")
         expect(bench.mode is mode, f"{values} switched {mode} to {bench.mode}")
+        expect(bench.rejected() != count, f"{values} for one joint is not counted as ignored")
     bench.command(kind, good)

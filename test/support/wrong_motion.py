@@ -94,6 +94,13 @@ def the_first_of_too_many(old: Any, values: Any, count: int, what: str) -> Any:
     return old(array[:count] if array.size > count else values, count, what)
 
 
+@replaces("P13", "core.group:JointGroup.reject")
+def what_is_malformed_is_not_counted(_: Any, self: Any, joints: Any, *__: Any) -> Any:
+    from control_board_ros.core.terms.reply import refused
+
+    return refused("malformed", tuple(self.selector.select(joints).names))
+
+
 @replaces("P1", "core.laws.references:durations")
 def moves_a_tenth_slower(old: Any, *args: Any) -> Any:
     time, brake = old(*args)
