@@ -189,7 +189,7 @@ def test_constants_of_a_joint() -> None:
 def test_conversions_to_a_pwm() -> None:
     """P10: percent per N·m = 100/V · R/(kt·n), and of the back-EMF 100/V · Ke·n per rad/s."""
     made = controller(board_config(joint("a")))
-    made.arm(np.array([0]), Law.POSITION, direct=False)
+    made.arm(np.array([0]), Law.POSITION, direct=False, feeds=True)
     one = made.joints[0]
     assert not one.in_amps
     assert one.per_torque == pytest.approx(100.0 / 48.0 * 1.0 / 5.0)
@@ -200,13 +200,13 @@ def test_conversions_to_a_pwm() -> None:
 def test_conversions_to_a_current_reference() -> None:
     """P8, P10: amperes below the peak current; an open-loop output stays a PWM."""
     made = controller(board_config(joint("a"), output="current"))
-    made.arm(np.array([0]), Law.TORQUE, direct=False)
+    made.arm(np.array([0]), Law.TORQUE, direct=False, feeds=True)
     one = made.joints[0]
     assert one.in_amps
     assert (one.per_torque, one.per_speed) == (pytest.approx(1.0 / 5.0), 0.0)
     assert one.per_feed == pytest.approx(0.01 * LIMITS.peak_current)
     assert one.max_drive == pytest.approx(0.95 * LIMITS.peak_current)
-    made.arm(np.array([0]), Law.OUTPUT, direct=False)
+    made.arm(np.array([0]), Law.OUTPUT, direct=False, feeds=True)
     assert not one.in_amps
     assert (one.per_feed, one.max_drive) == (1.0, LIMITS.output)
 
@@ -216,12 +216,12 @@ def test_direct_gains_are_those_of_position_direct() -> None:
     own = joint("a", position_pid=Pid(kp=10.0), direct_pid=Pid(kp=20.0))
     config = board_config(own, joint("b", position_pid=Pid(kp=30.0)))
     made = controller(config)
-    made.arm(np.array([0, 1]), Law.POSITION, direct=True)
+    made.arm(np.array([0, 1]), Law.POSITION, direct=True, feeds=True)
     assert [one.position_pid.kp for one in made.joints] == [20.0, 30.0]
     changed = replace(own, position_pid=Pid(kp=11.0), direct_pid=Pid(kp=21.0))
     made.reconfigure(replace(config, joints=(changed, config.joints[1])))
     assert [one.position_pid.kp for one in made.joints] == [21.0, 30.0]
-    made.arm(np.array([0]), Law.POSITION, direct=False)
+    made.arm(np.array([0]), Law.POSITION, direct=False, feeds=True)
     assert made.joints[0].position_pid.kp == 11.0
 
 
@@ -231,9 +231,9 @@ def test_a_law_brings_the_power_and_takes_it() -> None:
     state = StateArrays(config)
     made = Controller(config, state)
     state.output[:] = 7.0
-    made.arm(np.array([1]), Law.TORQUE, direct=False)
+    made.arm(np.array([1]), Law.TORQUE, direct=False, feeds=True)
     assert state.powered.tolist() == [0.0, 1.0]
-    made.arm(np.array([1]), Law.OFF, direct=False)
+    made.arm(np.array([1]), Law.OFF, direct=False, feeds=True)
     assert state.powered.tolist() == [0.0, 0.0]
     assert state.output.tolist() == [7.0, 0.0]
 
