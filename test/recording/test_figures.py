@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-import control
+import importlib
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -18,22 +20,30 @@ from control_board_ros.recording.figures import (
     tracking_figures,
 )
 
-#: ω²/(s² + 2ζωs + ω²) of several dampings, and a system with a zero.
+#: ω²/(s² + 2ζωs + ω²) of several dampings, and a system with a zero: numerator, denominator.
 SYSTEMS = {
-    "overdamped": control.tf([100.0], [1.0, 40.0, 100.0]),
-    "aperiodic": control.tf([100.0], [1.0, 20.0, 100.0]),
-    "usual": control.tf([100.0], [1.0, 14.0, 100.0]),
-    "ringing": control.tf([100.0], [1.0, 3.0, 100.0]),
-    "with a zero": control.tf([10.0, 100.0], [1.0, 14.0, 100.0]),
+    "overdamped": ([100.0], [1.0, 40.0, 100.0]),
+    "aperiodic": ([100.0], [1.0, 20.0, 100.0]),
+    "usual": ([100.0], [1.0, 14.0, 100.0]),
+    "ringing": ([100.0], [1.0, 3.0, 100.0]),
+    "with a zero": ([10.0, 100.0], [1.0, 14.0, 100.0]),
 }
 SYSTEM = pytest.mark.parametrize("system", SYSTEMS.values(), ids=list(SYSTEMS))
 
 
+@pytest.fixture(scope="module")
+def control() -> Any:
+    """python-control, imported late: it takes two seconds, and every worker collects this file."""
+    return importlib.import_module("control")
+
+
 @SYSTEM
-def test_step_figures_are_those_of_python_control(system: control.TransferFunction) -> None:
+def test_step_figures_are_those_of_python_control(
+    control: Any, system: tuple[list[float], list[float]]
+) -> None:
     """Of a step from 2 down to −1, at a fine grid: rise, settling, overshoot."""
     time = np.arange(0.0, 6.0, 1e-4)
-    _, y = control.step_response(system, time)
+    _, y = control.step_response(control.tf(*system), time)
     known = control.step_info(y, time, SettlingTimeThreshold=0.02, yfinal=1.0)
     found = step_figures(time, 2.0 - 3.0 * y, 2.0, -1.0)
     assert found.rise == pytest.approx(known["RiseTime"], abs=2e-4)
@@ -42,12 +52,12 @@ def test_step_figures_are_those_of_python_control(system: control.TransferFuncti
     assert found.peak == pytest.approx(2.0 - 3.0 * known["Peak"], abs=1e-4)
 
 
-def test_a_coarse_grid_costs_little() -> None:
+def test_a_coarse_grid_costs_little(control: Any) -> None:
     """At 100 Hz the figures are within a tenth of the period: crossings are interpolated."""
+    usual = control.tf(*SYSTEMS["usual"])
     fine, coarse = np.arange(0.0, 3.0, 1e-4), np.arange(0.0, 3.0, 1e-2)
     figures = [
-        step_figures(t, control.step_response(SYSTEMS["usual"], t)[1], 0.0, 1.0)
-        for t in (fine, coarse)
+        step_figures(t, control.step_response(usual, t)[1], 0.0, 1.0) for t in (fine, coarse)
     ]
     assert figures[1].rise == pytest.approx(figures[0].rise, abs=1e-3)
     assert figures[1].settling == pytest.approx(figures[0].settling, abs=1e-3)
@@ -70,7 +80,7 @@ def test_lag_of_a_delayed_motion(late: float) -> None:
     assert lag(time, reference, np.sin(2.0 * (time - late))) == pytest.approx(late, abs=5e-4)
 
 
-def test_lag_of_a_first_order_system_on_a_ramp() -> None:
+def test_lag_of_a_first_order_system_on_a_ramp(control: Any) -> None:
     """1/(Ts + 1) follows a ramp T later."""
     time = np.arange(0.0, 5.0, 1e-3)
     _, y = control.forced_response(control.tf([1.0], [0.05, 1.0]), time, time)
@@ -94,7 +104,7 @@ def test_time_saturated() -> None:
     assert time_saturated(time, output, np.nan) == 0.0
 
 
-def chirped(system: control.TransferFunction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def chirped(control: Any, system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, input and output of a sweep from 0.1 to 20 Hz in 60 s, at rest before and after."""
     time = np.arange(0.0, 66.0, 0.01)
     inside = np.clip(time - 1.0, 0.0, 60.0)
@@ -107,31 +117,33 @@ def chirped(system: control.TransferFunction) -> tuple[np.ndarray, np.ndarray, n
 
 @SYSTEM
 def test_the_frequency_response_is_that_of_python_control(
-    system: control.TransferFunction,
+    control: Any, system: tuple[list[float], list[float]]
 ) -> None:
     """Gain within 0.2 dB and phase within 3° from 0.2 to 8 Hz; bandwidth within 2 %."""
-    time, reference, y = chirped(system)
+    made = control.tf(*system)
+    time, reference, y = chirped(control, made)
     found = frequency_response(time, reference, y, 0.1, 20.0)
-    known = control.frequency_response(system, 2.0 * np.pi * found.frequency)
+    known = control.frequency_response(made, 2.0 * np.pi * found.frequency)
     inside = (found.frequency > 0.2) & (found.frequency < 8.0)
     assert np.sum(inside) > 20
     error_db = 20.0 * np.log10(found.gain / known.magnitude)[inside]
     assert np.max(np.abs(error_db)) < 0.2
     assert np.max(np.abs(found.phase - np.degrees(known.phase))[inside]) < 3.0
     assert np.min(found.coherence[inside]) > 0.98
-    known_bandwidth = control.bandwidth(system) / (2.0 * np.pi)
+    known_bandwidth = control.bandwidth(made) / (2.0 * np.pi)
     assert bandwidth(found) == pytest.approx(known_bandwidth, rel=0.02)
 
 
-def test_resonance() -> None:
+def test_resonance(control: Any) -> None:
     """Of ζ = 0.15: −20 log(2 ζ √(1 − ζ²)) at ω √(1 − 2 ζ²)."""
-    height, frequency = resonance(frequency_response(*chirped(SYSTEMS["ringing"]), 0.1, 20.0))
+    ringing = control.tf(*SYSTEMS["ringing"])
+    height, frequency = resonance(frequency_response(*chirped(control, ringing), 0.1, 20.0))
     assert height == pytest.approx(-20.0 * np.log10(0.3 * np.sqrt(1.0 - 0.15**2)), abs=0.3)
     assert frequency == pytest.approx(10.0 * np.sqrt(1.0 - 2.0 * 0.15**2) / 6.283, rel=0.05)
 
 
-def test_noise_lowers_the_coherence() -> None:
-    time, reference, y = chirped(SYSTEMS["usual"])
+def test_noise_lowers_the_coherence(control: Any) -> None:
+    time, reference, y = chirped(control, control.tf(*SYSTEMS["usual"]))
     noise = np.random.default_rng(2).normal(0.0, 1.0, y.size)
     found = frequency_response(time, reference, y + noise, 0.1, 20.0)
     assert np.median(found.coherence) < 0.9
