@@ -156,6 +156,27 @@ def test_a_move_is_where_its_derivatives_lead(velocity: float, brake: float) -> 
     assert at(1.6) == pytest.approx([1.5, 0.0, 0.0])
 
 
+@pytest.mark.parametrize(("drift", "end"), [(2.0, 0.4), (-2.0, -0.5)])
+def test_a_joint_that_drifts_ends_at_its_limit(drift: float, end: float) -> None:
+    """P9: of a velocity reference; nothing moves it on, so it takes no torque there."""
+    module = load_python("control_board_ros.core.model.dynamics")
+    body = module.Body()
+    body.start = body.target = body.start_velocity = body.time = body.brake = body.past = 0.0
+    body.drift, body.lower, body.upper = drift, -0.5, 0.4
+    module.place(body, 0.1)
+    assert (body.q, body.dq, body.ddq) == (0.1 * drift, drift, 0.0)
+    module.place(body, 1.0)
+    assert (body.q, body.dq, body.ddq) == (end, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("speed", "friction"), [(0.0, 0.0), (0.5, 4.0), (-0.5, -4.0), (1.0, 5.0)])
+def test_friction_is_against_the_motion_and_none_at_rest(speed: float, friction: float) -> None:
+    module = load_python("control_board_ros.core.model.dynamics")
+    body = module.Body()
+    body.viscous, body.coulomb, body.dq = 2.0, 3.0, speed
+    assert module.rubbed(body) == friction
+
+
 def test_compiled_and_plain_python_give_the_same_bits() -> None:
     """The source runs where nothing is compiled."""
     module = load_python("control_board_ros.core.model.dynamics")

@@ -11,6 +11,7 @@ from control_board_ros.core.terms.reply import (
     accepted,
     decided,
     refused,
+    sent,
 )
 
 FINE = JointAnswer()
@@ -23,6 +24,13 @@ def test_true_only_when_all_accepted() -> None:
     assert not Reply((), ())
     assert not decided(("a", "b"), [FINE, JointAnswer(Answer.REFUSED, "a fault")])
     assert decided(("a", "b"), [FINE, FINE])
+
+
+def test_what_was_sent_by_topic_has_no_answer() -> None:
+    reply = sent(("a", "b"))
+    assert reply
+    assert reply.answers == (Answer.SENT, Answer.SENT)
+    assert reply.reasons == ()
 
 
 def test_each_joint_has_its_answer_and_reason() -> None:

@@ -27,7 +27,7 @@ def encode(code: str) -> int:
         raise ValueError(
             f"vocab code {code[:16]!r} is not valid; a code has 1 to 4 printable ASCII characters"
         )
-    return int.from_bytes(code.encode("ascii").ljust(4, b"\0"), "little", signed=True)
+    return int.from_bytes(code.encode("ascii"), "little")
 
 
 @lru_cache(maxsize=256)
@@ -38,7 +38,7 @@ def decode(vocab: int) -> str:
         ValueError: no code packs to this number.
     """
     try:
-        code = vocab.to_bytes(4, "little", signed=True).rstrip(b"\0").decode("ascii")
+        code = vocab.to_bytes(4, "little").rstrip(b"\0").decode("ascii")
         if encode(code) == vocab:
             return code
     except (OverflowError, UnicodeDecodeError, ValueError):
