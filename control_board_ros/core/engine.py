@@ -113,8 +113,8 @@ class Engine:
     def _read(self, measurement: Measurement) -> None:
         state = self.state
         state.time = measurement.time
-        self._before[:] = state.measured
-        state.measured[:] = measurement.values
+        self._before[...] = state.measured
+        state.measured[...] = measurement.values
         if self.mix is not None:
             self.mix.axis_currents(state.current)
         if measurement.applied is not None:  # where a drive chooses it

@@ -109,8 +109,11 @@ class Controller:
 
     def step(self) -> bool:
         """One cycle of all laws; whether one has news, as :meth:`Laws.step`."""
-        news = [laws.step() for laws in self._laws.values()]  # every one steps
-        return True in news
+        news = False
+        for laws in self._laws.values():
+            if laws.step():
+                news = True
+        return news
 
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new constants and gains without a step of torque.

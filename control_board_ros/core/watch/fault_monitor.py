@@ -216,7 +216,7 @@ class FaultMonitor:
             values: the measurement as read, without offsets, shape (ROWS, n); the state has
                 it in its block already, and the last output still in force.
         """
-        self._values[:] = values
+        self._values[...] = values
         if self._emergency.holds:
             self._values[Row.ALARM] = 1.0 + FaultCode.EMERGENCY_STOP
         healthy: bool = self.monitor.step()

@@ -65,8 +65,8 @@ class FreezeFrames:
     def note(self) -> None:
         """Keep the cycle that ends; cut out a frame that is complete."""
         place = self._cycles % self._size
-        np.copyto(self._blocks[place], self._state.block, "same_kind")
-        np.copyto(self._dones[place], self._state.done)
+        self._blocks[place][...] = self._state.block
+        self._dones[place][...] = self._state.done
         self._stamps[place] = self._state.time
         self._cycles += 1
         if self._due and self._due[0][0] <= self._cycles:
