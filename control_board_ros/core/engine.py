@@ -120,7 +120,7 @@ class Engine:
         if measurement.applied is not None:  # where a drive chooses it
             np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
         if measurement.motors is not None:
-            state.motors[:] = measurement.motors
+            state.motors[...] = measurement.motors
         if self.machine.calibrations.shifted:
             state.position -= state.offset
 

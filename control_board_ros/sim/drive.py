@@ -327,27 +327,39 @@ class Sampler:
     """Undamaged sensors of a plant: q_read = rint((q + zero)·counts)/counts, the others as is.
 
     Args:
-        truth: Position, velocity, torque, current: a buffer of n doubles each.
-        readings: Where they are read into, the same.
+        truth: Position, velocity, torque, current, and behind the gears the position and velocity
+            of the motors' shafts: a buffer of n doubles each.
+        readings: Where they are read into, the shafts before their gears: the same.
         encoders: Zero, rad, counts, 1/rad, and resolution, rad (0: no counts): the same.
+        ratio: Of the gears; NaN: nothing is measured at the motor. A buffer of n doubles.
     """
 
     position: cython.double[::1]
     velocity: cython.double[::1]
     torque: cython.double[::1]
     current: cython.double[::1]
+    shaft_position: cython.double[::1]
+    shaft_velocity: cython.double[::1]
     read_position: cython.double[::1]
     read_velocity: cython.double[::1]
     read_torque: cython.double[::1]
     read_current: cython.double[::1]
+    read_shaft_position: cython.double[::1]
+    read_shaft_velocity: cython.double[::1]
     zero: cython.double[::1]
     counts: cython.double[::1]
     resolution: cython.double[::1]
+    ratio: cython.double[::1]
 
-    def __init__(self, truth: list[object], readings: list[object], encoders: list[object]):
-        self.position, self.velocity, self.torque, self.current = truth
-        self.read_position, self.read_velocity, self.read_torque, self.read_current = readings
+    def __init__(
+        self, truth: list[object], readings: list[object], encoders: list[object], ratio: object
+    ) -> None:
+        self.position, self.velocity, self.torque, self.current = truth[:4]
+        self.shaft_position, self.shaft_velocity = truth[4:]
+        self.read_position, self.read_velocity, self.read_torque, self.read_current = readings[:4]
+        self.read_shaft_position, self.read_shaft_velocity = readings[4:]
         self.zero, self.counts, self.resolution = encoders
+        self.ratio = ratio
 
     def sample(self) -> None:
         """Read all joints."""
@@ -361,6 +373,8 @@ class Sampler:
             self.read_velocity[k] = self.velocity[k]
             self.read_torque[k] = self.torque[k]
             self.read_current[k] = self.current[k]
+            self.read_shaft_position[k] = self.shaft_position[k] * self.ratio[k]
+            self.read_shaft_velocity[k] = self.shaft_velocity[k] * self.ratio[k]
 
 
 @cython.cclass

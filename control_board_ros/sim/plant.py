@@ -37,7 +37,7 @@ from .errors import PlantError, PlantGone
 from .injection import DEAF, Injector
 from .link import DriveLink
 from .motor import Motors
-from .sensors import Sensors, Shafts
+from .sensors import Sensors
 
 __all__ = ["Body", "PlantError", "PlantGone", "SimulatedPlant"]
 
@@ -102,7 +102,7 @@ class SimulatedPlant:
         self._rate = board.control_rate
         self._steps = range(simulation.steps_per_cycle(board.control_rate))
         self._motors = Motors(board, simulation)
-        self._sensors = Sensors(simulation, self._motors)
+        self._sensors = Sensors(board, simulation, self._motors)
         self._faults = Injector(board.joints, board.period)
         self._home = np.zeros((2, len(board.joints)))
         self._home[0] = [joint.home for joint in simulation.joints]
@@ -113,7 +113,6 @@ class SimulatedPlant:
         self._pushed = False
         self._total = np.zeros(len(board.joints))
         self._powered = self._braked = b""
-        self._shafts = Shafts(board, simulation, self._motors)
         self._cycle = 0
         self._alarmed = False
         self._applied: Array | None = None
@@ -141,10 +140,8 @@ class SimulatedPlant:
             values = values.copy()
             values[Row.ALARM, list(reasons)] = 1.0 + FaultCode.DRIVE
         brakes = self._motors.brakes() if self._motors.has_brakes else None
-        shafts, applied = self._shafts.values, self._applied
-        return Measurement(
-            self._cycle / self._rate, values, reasons or None, brakes, applied, shafts
-        )
+        time, motors = self._cycle / self._rate, self._sensors.motors
+        return Measurement(time, values, reasons or None, brakes, self._applied, motors)
 
     def write(self, actuation: Actuation) -> None:
         """Apply the actuation and advance one control period.
@@ -183,7 +180,6 @@ class SimulatedPlant:
         if cycle % self._heat_cycles == 0:
             self._update_slow_states()
         self._sensors.sample()
-        self._shafts.sample()
 
     def push(self, joint: int | str, torque: float) -> None:
         """Apply an external torque, N·m, to a joint until set to 0.
@@ -228,7 +224,6 @@ class SimulatedPlant:
         self._sensors.alarm(None)
         self._alarmed = False
         self._sensors.sample()
-        self._shafts.sample()
         self._sensors.sample_temperature()
 
     def place(self, positions: Array, joints: slice = slice(None)) -> None:

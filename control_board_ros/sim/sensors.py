@@ -13,54 +13,49 @@ from .drive import Sampler
 from .motor import Motors
 
 
-class Shafts:
-    """What is measured at motors: their shafts, as the gearbox turns them, and their supply.
-
-    Attributes: values (rows of Motor, shape (MOTOR_ROWS, n), reused from sample to sample).
-    """
-
-    def __init__(self, board: BoardConfig, simulation: SimulationConfig, motors: Motors) -> None:
-        self._motors = motors
-        self.values = np.zeros((MOTOR_ROWS, len(board.joints)))
-        self.values[Motor.SUPPLY] = [joint.motor.supply_voltage for joint in board.joints]
-        self._ratio = np.array(
-            [
-                joint.motor.gear_ratio if there.encoder.motor else np.nan
-                for joint, there in zip(board.joints, simulation.joints, strict=True)
-            ]
-        )
-        self.turning = self.values[Motor.POSITION : Motor.VELOCITY + 1]
-        self.sample()
-
-    def sample(self) -> None:
-        """Read the shafts."""
-        self._motors.turn_shafts()
-        np.multiply(self._motors.shafts, self._ratio, self.turning)
-
-
 class Sensors:
     """Readings of faultless sensors.
 
     Attributes:
         values: Readings, shape (ROWS, n), reused from sample to sample.
-        sample: Reads encoders, torque sensors, speeds and currents.
+        motors: What is measured at motors, their shafts before the gears and their supply, shape
+            (MOTOR_ROWS, n), likewise.
+        sample: Reads encoders, torque sensors, speeds, currents and shafts.
     """
 
-    def __init__(self, simulation: SimulationConfig, motors: Motors) -> None:
+    def __init__(self, board: BoardConfig, simulation: SimulationConfig, motors: Motors) -> None:
+        joints = [joint.motor for joint in board.joints]
         encoders = [joint.encoder for joint in simulation.joints]
         self._motors = motors
         self.values = np.zeros((ROWS, len(encoders)))
+        self.motors = np.zeros((MOTOR_ROWS, len(encoders)))
+        self.motors[Motor.SUPPLY] = [motor.supply_voltage for motor in joints]
         self._alarm = self.values[Row.ALARM]
         zero = np.array([encoder.zero for encoder in encoders])
         resolution = np.array([encoder.resolution for encoder in encoders])
         counts = 1.0 / np.where(resolution > 0.0, resolution, 1.0)
-        truth = (motors.position, motors.velocity, motors.torque, motors.current)
+        ratio = np.array(
+            [
+                motor.gear_ratio if encoder.motor else np.nan
+                for motor, encoder in zip(joints, encoders, strict=True)
+            ],
+            dtype=np.float64,
+        )
+        truth = (motors.position, motors.velocity, motors.torque, motors.current, *motors.shafts)
         rows = [self.values[row] for row in (Row.POSITION, Row.VELOCITY, Row.TORQUE, Row.CURRENT)]
-        self.sample = Sampler(
+        rows += [self.motors[row] for row in (Motor.POSITION, Motor.VELOCITY)]
+        self.sample = self._sample = Sampler(
             [row.data for row in truth],
             [row.data for row in rows],
             [row.data for row in (zero, counts, resolution)],
+            ratio.data,
         ).sample
+        if board.motor_coupling is not None:
+            self.sample = self._sample_coupled
+
+    def _sample_coupled(self) -> None:
+        self._motors.turn_shafts()
+        self._sample()
 
     def sample_temperature(self) -> None:
         self.values[Row.TEMPERATURE] = self._motors.temperature
