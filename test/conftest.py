@@ -7,9 +7,12 @@ import gc
 import os
 import signal
 from importlib.util import find_spec
+from typing import Any
 
 import pytest
 
+#: The tests that open a browser, which alone keeps a processor busy.
+BROWSED = "test/panel/"
 #: Tests against pybullet, or with robots of pybullet_data: no wheel for Python from 3.12 on.
 WITH_PYBULLET = [
     "benchmark/test_benchmarks.py",
@@ -24,6 +27,23 @@ WITH_PYBULLET = [
     "sim/test_two_engines.py",
 ]
 collect_ignore = WITH_PYBULLET if find_spec("pybullet") is None else []
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the tests in a browser: together they take longest."""
+    items.sort(key=lambda item: not item.nodeid.startswith(BROWSED))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Workers take file after file; one of them all those with a browser, which never meet."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class OneBrowser(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return BROWSED if nodeid.startswith(BROWSED) else str(super()._split_scope(nodeid))
+
+    return OneBrowser(config, log)
 
 
 def pytest_collection_finish() -> None:
