@@ -24,12 +24,12 @@ class Sensors:
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig, motors: Motors) -> None:
-        joints = [joint.motor for joint in board.joints]
+        constants = [joint.motor for joint in board.joints]
         encoders = [joint.encoder for joint in simulation.joints]
         self._motors = motors
         self.values = np.zeros((ROWS, len(encoders)))
         self.motors = np.zeros((MOTOR_ROWS, len(encoders)))
-        self.motors[Motor.SUPPLY] = [motor.supply_voltage for motor in joints]
+        self.motors[Motor.SUPPLY] = [motor.supply_voltage for motor in constants]
         self._alarm = self.values[Row.ALARM]
         zero = np.array([encoder.zero for encoder in encoders])
         resolution = np.array([encoder.resolution for encoder in encoders])
@@ -37,7 +37,7 @@ class Sensors:
         ratio = np.array(
             [
                 motor.gear_ratio if encoder.motor else np.nan
-                for motor, encoder in zip(joints, encoders, strict=True)
+                for motor, encoder in zip(constants, encoders, strict=True)
             ],
             dtype=np.float64,
         )
