@@ -13,6 +13,7 @@ STAMPS := $(VENV)/.control_board_ros
 SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
     control_board_ros/__init__.py control_board_ros/core/model/dynamics.py \
     control_board_ros/core/laws/laws.py \
+    control_board_ros/core/watch/freeze_frame.py \
     control_board_ros/core/watch/monitor.py control_board_ros/sim/drive.py \
     tools/compile_modules.py tools/msg_defs.cmake \
     $(shell find msg_defs vendor config launch resource -type f 2>/dev/null)

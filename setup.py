@@ -37,6 +37,7 @@ VENDORED = {path.parent.name: path.parent for path in sorted(HERE.glob("vendor/*
 COMPILED = [
     "control_board_ros.core.model.dynamics",
     "control_board_ros.core.laws.laws",
+    "control_board_ros.core.watch.freeze_frame",
     "control_board_ros.core.watch.monitor",
     "control_board_ros.sim.drive",
 ]

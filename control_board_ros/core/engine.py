@@ -3,8 +3,9 @@
 
 Components: ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes),
 ``start_up``, ``commands`` (references of users), ``references`` (those that run), ``controller``
-(the laws), ``monitor`` (causes of faults), ``emergency`` (the stop of all), ``frames`` (freeze
-frames of faults), ``motors`` and ``feedforward``, ``mix`` (of coupled motors).
+(the laws), ``monitor`` (causes of faults), ``timeouts`` (of references), ``emergency`` (the
+stop of all), ``frames`` (freeze frames of faults), ``motors`` and ``feedforward``, ``mix`` (of
+coupled motors).
 """
 
 from __future__ import annotations
@@ -49,14 +50,13 @@ class Engine:
         self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
         self.torques = ExternalTorques(config, state)
         self.torque_sensor = self.torques.known
-        self._before = state.measured.copy()
         self.controller = Controller(config, state)
         self.references = References(
             config, state, self.controller.joints, self.controller.efforts
         )
         self.emergency = EmergencyStop(config.heartbeat_timeout)
         self.monitor = FaultMonitor(config, state, self.emergency)
-        timeouts = ReferenceTimeouts(timeout_cycles(config))
+        self.timeouts = timeouts = ReferenceTimeouts(timeout_cycles(config))
         self.frames = FreezeFrames(state, config.period)
         self.machine = Machine(
             config, state, self.controller, self.references, timeouts, self.monitor, self.events
@@ -85,20 +85,21 @@ class Engine:
             measurement = self.torques.fill(measurement)
         self._read(measurement)
         if self.start_up.due:
-            monitor.replace_broken(self._before)
+            monitor.replace_broken()
             self.start_up.complete()
         monitor.reasons = measurement.reasons
         self.emergency.watch(measurement.time)
-        if not monitor.healthy(measurement.values):
-            machine.check_faults(self._before)
+        if not monitor.healthy():
+            machine.check_faults()
         if monitor.has_news():
             machine.warn_of_heat()
         if self.brakes.there:
             self.brakes.switches = measurement.brakes
             self.brakes.step()
-        if machine.calibrations:
+        if machine.calibrations.running:
             machine.calibrations.step()
-        machine.expire()
+        if (late := self.timeouts.expired(self.state.cycle)) is not None:
+            machine.expire(late)
         if self.controller.step():
             machine.raise_divergence()
             machine.warn_of_limits()
@@ -113,14 +114,11 @@ class Engine:
     def _read(self, measurement: Measurement) -> None:
         state = self.state
         state.time = measurement.time
-        self._before[...] = state.measured
-        state.measured[...] = measurement.values
+        self.monitor.take(measurement.values, measurement.motors)
         if self.mix is not None:
             self.mix.axis_currents(state.current)
         if measurement.applied is not None:  # where a drive chooses it
             np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
-        if measurement.motors is not None:
-            state.motors[...] = measurement.motors
         if self.machine.calibrations.shifted:
             state.position -= state.offset
 

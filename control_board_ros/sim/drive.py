@@ -102,7 +102,7 @@ class Drive:
     clutch_torque = cython.declare(cython.double, visibility="public")
 
     def __init__(self, **constants: float) -> None:
-        self.powered = True
+        self.powered = False
         self.current = self.bristle_torque = self.clutch_torque = 0.0
         self.slip_torque = self.clutch_stiffness = self.clutch_damping = 0.0
         self.release_steps = self.engage_steps = self.steps_left = 0
@@ -260,6 +260,9 @@ class Drives:
     """
 
     drives: list[Drive]
+    sources: tuple[object, object]  # of the views below: made anew where other arrays come
+    given = cython.declare(cython.const[cython.double][:])
+    bridges = cython.declare(cython.const[cython.double][:])
     position: cython.double[::1]
     velocity: cython.double[::1]
     pwm: cython.double[::1]
@@ -270,6 +273,7 @@ class Drives:
 
     def __init__(self, drives: list[Drive], rows: list[object]) -> None:
         self.drives = drives
+        self.sources = (None, None)
         (
             self.position,
             self.velocity,
@@ -279,6 +283,25 @@ class Drives:
             self.applied,
             self.acted,
         ) = rows
+
+    def take(self, pwm: object, powered: object) -> bool:
+        """Take the PWM, percent, and close (1) and open (0) bridges, shape (n,) each.
+
+        Returns:
+            Whether a bridge was switched.
+        """
+        k: cython.Py_ssize_t
+        d: Drive
+        switched: cython.bint = False
+        if pwm is not self.sources[0] or powered is not self.sources[1]:
+            self.sources = (pwm, powered)
+            self.given, self.bridges = pwm, powered
+        for k in range(len(self.drives)):
+            d = self.drives[k]
+            self.pwm[k] = self.given[k]
+            if (self.bridges[k] > 0.0) != d.powered:
+                d.powered, switched = not d.powered, True
+        return switched
 
     def follow(self, kinds: list[int], values: list[list[float]]) -> None:
         """Take new set-points of all joints.

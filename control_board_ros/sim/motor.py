@@ -88,6 +88,7 @@ class Motors:
         heat_cycles: Control cycles between two calls of ``warm``.
         has_brakes: Whether any joint has one.
         acted: Sum of the PWM of the steps, shape (n,), percent; reset to 0 by its reader.
+        take: Takes the PWM and the state of the bridges.
         step: Advances one physics step at the present state, PWM and current.
         follow: Gives the drives set-points whose loops they close themselves.
     """
@@ -113,7 +114,7 @@ class Motors:
         turn, speed = self.shafts
         used = (turn, speed, self.pwm, self.current, given, acting, self.acted)
         drives = Drives(self._drives, [row.data for row in used])
-        self.step, self.follow = drives.step, drives.follow
+        self.take, self.step, self.follow = drives.take, drives.step, drives.follow
         if self._coupling is not None:
             self._step_drives, self.step = drives.step, self._step_coupled
         self.has_brakes = any(joint.brake.present for joint in board.joints)
@@ -141,11 +142,6 @@ class Motors:
         self._step_drives()
         assert self._coupling is not None
         np.matmul(self._torques, self._coupling.matrix, out=self._at_joints)
-
-    def switch(self, powered: Array) -> None:
-        """Close (1) and open (0) the bridges, shape (n,)."""
-        for drive, on in zip(self._drives, powered.tolist(), strict=True):
-            drive.powered = on > 0.0
 
     def brake(self, closed: Array) -> None:
         """Order brakes to close (1) and to open (0), shape (n,)."""

@@ -103,6 +103,7 @@ class SimulatedPlant:
         self._steps = range(simulation.steps_per_cycle(board.control_rate))
         self._motors = Motors(board, simulation)
         self._sensors = Sensors(board, simulation, self._motors)
+        self._reading = Measurement(0.0, self._sensors.values, motors=self._sensors.motors)
         self._faults = Injector(board.joints, board.period)
         self._home = np.zeros((2, len(board.joints)))
         self._home[0] = [joint.home for joint in simulation.joints]
@@ -112,7 +113,7 @@ class SimulatedPlant:
         self._external = np.zeros(len(board.joints))
         self._pushed = False
         self._total = np.zeros(len(board.joints))
-        self._powered = self._braked = b""
+        self._braked = b""
         self._cycle = 0
         self._alarmed = False
         self._applied: Array | None = None
@@ -130,18 +131,21 @@ class SimulatedPlant:
         return self._cycle / self._rate
 
     def read(self) -> Measurement:
-        """The present readings; the array is reused."""
-        values = self._sensors.values
+        """The present readings; they are reused."""
+        reading, values = self._reading, self._sensors.values
+        reading.time = self._cycle / self._rate
         if self._faults.active:
             values = values.copy()
             self._faults.corrupt(values, self._cycle)
-        reasons = None if self._link is None else self._link.reasons
-        if reasons:
-            values = values.copy()
-            values[Row.ALARM, list(reasons)] = 1.0 + FaultCode.DRIVE
-        brakes = self._motors.brakes() if self._motors.has_brakes else None
-        time, motors = self._cycle / self._rate, self._sensors.motors
-        return Measurement(time, values, reasons or None, brakes, self._applied, motors)
+        if self._link is not None:
+            reading.reasons, reading.applied = self._link.reasons or None, self._applied
+            if reading.reasons:
+                values = values.copy()
+                values[Row.ALARM, list(reading.reasons)] = 1.0 + FaultCode.DRIVE
+        if self._motors.has_brakes:
+            reading.brakes = self._motors.brakes()
+        reading.values = values
+        return reading
 
     def write(self, actuation: Actuation) -> None:
         """Apply the actuation and advance one control period.
@@ -154,16 +158,13 @@ class SimulatedPlant:
         if self._link is not None:
             deaf = self._faults.having(DEAF) if self._faults.active else ()
             actuation = self._link.pass_on(actuation, motors, deaf)
-        if (powered := actuation.powered.tobytes()) != self._powered:
-            motors.switch(actuation.powered)
+        if motors.take(actuation.pwm, actuation.powered):
             self._faults.switch(actuation.powered)
-            self._powered = powered
         if motors.has_brakes:
             self._brake(actuation.brakes)
         if self._alarmed:
             self._alarmed = False
             self._sensors.alarm(None)
-        motors.pwm[...] = actuation.pwm
         disturbed = self._pushed or self._faults.active
         drive, move = motors.step, self.body.step
         good = True

@@ -70,7 +70,7 @@ def test_a_joint_calibrates_again_by_its_encoder() -> None:
     rig = ready(board_config(joint("left", calibration=SENSOR)), zero=[0.7], home=[0.2])
     for _ in range(2):
         assert rig.board.calibrate("left")
-        hand = rig.board.engine.machine.calibrations._running[0].hand
+        hand = rig.board.engine.machine.calibrations.running[0].hand
         assert (hand.reading, hand.position) == pytest.approx((0.9, 0.2), abs=1e-3)
         rig.tick(2)
 

@@ -280,7 +280,8 @@ def test_the_forgetting_of_travel_errors() -> None:
     watch = watched(joint("a"))
     watch.joints[0].travel = 1.0
     for _ in range(8):
-        watch.healthy(np.zeros((ROWS, 1)))
+        watch.take(np.zeros((ROWS, 1)), None)
+        watch.healthy()
     assert watch.joints[0].travel == pytest.approx(math.exp(-8.0 / RATE / 0.5))
 
 

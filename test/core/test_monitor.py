@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from control_board_ros.core.terms.measurement import CREDIBLE
+from control_board_ros.core.terms.measurement import CREDIBLE, MOTOR_ROWS, Array
+from control_board_ros.core.terms.measurement import ROWS as READ
 from control_board_ros.core.watch.causes import ROWS_OF, Check
 from control_board_ros.core.watch.monitor import JointMonitor, Monitor
 
@@ -40,6 +41,11 @@ CONSTANTS = {
 }
 
 
+def blocks(count: int) -> list[Array]:
+    """What a reading is taken into: raw, measured, before, motors."""
+    return [np.zeros((rows, count)) for rows in (READ, READ, READ, MOTOR_ROWS)]
+
+
 class Bench:
     """One joint that reads 0 everywhere, at 25 °C, and what a test sets."""
 
@@ -50,6 +56,7 @@ class Bench:
         self.rows["temperature"][0] = 25.0
         self.monitor = Monitor(
             [self.one],
+            blocks(1),
             [self.rows[name].data for name in READINGS],
             [self.rows[name].data for name in ROWS],
             SLOW,
@@ -313,6 +320,7 @@ def test_any_joint_s_cause_counts() -> None:
         one.set(CONSTANTS)
     monitor = Monitor(
         joints,
+        blocks(2),
         [rows[name].data for name in READINGS],
         [rows[name].data for name in ROWS],
         SLOW,
@@ -330,3 +338,42 @@ def test_any_joint_s_cause_counts() -> None:
     assert [one.failed() for one in joints] == [0, Check.TORQUE]
     monitor.step()
     assert rows["travelled"].tolist() == pytest.approx([0.3, 0.6])
+
+
+def test_a_reading_is_taken_and_the_one_before_is_kept() -> None:
+    """Also where the plant fills the same arrays again, and where another array comes."""
+    taken = blocks(2)
+    raw, measured, before, motors = taken
+    rows = [np.zeros(2) for _ in [*READINGS, *ROWS]]
+    monitor = Monitor(
+        [JointMonitor(), JointMonitor()],
+        taken,
+        [row.data for row in rows[: len(READINGS)]],
+        [row.data for row in rows[len(READINGS) :]],
+        SLOW,
+        PERIOD,
+        FORGET,
+    )
+    reused, shafts = np.arange(16.0).reshape(8, 2), np.arange(6.0).reshape(3, 2)
+    monitor.take(reused, shafts)
+    np.testing.assert_array_equal(raw, np.arange(16.0).reshape(8, 2))
+    np.testing.assert_array_equal(measured, raw)
+    np.testing.assert_array_equal(before, 0.0)
+    np.testing.assert_array_equal(motors, shafts)
+    measured += 0.5  # an offset is taken off
+    reused += 1.0
+    shafts += 1.0
+    monitor.take(reused, shafts)
+    np.testing.assert_array_equal(before, raw - 0.5)
+    np.testing.assert_array_equal(measured, raw)
+    np.testing.assert_array_equal(raw, reused)
+    np.testing.assert_array_equal(motors, shafts)
+    other = np.full((2, 8), 7.0).T  # columns lie together
+    other.flags.writeable = False
+    monitor.take(other, None)
+    np.testing.assert_array_equal(before, reused)
+    np.testing.assert_array_equal(raw, 7.0)
+    np.testing.assert_array_equal(motors, shafts)
+    monitor.take(other + 1.0, np.full((3, 2), np.nan))
+    np.testing.assert_array_equal(raw, 8.0)
+    assert np.isnan(motors).all()

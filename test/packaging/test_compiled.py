@@ -74,7 +74,7 @@ def test_the_stand_in_has_all_names_of_cython_that_are_used(path: Path) -> None:
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "cython"
     }
-    assert {"compiled", "double"} <= used
+    assert "double" in used
     assert not {name for name in used if not hasattr(nocython, name)}
 
 

@@ -180,7 +180,7 @@ def inside(board: Board, j: int) -> dict[str, Any]:
         "modes": (state.control_modes[j], state.interaction_modes[j]),
         "fault": state.faults[j].active,
         "status": board.engine.machine.calibrations.status(j),
-        "running": j in board.engine.machine.calibrations,
+        "running": j in board.engine.machine.calibrations.running,
         "travelled": (board.engine.monitor.travelled[j], board.engine.monitor.used[j]),
         "output": state.output[j],
         "due": j in board.engine.start_up.due,

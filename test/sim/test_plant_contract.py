@@ -40,12 +40,18 @@ def make(request):
         plant.close()
 
 
+def random_actuation(random: np.random.Generator) -> Actuation:
+    """Any PWM; every fourth bridge is open."""
+    pwm = random.uniform(-40, 40, 7)
+    return Actuation(pwm, np.minimum(np.floor(random.uniform(0, 4, 7)), 1.0))
+
+
 def random_run(plant: SimulatedPlant, cycles: int = 300, seed: int = 1) -> np.ndarray:
     """Readings of a run under random commands, shape (cycles, ROWS, n)."""
     random = np.random.default_rng(seed)
     history = []
     for _ in range(cycles):
-        plant.write(Actuation(random.uniform(-40, 40, 7), np.floor(random.uniform(0, 4, 7)) > 0))
+        plant.write(random_actuation(random))
         history.append(plant.read().values.copy())
     return np.array(history)
 
@@ -116,7 +122,7 @@ def test_two_plants_in_one_process_do_not_touch(make):
     one, other = make(), make()
     random = np.random.default_rng(1)
     for expected in alone:
-        one.write(Actuation(random.uniform(-40, 40, 7), np.floor(random.uniform(0, 4, 7)) > 0))
+        one.write(random_actuation(random))
         other.write(Actuation(np.full(7, -30.0), np.ones(7)))
         np.testing.assert_array_equal(one.read().values, expected)
 

@@ -41,28 +41,21 @@ class CalibratedMachine(Protocol):
 class Calibrations:
     """Starts, steps and ends calibrators, group after group; records which joints are calibrated.
 
-    ``j in calibrations``: whether one of joint j runs or waits for its group.
-
     Args:
         machine: of the board; its modes change when a calibration begins and ends.
 
-    Attributes: shifted (any joint's angle differs from its reading).
+    Attributes: running (the calibrators that run or wait for their group, by joint), shifted (any
+    joint's angle differs from its reading).
     """
 
     def __init__(self, machine: CalibratedMachine) -> None:
         self._machine, self._state = machine, machine.state
         config = machine.config
         self._status = [CalibrationStatus(name) for name in config.names]
-        self._running: dict[int, Calibrator] = {}
+        self.running: dict[int, Calibrator] = {}
         self._former: dict[int, tuple[float, bool]] = {}  # offset, calibrated: before it began
         self._groups = groups_of(config)
         self.shifted = False
-
-    def __contains__(self, j: int) -> bool:
-        return j in self._running
-
-    def __len__(self) -> int:
-        return len(self._running)
 
     def status(self, j: int) -> CalibrationStatus:
         """Status of the last calibration of a joint, and whether it is calibrated (K7)."""
@@ -71,7 +64,7 @@ class Calibrations:
     def forget(self, joints: Sequence[int]) -> None:
         """Reset the calibrations of joints (N1)."""
         for j in joints:
-            self._running.pop(j, None)
+            self.running.pop(j, None)
             self._status[j] = CalibrationStatus(self._machine.config.names[j])
         self.shifted = bool(self._state.offset.any())
 
@@ -82,7 +75,7 @@ class Calibrations:
         self._former[j] = float(self._state.offset[j]), bool(self._state.calibrated[j])
         self._state.calibrated[j] = False
         access = JointAccess(machine, j)
-        self._running[j] = TYPES[calibration.type](calibration, access, machine.config.period)
+        self.running[j] = TYPES[calibration.type](calibration, access, machine.config.period)
         self._show(j, running=True, phase="waiting")
         machine.go(j, Event.CALIBRATE)
 
@@ -91,7 +84,7 @@ class Calibrations:
         for j in self._active():
             if self._machine.controller.joints[j].braked:
                 continue  # its brake still opens
-            calibrator = self._running[j]
+            calibrator = self.running[j]
             try:
                 done = calibrator.step()
             except CalibrationError as error:
@@ -108,7 +101,7 @@ class Calibrations:
         A joint that requires it is uncalibrated then (K7); another one keeps its former angle and
         its limits.
         """
-        if self._running.pop(j, None) is None:
+        if self.running.pop(j, None) is None:
             return
         calibration, (offset, calibrated) = self._config(j), self._former[j]
         self.set_offset(j, offset)
@@ -140,17 +133,17 @@ class Calibrations:
         side by side (R4).
         """
         active: list[int] = []
-        for part in {self._groups[j].part for j in self._running}:
-            running = [j for j in self._running if self._groups[j].part == part]
+        for part in {self._groups[j].part for j in self.running}:
+            running = [j for j in self.running if self._groups[j].part == part]
             turn = min(self._groups[j].turn for j in running)
-            begun = [j for j in running if self._running[j].begun]
+            begun = [j for j in running if self.running[j].begun]
             if all(self._groups[j].turn == turn for j in begun):
                 begun = [j for j in running if self._groups[j].turn == turn]
             active += begun
         return active
 
     def _finish(self, j: int) -> None:
-        del self._running[j]
+        del self.running[j]
         self.know_angle(j)
         self._show(j, done=True, progress=1.0, phase="done")
         self._machine.go(j, Event.CALIBRATED)

@@ -16,7 +16,7 @@ from ..calibration.calibrations import Calibrations
 from ..config.config import BoardConfig, JointConfig
 from ..laws.control import Controller
 from ..laws.references import References, ReferenceTimeouts
-from ..state import StateArrays
+from ..state import Indices, StateArrays
 from ..terms.events import Events
 from ..terms.faults import Cause, FaultCode, FaultRecord
 from ..terms.measurement import Array, Row
@@ -101,7 +101,7 @@ class Machine:
             self.monitor.bound(j, on=self.is_configured(j), calibrated=calibrated)
             if state.faults[j].active:
                 self.monitor.let_cool(j, FaultCode(state.faults[j].code))
-            if j not in self.calibrations and state.powered[j]:
+            if j not in self.calibrations.running and state.powered[j]:
                 self.references.bound([j])
 
     # --- the engine -----------------------------------------------------------------------
@@ -194,7 +194,7 @@ class Machine:
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None:
         """Put a joint into HW_FAULT; the first cause is kept (F1, F5)."""
         trigger = Event.UNSUPPORTED if code is FaultCode.UNSUPPORTED else Event.FAULT
-        calibrating = j in self.calibrations
+        calibrating = j in self.calibrations.running
         state, name = self.state, self.config.names[j]
         before = state.control_modes[j], state.interaction_modes[j]
         if not self.go(j, trigger):
@@ -219,19 +219,15 @@ class Machine:
             self.state.faults[j] = self.state.faults[j].cleared()
             self.state.note_faults([j])
 
-    def check_faults(self, last: Array) -> None:
-        """Raise the faults that the last reading shows (F1).
-
-        Args:
-            last: the reading before, shape (ROWS, n); it replaces values that are not numbers.
-        """
+    def check_faults(self) -> None:
+        """Raise the faults that the last reading shows (F1)."""
         modes = self.state.control_modes
         causes: dict[int, Cause | None] = {
             j: self.monitor.cause(j)
             for j in self.monitor.unhealthy()
             if next_mode(modes[j], Event.FAULT) is not None  # in a fault, the first cause is kept
         }
-        self.monitor.replace_broken(last)
+        self.monitor.replace_broken()
         for j, cause in causes.items():
             if cause is not None:
                 self.raise_fault(j, cause.code, cause.text)
@@ -263,11 +259,8 @@ class Machine:
                 self.report("warning", "torque limit", j, explain_strain(joint))
         self._on_limit, self._strained = on_limit, strained
 
-    def expire(self) -> None:
-        """Reference timeouts (P12): a velocity stops and holds, other references fault."""
-        late = self.timeouts.expired(self.state.cycle)
-        if late is None:
-            return
+    def expire(self, late: Indices) -> None:
+        """Reference timeouts of joints (P12): a velocity stops and holds, others fault."""
         for j in late.tolist():
             if self.state.control_modes[j] not in STOPPABLE:
                 text = "references stopped while the motor drives"

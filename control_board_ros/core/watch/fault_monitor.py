@@ -48,17 +48,15 @@ class EmergencyStop:
 
     Args:
         timeout: Silence of the heartbeat that is a stop, s; 0: no heartbeat is expected.
+
+    Attributes: holds (whether it was active at the last reading), timeout.
     """
 
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
+        self.holds = False
         self._causes: set[tuple[str, str]] = set()
         self._heard: float | None = None
-
-    @property
-    def holds(self) -> bool:
-        """Whether it was active at the last reading."""
-        return bool(self._causes)
 
     @property
     def reason(self) -> tuple[str, str]:
@@ -87,6 +85,7 @@ class EmergencyStop:
             self._causes.add(cause)
         else:
             self._causes.discard(cause)
+        self.holds = bool(self._causes)
 
 
 #: Cycles from one slow check to the next.
@@ -107,10 +106,10 @@ APART = 1e-3
 class FaultMonitor:
     """Finds the causes of hardware faults in the readings of n joints.
 
-    Attributes: joints (of JointMonitor), monitor, travelled (by each motor since power-on as its
-    own equation gives while its bridge is on, shape (n,), rad; grows every SLOW cycles), used
-    (part of the I²t budget, shape (n,); a fault above 1), reasons (of alarms, by joint, where the
-    plant has more than its code).
+    Attributes: joints (of JointMonitor), monitor, take (takes a reading into the state),
+    travelled (by each motor since power-on as its own equation gives while its bridge is on,
+    shape (n,), rad; grows every SLOW cycles), used (part of the I²t budget, shape (n,); a fault
+    above 1), reasons (of alarms, by joint, where the plant has more than its code).
     """
 
     def __init__(
@@ -119,6 +118,7 @@ class FaultMonitor:
         self._state = state
         self._period = config.period
         self._values = np.zeros((ROWS, state.n))
+        self._before = state.measured.copy()
         self.travelled: Array = np.zeros(state.n)
         self.used: Array = np.zeros(state.n)
         self.joints = [JointMonitor() for _ in config.joints]
@@ -129,12 +129,14 @@ class FaultMonitor:
         self._movers, self._fed = movers_of(config), b""
         self.monitor = Monitor(
             self.joints,
+            [self._values, state.measured, self._before, state.motors],
             [self._values[row].data for row in ROWS_OF.values()],
             [row.data for row in rows],
             SLOW,
             config.period,
             math.exp(-SLOW * config.period / TRAVEL_MEMORY),
         )
+        self.take = self.monitor.take
         self._configs = config.joints
         self._limits: list[dict[str, float]] = [{}] * state.n
         self.power_on(range(state.n))
@@ -209,14 +211,11 @@ class FaultMonitor:
         elif code is FaultCode.I2T:
             monitor.max_overload = STRAINED * monitor.budget
 
-    def healthy(self, values: Array) -> bool:
-        """Watch one reading; false when any joint has a cause to be in HW_FAULT.
+    def healthy(self) -> bool:
+        """Watch the reading; false when any joint has a cause to be in HW_FAULT.
 
-        Args:
-            values: the measurement as read, without offsets, shape (ROWS, n); the state has
-                it in its block already, and the last output still in force.
+        The last output is still in force.
         """
-        self._values[...] = values
         if self._emergency.holds:
             self._values[Row.ALARM] = 1.0 + FaultCode.EMERGENCY_STOP
         healthy: bool = self.monitor.step()
@@ -275,14 +274,10 @@ class FaultMonitor:
         """
         self.joints[j].forget_travel()
 
-    def replace_broken(self, last: Array) -> None:
-        """Replace invalid values by the last valid reading, before the laws read them.
-
-        Args:
-            last: the measured rows of the reading before, shape (ROWS, n).
-        """
+    def replace_broken(self) -> None:
+        """Replace invalid values by the last valid reading, before the laws read them."""
         measured = self._state.measured
-        np.copyto(measured, last, where=~(np.abs(measured) <= CREDIBLE))
+        np.copyto(measured, self._before, where=~(np.abs(measured) <= CREDIBLE))
 
 
 #: Faults of a motor, which are faults of every axis that it moves.

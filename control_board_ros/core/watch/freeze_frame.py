@@ -1,7 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Freeze frames: readings and references around each joint's last fault (E3)."""
+"""Freeze frames: readings and references around each joint's last fault (E3).
+
+Plain Python in Cython's pure mode, as the laws are: every cycle is kept.
+"""
 
 from __future__ import annotations
+
+try:
+    import cython
+except ImportError:
+    from ..model import nocython as cython
 
 from collections import deque
 from dataclasses import dataclass
@@ -30,6 +38,7 @@ class FreezeFrame:
     done: NDArray[np.bool_]
 
 
+@cython.cclass
 class FreezeFrames:
     """Keeps the last cycles of all joints, and the frame of each joint's last fault.
 
@@ -41,18 +50,37 @@ class FreezeFrames:
         period: of control, s.
     """
 
+    _state: StateArrays
+    _after: cython.Py_ssize_t
+    _length: cython.Py_ssize_t
+    _size: cython.Py_ssize_t
+    _cycles: cython.Py_ssize_t
+    _block: Floats32
+    _done: NDArray[np.bool_]
+    _stamps: NDArray[np.float64]
+    _due: deque[tuple[int, int]]  # cycle, joint
+    _frames: dict[int, FreezeFrame]
+    # views of the arrays above, and of the state
+    ring: cython.float[:, :, ::1]
+    ring_done: cython.uchar[:, ::1]
+    ring_stamps: cython.double[::1]
+    block: cython.double[:, ::1]
+    done: cython.uchar[::1]
+
     def __init__(self, state: StateArrays, period: float) -> None:
         self._state = state
         self._after = round(AFTER / period)
         self._length = round((BEFORE + AFTER) / period)
         self._size = self._length + state.n
-        self._block: Floats32 = np.zeros((self._size, BLOCK_ROWS, state.n), dtype=np.float32)
+        self._block = np.zeros((self._size, BLOCK_ROWS, state.n), dtype=np.float32)
         self._done = np.zeros((self._size, state.n), dtype=np.bool_)
         self._stamps = np.zeros(self._size)
-        self._blocks, self._dones = list(self._block), list(self._done)  # views of each cycle
+        self.ring, self.ring_stamps = self._block, self._stamps
+        self.ring_done = self._done.view(np.uint8)
+        self.block, self.done = state.block, state.done.view(np.uint8)
         self._cycles = 0
-        self._due: deque[tuple[int, int]] = deque()  # cycle, joint
-        self._frames: dict[int, FreezeFrame] = {}
+        self._due = deque()
+        self._frames = {}
 
     @property
     def size(self) -> int:
@@ -64,10 +92,15 @@ class FreezeFrames:
 
     def note(self) -> None:
         """Keep the cycle that ends; cut out a frame that is complete."""
-        place = self._cycles % self._size
-        self._blocks[place][...] = self._state.block
-        self._dones[place][...] = self._state.done
-        self._stamps[place] = self._state.time
+        row: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        place: cython.Py_ssize_t = self._cycles % self._size
+        for row in range(BLOCK_ROWS):
+            for k in range(len(self.done)):
+                self.ring[place, row, k] = self.block[row, k]
+        for k in range(len(self.done)):
+            self.ring_done[place, k] = self.done[k]
+        self.ring_stamps[place] = self._state.time
         self._cycles += 1
         if self._due and self._due[0][0] <= self._cycles:
             end, j = self._due.popleft()

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The checks of every cycle that raise hardware faults, one joint at a time (SPEC F1, F3, F6).
 
-1. ``first_passed``  the bounds of a reading; NaN and infinity pass every bound, and the last
+1. ``take``          a reading, into the rows of the board; those of the reading before are kept
+2. ``first_passed``  the bounds of a reading; NaN and infinity pass every bound, and the last
                      valid reading replaces them from here on
-2. ``restart``       where the motor's bridge was switched: its travel counts from here on
-3. ``look``          every SLOW cycles the slow checks: travel of encoder against motor, hard
+3. ``restart``       where the motor's bridge was switched: its travel counts from here on
+4. ``look``          every SLOW cycles the slow checks: travel of encoder against motor, hard
                      limits, I²t; and the warnings
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
@@ -237,8 +238,11 @@ class Monitor:
 
     Args:
         joints: Of class JointMonitor.
-        readings: As measured, no offset taken off: alarm, current, encoder age, position,
-            velocity, age of the torque, torque, temperature: a buffer of n doubles each.
+        blocks: A reading as measured, no offset taken off; the rows of the board that it goes to;
+            their values before it, shape (ROWS, n) each; what is measured at the motors, shape
+            (MOTOR_ROWS, n); all C-contiguous.
+        readings: Rows of the first block: alarm, current, encoder age, position, velocity, age of
+            the torque, torque, temperature: a buffer of n doubles each.
         rows: Position, current and output in force of the joint (read; the current differs
             from that of its motor where motors are coupled), travel of the motors since power-on
             and part of the I²t budget used (written), the same.
@@ -257,6 +261,13 @@ class Monitor:
     elapsed: cython.double
     forget: cython.double
     joints: list[JointMonitor]
+    sources: tuple[object, object]  # of the views below: made anew where other arrays come
+    given = cython.declare(cython.const[cython.double][:, :])
+    given_motors = cython.declare(cython.const[cython.double][:, :])
+    raw: cython.double[:, ::1]
+    measured: cython.double[:, ::1]
+    before: cython.double[:, ::1]
+    motors: cython.double[:, ::1]
     alarm: cython.double[::1]
     current: cython.double[::1]
     encoder_age: cython.double[::1]
@@ -274,6 +285,7 @@ class Monitor:
     def __init__(
         self,
         joints: list[JointMonitor],
+        blocks: list[object],
         readings: list[object],
         rows: list[object],
         slow: int,
@@ -284,6 +296,8 @@ class Monitor:
         self.slow = self.countdown = slow
         self.elapsed, self.forget = slow * period, forget
         self.news = False
+        self.sources = (None, None)
+        self.raw, self.measured, self.before, self.motors = blocks
         (
             self.alarm,
             self.current,
@@ -296,8 +310,24 @@ class Monitor:
         ) = readings
         self.joint_position, self.joint_current, self.output, self.travelled, self.used = rows
 
+    def take(self, values: object, motors: object) -> None:
+        """Take a reading, shapes (ROWS, n) and, or None, (MOTOR_ROWS, n)."""
+        row: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        if values is not self.sources[0] or motors is not self.sources[1]:
+            self.sources = (values, motors)
+            self.given = values
+            self.given_motors = self.motors if motors is None else motors
+        for row in range(len(self.raw)):
+            for k in range(len(self.joints)):
+                self.before[row, k] = self.measured[row, k]
+                self.raw[row, k] = self.measured[row, k] = self.given[row, k]
+        for row in range(len(self.motors)):
+            for k in range(len(self.joints)):
+                self.motors[row, k] = self.given_motors[row, k]
+
     def step(self) -> bool:
-        """Check one reading of all joints; false when one of them has a cause of a fault."""
+        """Check the reading of all joints; false when one of them has a cause of a fault."""
         k: cython.Py_ssize_t
         m: JointMonitor
         position: cython.double
