@@ -7,7 +7,7 @@ The laws themselves are in ``core.laws``, one joint at a time.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,6 +67,7 @@ class Controller:
         self.terms: Array = np.full((len(Term), n), np.nan)
         self._position_pids: list[Pid | None] = [None] * n  # in force
         self._laws: dict[str, Laws] = {}
+        self._steps: list[Callable[[], bool]] = []
         self._laws_of = [zone.name for zone in zones_of(config) for _ in zone.joints]
         for zone in zones_of(config):
             self.power_on(zone)
@@ -94,6 +95,7 @@ class Controller:
         self._laws[zone.name] = Laws(
             joints, [row[columns].data for row in rows], done, arm, trusted, handed
         )
+        self._steps = [laws.step for laws in self._laws.values()]
         self.joints[columns] = joints
         for j, joint, own in zip(zone.joints, joints, zone.config.joints, strict=True):
             self.efforts[j] = effort
@@ -110,8 +112,8 @@ class Controller:
     def step(self) -> bool:
         """One cycle of all laws; whether one has news, as :meth:`Laws.step`."""
         news = False
-        for laws in self._laws.values():
-            if laws.step():
+        for step in self._steps:
+            if step():
                 news = True
         return news
 
