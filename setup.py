@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -32,15 +33,8 @@ MESSAGES = "control_board_msgs"
 MSG_DEFS = HERE / "msg_defs"
 #: Interface packages of others, by name: built only where there is none.
 VENDORED = {path.parent.name: path.parent for path in sorted(HERE.glob("vendor/*/package.xml"))}
-# Plain Python in Cython's pure mode; runs as it is where it cannot be compiled. pyproject.toml
-# (cache-keys) and the Makefile (SOURCES) name the same files.
-COMPILED = [
-    "control_board_ros.core.model.dynamics",
-    "control_board_ros.core.laws.laws",
-    "control_board_ros.core.watch.freeze_frame",
-    "control_board_ros.core.watch.monitor",
-    "control_board_ros.sim.drive",
-]
+#: Plain Python in Cython's pure mode; runs as it is where it cannot be compiled.
+COMPILED = runpy.run_path(str(HERE / NAME / "compiled.py"))["MODULES"]
 #: Executables, and what they call.
 COMMANDS = {
     "control_board": f"{NAME}.node.main:main",

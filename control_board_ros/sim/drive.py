@@ -261,8 +261,8 @@ class Drives:
 
     drives: list[Drive]
     sources: tuple[object, object]  # of the views below: made anew where other arrays come
-    given = cython.declare(cython.const[cython.double][:])
-    bridges = cython.declare(cython.const[cython.double][:])
+    given = cython.declare("const double[:]")
+    bridges = cython.declare("const double[:]")
     position: cython.double[::1]
     velocity: cython.double[::1]
     pwm: cython.double[::1]

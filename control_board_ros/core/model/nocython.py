@@ -52,7 +52,7 @@ def as_it_is(*value: Any) -> Any:
     return value[0] if value else None
 
 
-view = const = CType(as_it_is)
+view = CType(as_it_is)
 double = float = CType(builtins.float)  # noqa: A001
 int = long = uchar = Py_ssize_t = CType(builtins.int)  # noqa: A001
 bint = CType(bool)

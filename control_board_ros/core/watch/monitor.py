@@ -262,8 +262,8 @@ class Monitor:
     forget: cython.double
     joints: list[JointMonitor]
     sources: tuple[object, object]  # of the views below: made anew where other arrays come
-    given = cython.declare(cython.const[cython.double][:, :])
-    given_motors = cython.declare(cython.const[cython.double][:, :])
+    given = cython.declare("const double[:, :]")
+    given_motors = cython.declare("const double[:, :]")
     raw: cython.double[:, ::1]
     measured: cython.double[:, ::1]
     before: cython.double[:, ::1]
