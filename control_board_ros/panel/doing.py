@@ -8,7 +8,7 @@ output, or the holding torque.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 from ..core.terms.reply import Reply
 from ..interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
 from .boards import Board, finite
-from .requests import HOLDS
+from .requests import CALLS, HOLDS, Given, joints_of, one_or_many
 
 #: s without confirmation after which a control counts as released.
 PATIENCE = 0.3
@@ -81,9 +81,9 @@ class Holds:
         return holds
 
 
-Given = Mapping[str, Any]
 #: Called with the progress of a long request: from 0 to 1, and text.
 Progress = Callable[[float, str], None]
+Doer = Callable[[Board, Given, Progress], Awaitable[dict[str, Any]]]
 CONTROLLERS = ("position", "direct", "torque", "current")
 
 #: Next step by reply code, in the page's terms.
@@ -109,14 +109,19 @@ def shown(reply: Reply) -> dict[str, Any]:
     return {"ok": bool(reply), "message": message, "answers": answers}
 
 
-async def mode(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    return shown(await board.client.aio.set_control_mode(given["joints"] or None, given["mode"]))
+def called(do: str) -> Doer:
+    """A request that is one call of the client."""
+
+    async def call(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+        method, *values = CALLS[do](given)
+        return shown(await getattr(board.client.aio, method)(*values))
+
+    return call
 
 
 async def recover(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     """Return to the modes before a fault; the answer has the times to wait, s."""
-    partial = given.get("partial", False)
-    reply = await board.client.aio.recover(given["joints"] or None, partial)
+    reply = await board.client.aio.recover(joints_of(given), given.get("partial", False))
     return shown(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
 
 
@@ -130,11 +135,6 @@ async def frame(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     columns |= {name: getattr(found, name) for name in FRAME}
     rows = {n: [finite(x) for x in column[::step].tolist()] for n, column in columns.items()}
     return {"ok": True, "message": "", "frame": rows}
-
-
-async def interaction(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    aio = board.client.aio
-    return shown(await aio.set_interaction_mode(given["joints"] or None, given["mode"]))
 
 
 async def position(board: Board, given: Given, _: Progress) -> dict[str, Any]:
@@ -155,24 +155,27 @@ async def targets(board: Board, _given: Given, _: Progress) -> dict[str, Any]:
     return {"ok": True, "message": "", "targets": board.targets}
 
 
+def from_what_remains(progress: Progress) -> Progress:
+    """Reports progress by what remains, relative to the most that did."""
+    most = 0.0
+
+    def report(left: float, words: str) -> None:
+        nonlocal most
+        most = max(most, left)
+        progress(1.0 - left / most if most > 0.0 else 1.0, words)
+
+    return report
+
+
 async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
     """A move with its end awaited; cancelling it stops the joints."""
-    whole = 0.0
+    report = from_what_remains(progress)
 
     def feedback(sent: Any) -> None:
-        nonlocal whole
-        left = sent.remaining_time
-        whole = max(whole, left)
-        progress(1.0 - left / whole if whole > 0.0 else 1.0, f"{left:.1f} s")
+        report(sent.remaining_time, f"{sent.remaining_time:.1f} s")
 
     move = partial(board.client.aio.move, feedback=feedback)
     return shown(await move(given["joints"] or board.names, *one_or_many(given)))
-
-
-def one_or_many(given: Given) -> list[Any]:
-    """Positions, and speeds if given; a single value applies to every joint."""
-    values = [given["positions"], *([given["speeds"]] if given.get("speeds") else [])]
-    return [value[0] if len(value) == 1 else value for value in values]
 
 
 async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
@@ -183,38 +186,11 @@ async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
     return reply
 
 
-async def stop(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    return shown(await board.client.aio.stop(given.get("joints") or None))
-
-
-async def impedance(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    stiffness, damping = given.get("stiffness"), given.get("damping")
-    aio = board.client.aio
-    return shown(await aio.set_impedance(given["joints"] or None, stiffness, damping))
-
-
-async def speed(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    speeds, accelerations = given.get("speed"), given.get("acceleration")
-    aio = board.client.aio
-    return shown(await aio.set_reference_speed(given["joints"] or None, speeds, accelerations))
-
-
-async def gains(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    front = f"{given['joint']}.{given['controller']}_pid"
-    values = {f"{front}.{gain}": value for gain, value in given["gains"].items()}
-    return shown(await board.client.aio.set_parameters(values))
-
-
 async def calibrate(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
     def feedback(sent: Any) -> None:
         progress(float(sent.progress.mean()) if len(sent.progress) else 0.0, sent.phase)
 
-    joints = given["joints"] or None
-    return shown(await board.client.aio.calibrate(joints, wait=True, feedback=feedback))
-
-
-async def configure(board: Board, _: Given, __: Progress) -> dict[str, Any]:
-    return shown(await board.client.aio.configure())
+    return shown(await board.client.aio.calibrate(joints_of(given), feedback=feedback))
 
 
 async def poses(board: Board, given: Given, _: Progress) -> dict[str, Any]:
@@ -229,13 +205,10 @@ async def poses(board: Board, given: Given, _: Progress) -> dict[str, Any]:
 
 async def pose(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
     """A move to a pose; cancelling it stops the joints."""
-    farthest = 0.0
+    report = from_what_remains(progress)
 
     def feedback(sent: Any) -> None:
-        nonlocal farthest
-        left = float(abs(sent.remaining).max()) if len(sent.remaining) else 0.0
-        farthest = max(farthest, left)
-        progress(1.0 - left / farthest if farthest > 0.0 else 1.0, given["pose"])
+        report(float(abs(sent.remaining).max()) if len(sent.remaining) else 0.0, given["pose"])
 
     aio = board.client.aio
     return shown(await aio.go_to_pose(given["pose"], given.get("speed"), feedback=feedback))
@@ -270,22 +243,18 @@ async def details(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     return {"ok": True, "message": "", "details": found}
 
 
-Doer = Callable[[Board, Given, Progress], Awaitable[dict[str, Any]]]
-
 #: Requests to one board; the others are handled by the hub.
 DOERS: dict[str, Doer] = {
-    "mode": mode,
+    **{
+        do: called(do)
+        for do in ("mode", "interaction", "impedance", "speed", "gains", "configure")
+    },
     "recover": recover,
-    "interaction": interaction,
     "position": position,
     "direct": direct,
     "targets": targets,
     "move": move,
-    "impedance": impedance,
-    "speed": speed,
-    "gains": gains,
     "calibrate": calibrate,
-    "configure": configure,
     "details": details,
     "frame": frame,
     "poses": poses,

@@ -27,7 +27,7 @@ from control_board_ros.interface import (
     Endpoint,
 )
 
-from .requests import HOLDS, Request
+from .requests import CALLS, HOLDS, Given, Request, parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +42,19 @@ class Lines:
         return asdict(self)
 
 
+#: The lines of cbctl and ros2.
+Shell = tuple[str, str]
+#: Writes them for a request: board, joints, fields.
+Writer = Callable[[str, list[str], Given], Shell]
+
+
 def lines_of(request: Request) -> Lines:
     """The lines of a request; empty for one that changes nothing."""
-    given, board = request.given, request.board
-    joints = list(given.get("joints", ()))
-    write = WRITERS.get(request.do)
-    return Lines() if write is None else write(board, joints, given)
+    given, do = request.given, request.do
+    if do not in WRITERS:
+        return Lines()
+    shell = WRITERS[do](request.board, list(given.get("joints", ())), given)
+    return Lines(*shell, python(*CALLS[do](given)) if do in CALLS else "")
 
 
 def cbctl(board: str, *words: str) -> str:
@@ -73,75 +80,54 @@ def quoted(fields: Mapping[str, Any]) -> str:
 
 
 def python(method: str, *values: Any) -> str:
-    return f"board.{method}({', '.join(map(literal, values))})"
+    one = [v[0] if isinstance(v, list) and len(v) == 1 else v for v in values]
+    return f"board.{method}({', '.join(map(repr, one))})"
 
 
-def literal(value: Any) -> str:
-    """A Python literal; an empty list of joints means all."""
-    if isinstance(value, list):
-        return "None" if not value else repr(value[0] if len(value) == 1 else value)
-    return repr(value)
+def of_modes(verb: str, service: Endpoint) -> Writer:
+    def write(board: str, joints: list[str], given: Given) -> Shell:
+        mode = given["mode"]
+        return (
+            cbctl(board, verb, *(joints or ["all"]), mode),
+            called(board, service, {"names": joints, "modes": [mode]}),
+        )
+
+    return write
 
 
-def of_mode(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
-    mode = given["mode"]
-    return Lines(
-        cbctl(board, "mode", *(joints or ["all"]), mode),
-        called(board, SET_CONTROL_MODE, {"names": joints, "modes": [mode]}),
-        python("set_control_mode", joints, mode),
-    )
+def of_move(write_ros2: Callable[..., str], endpoint: Endpoint) -> Writer:
+    """The lines of a move, by a topic or an action."""
+
+    def write(board: str, joints: list[str], given: Given) -> Shell:
+        positions, speeds = given["positions"], given.get("speeds", [])
+        speed = [f"--speed={speeds[0]:.6g}"] if len(speeds) == 1 else []
+        fields = {"names": joints, "positions": positions}
+        return (
+            cbctl(board, "move", *pairs(joints, positions), *speed),
+            write_ros2(board, endpoint, fields | ({"speeds": speeds} if speeds else {})),
+        )
+
+    return write
 
 
-def of_interaction(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
-    mode = given["mode"]
-    return Lines(
-        cbctl(board, "interaction", *(joints or ["all"]), mode),
-        called(board, SET_INTERACTION_MODE, {"names": joints, "modes": [mode]}),
-        python("set_interaction_mode", joints, mode),
-    )
-
-
-def of_position(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
-    positions, speeds = given["positions"], given.get("speeds", [])
-    speed = [f"--speed={speeds[0]:.6g}"] if len(speeds) == 1 else []
-    fields = {"names": joints, "positions": positions} | ({"speeds": speeds} if speeds else {})
-    return Lines(
-        cbctl(board, "move", *pairs(joints, positions), *speed),
-        published(board, POSITION_COMMAND, fields),
-        python("position_move", joints, positions, *([speeds] if speeds else [])),
-    )
-
-
-def of_move(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
-    positions, speeds = given["positions"], given.get("speeds", [])
-    fields = {"names": joints, "positions": positions} | ({"speeds": speeds} if speeds else {})
-    return Lines(
-        of_position(board, joints, given).cbctl,
-        sent(board, MOVE, fields),
-        python("move", joints, positions, *([speeds] if speeds else [])),
-    )
-
-
-def of_direct(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+def of_direct(board: str, joints: list[str], given: Given) -> Shell:
     positions = given["positions"]
-    return Lines(
+    return (
         cbctl(board, "direct", *pairs(joints, positions)),
         published(board, POSITION_DIRECT_COMMAND, {"names": joints, "positions": positions}),
-        python("set_position", joints, positions),
     )
 
 
-def of_hold(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+def of_hold(board: str, _joints: list[str], given: Given) -> Shell:
     joint, kind, value = given["joint"], given["kind"], given["value"]
-    topic, field, method = HOLDS[kind]
-    return Lines(
+    topic, field, _ = HOLDS[kind]
+    return (
         cbctl(board, kind, f"{joint}={value:.6g}"),
         published(board, topic, {"names": [joint], field: [value]}, "-r 25"),
-        python(method, joint, value),
     )
 
 
-def of_impedance(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+def of_impedance(board: str, joints: list[str], given: Given) -> Shell:
     stiffness, damping = given.get("stiffness"), given.get("damping")
     options = [f"--stiffness={stiffness:.6g}"] if stiffness is not None else []
     options += [f"--damping={damping:.6g}"] if damping is not None else []
@@ -150,14 +136,13 @@ def of_impedance(board: str, joints: list[str], given: Mapping[str, Any]) -> Lin
         "stiffness": [] if stiffness is None else [stiffness],
         "damping": [] if damping is None else [damping],
     }
-    return Lines(
+    return (
         cbctl(board, "impedance", *joints, *options),
         called(board, SET_IMPEDANCE, fields) if stiffness is not None else "",
-        python("set_impedance", joints, stiffness, damping),
     )
 
 
-def of_speed(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+def of_speed(board: str, joints: list[str], given: Given) -> Shell:
     speed, acceleration = given.get("speed"), given.get("acceleration")
     fields = {
         "names": joints,
@@ -170,91 +155,67 @@ def of_speed(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
     if acceleration is not None:
         words = pairs(joints, [acceleration])
         commands.append(cbctl(board, "speed", *words, "--acceleration"))
-    return Lines(
-        " && ".join(commands),
-        called(board, SET_REFERENCE_SPEED, fields),
-        python("set_reference_speed", joints, speed, acceleration),
-    )
+    return " && ".join(commands), called(board, SET_REFERENCE_SPEED, fields)
 
 
-def of_gains(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
-    front = f"{given['joint']}.{given['controller']}_pid"
-    values = {f"{front}.{gain}": value for gain, value in given["gains"].items()}
+def of_gains(board: str, _: list[str], given: Given) -> Shell:
+    values = parameters(given)
     words = [f"{name}={value:.9g}" for name, value in values.items()]
     ros2 = [
         shlex.join(["ros2", "param", "set", board, name, f"{value:.9g}"])
         for name, value in values.items()
     ]
-    return Lines(
-        cbctl(board, "param", "set", *words),
-        " && ".join(ros2),
-        f"board.set_parameters({values!r})",
-    )
+    return cbctl(board, "param", "set", *words), " && ".join(ros2)
 
 
-def of_stop(board: str, joints: list[str], _: Mapping[str, Any]) -> Lines:
-    return Lines(
-        cbctl(board, "stop", *joints),
-        called(board, STOP, {"names": joints}),
-        python("stop", joints),
-    )
+def of_stop(board: str, joints: list[str], _: Given) -> Shell:
+    return cbctl(board, "stop", *joints), called(board, STOP, {"names": joints})
 
 
-def of_estop(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+def of_estop(board: str, _: list[str], given: Given) -> Shell:
     on = bool(given["on"])
-    return Lines(
+    return (
         cbctl(board, "estop", *([] if on else ["release"])),
         called(board, EMERGENCY_STOP, {"data": on}),
-        python("emergency_stop", *([] if on else [False])),
     )
 
 
-def of_recover(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+def of_recover(board: str, joints: list[str], given: Given) -> Shell:
     partial = bool(given.get("partial"))
-    return Lines(
+    return (
         cbctl(board, "recover", *joints, *(["--partial"] if partial else [])),
         called(board, RECOVER, {"names": joints, "partial": partial}),
-        python("recover", joints, *([True] if partial else [])),
     )
 
 
-def of_calibrate(board: str, joints: list[str], _: Mapping[str, Any]) -> Lines:
-    return Lines(
-        cbctl(board, "calibrate", *joints),
-        sent(board, CALIBRATE, {"names": joints}),
-        python("calibrate", joints),
-    )
+def of_calibrate(board: str, joints: list[str], _: Given) -> Shell:
+    return cbctl(board, "calibrate", *joints), sent(board, CALIBRATE, {"names": joints})
 
 
-def of_pose(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+def of_pose(board: str, _: list[str], given: Given) -> Shell:
     name, speed = given["pose"], given.get("speed")
     option = [] if speed is None else [f"--speed={speed:.6g}"]
-    return Lines(
+    return (
         cbctl(board, "pose", name, *option),
         sent(board, GO_TO_POSE, {"pose": name, "speed": speed or 0.0}),
-        python("go_to_pose", name, *([speed] if speed else [])),
     )
 
 
-def of_save_pose(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+def of_save_pose(board: str, _: list[str], given: Given) -> Shell:
     name = given["pose"]
-    return Lines(
-        cbctl(board, "pose", "save", name),
-        called(board, SAVE_POSE, {"name": name}),
-        python("save_pose", name),
-    )
+    return cbctl(board, "pose", "save", name), called(board, SAVE_POSE, {"name": name})
 
 
-def of_configure(board: str, *_: Any) -> Lines:
-    return Lines(cbctl(board, "configure"), called(board, CONFIGURE, {}), python("configure"))
+def of_configure(board: str, *_: Any) -> Shell:
+    return cbctl(board, "configure"), called(board, CONFIGURE, {})
 
 
-def of_measure(verb: str, option: str, size: str) -> Callable[..., Lines]:
+def of_measure(verb: str, option: str, size: str) -> Writer:
     """The line of a step or chirp, for cbctl only."""
 
-    def write(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+    def write(board: str, _: list[str], given: Given) -> Shell:
         options = [f"{option}={given[size]:.6g}"] if size in given else []
-        return Lines(cbctl(board, verb, given["joint"], *options))
+        return cbctl(board, verb, given["joint"], *options), ""
 
     return write
 
@@ -265,12 +226,12 @@ def pairs(joints: list[str], values: list[float]) -> list[str]:
     return [f"{name}={value:.6g}" for name, value in zip(joints, each, strict=False)]
 
 
-WRITERS = {
-    "mode": of_mode,
-    "interaction": of_interaction,
-    "position": of_position,
+WRITERS: dict[str, Writer] = {
+    "mode": of_modes("mode", SET_CONTROL_MODE),
+    "interaction": of_modes("interaction", SET_INTERACTION_MODE),
+    "position": of_move(published, POSITION_COMMAND),
     "direct": of_direct,
-    "move": of_move,
+    "move": of_move(sent, MOVE),
     "hold": of_hold,
     "impedance": of_impedance,
     "speed": of_speed,

@@ -22,6 +22,9 @@ from control_board_ros.interface import (
     Endpoint,
 )
 
+#: The fields of a request.
+Given = Mapping[str, Any]
+
 MAX_NAMES = 256
 MAX_TEXT = 200
 
@@ -44,7 +47,7 @@ class Request:
     id: int
     do: str
     board: str
-    given: Mapping[str, Any]
+    given: Given
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +156,49 @@ KINDS: dict[str, Kind] = {
     "step": Kind({"joint": text, "size": number}, {}),
     "chirp": Kind({"joint": text}, {"amplitude": number}),
     "cancel": Kind({"request": number}, {}, to_all=True),
+}
+
+
+def joints_of(given: Given) -> list[str] | None:
+    """The joints of a request as the client takes them; None means all."""
+    return given.get("joints") or None
+
+
+def one_or_many(given: Given) -> list[Any]:
+    """Positions, and speeds if given; a single value applies to every joint."""
+    values = [given["positions"], *([given["speeds"]] if given.get("speeds") else [])]
+    return [value[0] if len(value) == 1 else value for value in values]
+
+
+def parameters(given: Given) -> dict[str, float]:
+    """Gains by the names of their parameters."""
+    front = f"{given['joint']}.{given['controller']}_pid"
+    return {f"{front}.{gain}": value for gain, value in given["gains"].items()}
+
+
+#: The client's method for a request, with its arguments.
+CALLS: dict[str, Callable[[Given], tuple[Any, ...]]] = {
+    "mode": lambda g: ("set_control_mode", joints_of(g), g["mode"]),
+    "interaction": lambda g: ("set_interaction_mode", joints_of(g), g["mode"]),
+    "position": lambda g: ("position_move", joints_of(g), *one_or_many(g)),
+    "direct": lambda g: ("set_position", joints_of(g), *one_or_many(g)),
+    "move": lambda g: ("move", joints_of(g), *one_or_many(g)),
+    "hold": lambda g: (HOLDS[g["kind"]][2], g["joint"], g["value"]),
+    "impedance": lambda g: ("set_impedance", joints_of(g), g.get("stiffness"), g.get("damping")),
+    "speed": lambda g: (
+        "set_reference_speed",
+        joints_of(g),
+        g.get("speed"),
+        g.get("acceleration"),
+    ),
+    "gains": lambda g: ("set_parameters", parameters(g)),
+    "stop": lambda g: ("stop", joints_of(g)),
+    "estop": lambda g: ("emergency_stop", *([] if g["on"] else [False])),
+    "recover": lambda g: ("recover", joints_of(g), *([True] if g.get("partial") else [])),
+    "calibrate": lambda g: ("calibrate", joints_of(g)),
+    "configure": lambda _: ("configure",),
+    "pose": lambda g: ("go_to_pose", g["pose"], *([g["speed"]] if g.get("speed") else [])),
+    "save_pose": lambda g: ("save_pose", g["pose"]),
 }
 
 
