@@ -14,10 +14,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from control_board_ros.interface import FAULTS, MODES, PUBLISHED, STATE
 from control_board_ros.recording import RecordingError
 from control_board_ros.recording.bag import OVERHEAD, Bag
+from control_board_ros.recording.black_box import BlackBox
 from control_board_ros.recording.definitions import definition
-from control_board_ros.recording.faults import NewFaults
 from control_board_ros.recording.parameters import Parameters, serialize
-from control_board_ros.recording.ring import BlackBox
 from control_board_ros.recording.topics import PARAMETER_EVENTS, Topic, topic_of, topics_of
 
 BOARD = "/arm/board"
@@ -214,8 +213,8 @@ def test_topics_of_two_boards() -> None:
     assert {"/icub/head/state", "/icub/torso/state", "/diagnostics"} <= {*names}
 
 
-def black_box(folder: Path, seconds: float = 3.0) -> BlackBox:
-    return BlackBox(folder, seconds, 2.0, NewFaults(), lambda path, why: Bag(path))
+def black_box(folder: Path) -> BlackBox:
+    return BlackBox(folder, 3.0, 2.0, lambda path, _: Bag(path))
 
 
 def test_the_black_box_writes_what_led_to_a_fault(tmp_path: Path) -> None:

@@ -101,15 +101,14 @@ def bag(folder: Path, limits: dict[str, Any]) -> Any:
 
 
 def black_box(folder: Path, back: float, after: float) -> Any:
-    """A ring that writes a bag at each fault.
+    """The last seconds in memory, written as a bag at each fault.
 
     Raises:
         Refused: the folder cannot be made.
     """
     from control_board_ros.recording.bag import Bag
+    from control_board_ros.recording.black_box import BlackBox
     from control_board_ros.recording.errors import library
-    from control_board_ros.recording.faults import NewFaults
-    from control_board_ros.recording.ring import BlackBox
 
     library("rosbags.rosbag2")  # what is missing is reported now, not at the first fault
     try:
@@ -120,7 +119,7 @@ def black_box(folder: Path, back: float, after: float) -> Any:
     def make(path: Path, why: str) -> Bag:
         return Bag(path, custom={"recorder": "cbctl record --last", "fault": why})
 
-    return BlackBox(folder, back, after, NewFaults(), make)
+    return BlackBox(folder, back, after, make)
 
 
 def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> str:
