@@ -97,23 +97,6 @@ def qos_of(topic: Topic) -> dict[str, Any]:
     }
 
 
-def offered(topic: Topic) -> Any:
-    """The same for the library, which also stores it in the MCAP files."""
-    kinds, words = library("rosbags.interfaces"), qos_of(topic)
-    forever = kinds.QosTime(**FOREVER)
-    return kinds.Qos(
-        kinds.QosHistory[words["history"].upper()],
-        words["depth"],
-        kinds.QosReliability[words["reliability"].upper()],
-        kinds.QosDurability[words["durability"].upper()],
-        forever,
-        forever,
-        kinds.QosLiveliness.AUTOMATIC,
-        forever,
-        False,
-    )
-
-
 #: Bytes kept free on the disk, for the index of the open file and other programs.
 RESERVE = 64_000_000
 #: Bytes written between checks of free space; overhead of a message, bytes.
@@ -146,6 +129,7 @@ class Bag:
         reserve: int = RESERVE,
     ) -> None:
         self._rosbag2 = library("rosbags.rosbag2")
+        self._parse_qos = library("rosbags.rosbag2.metadata").parse_qos
         self.folder = folder
         self._split_size, self._split_time = split_size, split_time
         self._custom = dict(custom or {})
@@ -251,7 +235,7 @@ class Bag:
             topic.type,
             msgdef=known.text,
             rihs01=known.hash,
-            offered_qos_profiles=[offered(topic)],
+            offered_qos_profiles=self._parse_qos([qos_of(topic)]),
         )
 
     def _end_part(self) -> None:
