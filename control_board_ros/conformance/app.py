@@ -59,7 +59,6 @@ def parser() -> argparse.ArgumentParser:
 
 
 def domain(text: str) -> int:
-    """A ROS domain, validated."""
     value = int(text)
     if not 0 <= value <= 232:
         raise argparse.ArgumentTypeError(f"{text} is not valid; ROS domains are 0 to 232")
@@ -185,7 +184,6 @@ def goes_on() -> bool:
 
 
 def plan(bench: Bench, options: argparse.Namespace) -> str:
-    """Text of the planned actions."""
     limits = bench.range
     lines = [
         f"{bench.joint} of {bench.channel.board} will move from {limits.low:.3g} to "

@@ -77,7 +77,6 @@ class Channel:
 
     @staticmethod
     def sleep(seconds: float) -> None:
-        """Let time pass."""
         time.sleep(seconds)
 
     def allow(self, seconds: float) -> None:

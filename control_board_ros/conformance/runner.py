@@ -122,8 +122,6 @@ FEW = 3
 
 
 class Outcome(StrEnum):
-    """Outcome of a rule."""
-
     HELD = "held"
     NOT_HELD = "not held"
     NOT_TESTED = "not tested"

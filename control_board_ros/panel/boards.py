@@ -80,7 +80,6 @@ class Board:
         self._requested = -math.inf
 
     def close(self) -> None:
-        """Destroy its subscriptions and its client."""
         self.watch(on=False)
         for topic in self._topics():
             topic.close()
@@ -303,7 +302,6 @@ def fitting(message: Any, field: str) -> Any:
 
 
 def shown_fault(fault: Any) -> dict[str, Any]:
-    """A JointFault for the page."""
     return {
         "name": clean_name(fault.name),
         "code": fault.code,

@@ -150,7 +150,6 @@ async def direct(board: Board, given: Given, _: Progress) -> dict[str, Any]:
 
 
 async def targets(board: Board, _given: Given, _: Progress) -> dict[str, Any]:
-    """Targets of all active moves."""
     await board.ask_targets()
     return {"ok": True, "message": "", "targets": board.targets}
 
@@ -179,7 +178,6 @@ async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]
 
 
 async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
-    """Send the reference of a held control."""
     topic, _, method = HOLDS[kind]
     board.sending(topic, [joint], [value])
     reply: Reply = await getattr(board.client.aio, method)(joint, value, answered=True)

@@ -116,7 +116,6 @@ class Hub:
         browser.send("targets", board=board.name, targets=board.targets)
 
     def receive(self, browser: Browser, message: str) -> None:
-        """Process a message of a browser."""
         if not browser.bucket.take(time.monotonic()):
             browser.lost = True
             browser.send("error", message="too many messages; connection closed")
@@ -246,7 +245,6 @@ class Hub:
             self._info_requested.pop(board.name, None)
 
     async def _poll_commands(self) -> None:
-        """Forward other programs' commands."""
         for board in list(self.shared.boards.values()):
             with self._reported(board):
                 for words in board.poll_commands():
@@ -269,7 +267,6 @@ class Hub:
                 self.shared.send_targets(board)
 
     async def _discover(self) -> None:
-        """Discover new boards, remove those that ended."""
         found = set(boards_on(self._node))
         for name in found - set(self.shared.boards):
             self.shared.boards[name] = Board(

@@ -77,7 +77,6 @@ class Panels:
         self._alone = True
 
     def receive(self, beat: Beat, now: float) -> None:
-        """Process another panel's beat."""
         if beat.panel != self.name:
             self._others[beat.panel] = (beat, now)
             self._top = max(self._top, beat.term)

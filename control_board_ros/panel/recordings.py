@@ -146,7 +146,6 @@ class Recordings:
 
 
 def refused(why: str) -> Answer:
-    """A refusal with its reason."""
     return {"ok": False, "message": why}
 
 

@@ -35,7 +35,6 @@ class Shared:
         self.history = deque[dict[str, Any]](maxlen=HISTORY)
 
     def send_all(self, what: str, /, **fields: Any) -> None:
-        """Send a message to every browser."""
         text = json.dumps({"is": what, **fields}, ensure_ascii=False, allow_nan=False)
         for browser in self.browsers.values():
             browser.send_text(text)
@@ -48,7 +47,6 @@ class Shared:
         self.send_all("recordings", **self.recordings.shown())
 
     def send_targets(self, board: Board) -> None:
-        """Send the targets of a board's joints."""
         self.send_all("targets", board=board.name, targets=board.targets)
 
     def log(self, who: str, what: str, **more: Any) -> None:

@@ -162,7 +162,6 @@ def within(limit: float) -> str:
 
 
 def bode_charts(response: Response) -> list[Chart]:
-    """Gain, phase and coherence over frequency."""
     f = response.frequency
     common: dict[str, Any] = {"x_unit": "Hz", "logarithmic": True}
     gain = 20.0 * np.log10(np.maximum(response.gain, 1e-9))

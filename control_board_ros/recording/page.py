@@ -121,7 +121,6 @@ def board_section(recording: BoardRecording) -> str:
 
 
 def tiles(recording: BoardRecording, moves: Sequence[Move]) -> str:
-    """The key figures."""
     count, span = len(recording.time), float(recording.time[-1])
     rate = (count - 1) / span if span > 0.0 else 0.0
     ignored = int((recording.rejected[-1] - recording.rejected[0]).sum())

@@ -59,7 +59,6 @@ class Parameters:
 
     @classmethod
     def read(cls, client: ControlBoardClient) -> Parameters:
-        """The parameters in force."""
         names = client.list_parameters()
         values: dict[str, Any] = {}
         for k in range(0, len(names), BUNCH):
