@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,13 +10,18 @@ from statistics import median
 
 from common import Effort, Figure, at_most, number
 from control_board_msgs.msg import BoardState
-from processes import BARE, BOARD, board, cpu_share, helper, resident_megabytes
+from processes import (
+    BARE,
+    BOARD,
+    board,
+    cpu_share,
+    helper,
+    resident_megabytes,
+    seconds_to_first_state,
+)
 from sensor_msgs.msg import JointState
 
-from control_board_ros.testing import BoardProcess, child_environment, free_domain, ros_node
-
-COMMAND = (sys.executable, "-m", "control_board_ros.node.main")
-
+from control_board_ros.testing import free_domain, ros_node
 
 #: Engine, what a case says of it, and the goals: processor %, memory MB, start s.
 ENGINES = (("pybullet", "", (12.0, 115.0, 0.5)), ("mujoco", ", in MuJoCo", (None, None, None)))
@@ -38,7 +41,10 @@ def _with(
     processor, most, soonest = (None if goal is None else at_most(goal) for goal in goals)
     told, params = processor is not None, {"physics": physics}
     with free_domain() as domain:
-        starts = [_start(domain, physics) for _ in range(effort.of(5, 1, 1))]
+        starts = [
+            seconds_to_first_state(domain, "/joint_states", f"physics:={physics}")
+            for _ in range(effort.of(5, 1, 1))
+        ]
         with board(domain, params) as running:
             time.sleep(effort.of(3.0, 1.0, 0.0))
             pid = running.process.pid
@@ -90,20 +96,3 @@ def _bare(role: str, domain: int, effort: Effort) -> float:
     with helper(domain, "bare", role) as bare:
         time.sleep(effort.of(3.0, 1.0, 0.0))
         return cpu_share([bare.process.pid], effort.of(20.0, 2.0, 0.3))
-
-
-def _start(domain: int, physics: str) -> float:
-    """Time from the start of the process to its first joint state at a waiting subscriber, s."""
-    seen = threading.Event()
-    with ros_node(domain, "waiting") as node:
-        node.create_subscription(JointState, "/joint_states", lambda _: seen.set(), 10)
-        time.sleep(0.2)
-        begin = time.monotonic()
-        command = (*COMMAND, "--ros-args", "-p", f"physics:={physics}")
-        process = BoardProcess(command, BOARD, domain, child_environment(domain))
-        try:
-            if not seen.wait(30.0):
-                raise RuntimeError(f"no joint state came:\n{process.tail()}")
-            return time.monotonic() - begin
-        finally:
-            process.stop()

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import gc
 from importlib.util import find_spec
 from statistics import median
 
-from by_hand import LOOPS, Loop, MujocoByHand
+from by_hand import LOOPS, MujocoByHand
 from common import Effort, Figure, at_most, number
-from cycles import CHUNK, WARM_UP, BoardCycles
+from cycles import BoardCycles, Loop, in_turns
 
 from control_board_ros.settings import loading as settings
 from control_board_ros.settings.loading import Settings
@@ -48,16 +47,8 @@ def measure(arm: Settings, chunks: int, runs: int) -> dict[str, list[float]]:
         makers["a PD law by hand in MuJoCo"] = MujocoByHand
     found: dict[str, list[float]] = {name: [] for name in ("board", *makers)}
     for _ in range(runs):
-        loops: dict[str, BoardCycles | Loop] = {"board": BoardCycles(arm)}
+        loops: dict[str, Loop] = {"board": BoardCycles(arm)}
         loops |= {name: make(arm) for name, make in makers.items()}
-        gc.collect()
-        gc.freeze()
-        times: dict[str, list[float]] = {name: [] for name in loops}
-        for _ in range(WARM_UP + chunks):
-            for name, loop in loops.items():
-                times[name].append(loop.chunk())
-        gc.unfreeze()
-        for name, loop in loops.items():
-            loop.close()
-            found[name].append(1e6 * median(times[name][WARM_UP:]) / CHUNK)
+        for name, time in in_turns(loops, chunks).items():
+            found[name].append(time)
     return found

@@ -3,20 +3,18 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from importlib.util import find_spec
 from statistics import median
 
-from b10_footprint import COMMAND
 from common import Effort, Figure, Goal, at_most, number, percentile
-from processes import board, cpu_seconds, helper, resident_megabytes
+from processes import board, cpu_seconds, helper, resident_megabytes, seconds_to_first_state
 from sensor_msgs.msg import JointState
 from tap import tap
 
-from control_board_ros.testing import BoardProcess, child_environment, free_domain, ros_node
+from control_board_ros.testing import free_domain, ros_node
 
-ROBOT, TOPIC = "/icub/robot", "/icub/joint_states"
+TOPIC = "/icub/joint_states"
 #: Engine, what a case says of it, and the goals: processor %, lateness p99 ms, start s.
 ENGINES = (("pybullet", "", (45.0, 0.5, 1.5)), ("mujoco", ", in MuJoCo", (None, None, None)))
 
@@ -37,7 +35,10 @@ def _with(
     processor, latest, soonest = (None if goal is None else at_most(goal) for goal in goals)
     params = {"robot": "icub", "physics": physics}
     with free_domain() as domain:
-        starts = [_start(domain, physics) for _ in range(effort.of(3, 1, 1))]
+        starts = [
+            seconds_to_first_state(domain, TOPIC, "robot:=icub", f"physics:={physics}")
+            for _ in range(effort.of(3, 1, 1))
+        ]
         with helper(domain, "bare", "loop", effort.of(4.0, 1.0, 0.2)) as bare:
             reference = bare.result()["lateness"]
         with tap() as tapped, board(domain, params, tap=tapped, robot="icub") as running:
@@ -85,20 +86,3 @@ def _figure(
         goal,
         reference,
     )
-
-
-def _start(domain: int, physics: str) -> float:
-    """Time from the start of the process to the first state of the whole robot, s."""
-    seen = threading.Event()
-    with ros_node(domain, "waiting") as node:
-        node.create_subscription(JointState, TOPIC, lambda _: seen.set(), 10)
-        time.sleep(0.2)
-        begin = time.monotonic()
-        command = (*COMMAND, "--ros-args", "-p", "robot:=icub", "-p", f"physics:={physics}")
-        process = BoardProcess(command, ROBOT, domain, child_environment(domain))
-        try:
-            if not seen.wait(60.0):
-                raise RuntimeError(f"no joint state came:\n{process.tail()}")
-            return time.monotonic() - begin
-        finally:
-            process.stop()

@@ -9,23 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from cycles import CHUNK
+from cycles import CHUNK, Loop
 
 from control_board_ros.settings.loading import Settings
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.world import bullet
 from control_board_ros.sim.motor import reflected_inertia
-
-
-class Loop(Protocol):
-    """A loop by hand: one chunk after the other, each timed, s."""
-
-    def chunk(self) -> float: ...
-
-    def close(self) -> None: ...
 
 
 class BulletLoop:

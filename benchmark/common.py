@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import gc
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Literal, TypeVar
@@ -122,12 +121,3 @@ def percentile(values: Sequence[float], percent: float) -> float:
 def medians(runs: Sequence[dict[str, float]]) -> dict[str, float]:
     """The median of each quantity over several runs."""
     return {key: median(run[key] for run in runs) for key in runs[0]}
-
-
-def repeat(times: int, measure: Callable[[], dict[str, float]]) -> list[dict[str, float]]:
-    """Measure several times, each from a tidy heap."""
-    runs = []
-    for _ in range(times):
-        gc.collect()
-        runs.append(measure())
-    return runs

@@ -9,7 +9,7 @@ and meets the same limits. Then both are timed in turns, a tenth of a simulated 
 from __future__ import annotations
 
 import gc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import median
 from time import perf_counter
 from typing import Protocol
@@ -132,16 +132,30 @@ class BoardCycles:
                 board.set_output(name, 2.0 * way)
 
 
-class Bare(Protocol):
-    """The same world without a board: read all joints, set all torques, step."""
+class Loop(Protocol):
+    """Cycles in chunks, each timed, s."""
 
     def chunk(self) -> float: ...
 
     def close(self) -> None: ...
 
 
+def in_turns(loops: Mapping[str, Loop], chunks: int) -> dict[str, float]:
+    """Time the loops chunk by chunk in turns, and close them; the median of each per cycle, µs."""
+    gc.collect()
+    gc.freeze()  # as the node's control thread does
+    times: dict[str, list[float]] = {name: [] for name in loops}
+    for _ in range(WARM_UP + chunks):
+        for name, loop in loops.items():
+            times[name].append(loop.chunk())
+    gc.unfreeze()
+    for loop in loops.values():
+        loop.close()
+    return {name: 1e6 * median(each[WARM_UP:]) / CHUNK for name, each in times.items()}
+
+
 class BareMujoco:
-    """See Bare; in MuJoCo."""
+    """The same world without a board, in MuJoCo: read all joints, set all torques, step."""
 
     def __init__(self, settings: Settings, torques: list[list[float]]) -> None:
         import mujoco
@@ -174,7 +188,7 @@ class BareMujoco:
 
 
 class BareCycles:
-    """See Bare; in pybullet."""
+    """The same in pybullet."""
 
     def __init__(self, settings: Settings, torques: list[list[float]]) -> None:
         self._world = BulletBody(settings.board, settings.simulation)
@@ -213,7 +227,7 @@ class BareCycles:
         self._world.close()
 
 
-def bare_cycles(settings: Settings, torques: list[list[float]]) -> Bare:
+def bare_cycles(settings: Settings, torques: list[list[float]]) -> Loop:
     """Those of the engine that the settings name."""
     made = BareMujoco if settings.simulation.physics == MUJOCO else BareCycles
     return made(settings, torques)
@@ -230,15 +244,9 @@ def compare(
     torques = record(settings, modes, chunks)
     results = []
     for _ in range(runs):
-        ours, bare = BoardCycles(settings, modes), bare_cycles(settings, torques)
-        gc.collect()
-        gc.freeze()  # as the node's control thread does
-        times = [(ours.chunk(), bare.chunk()) for _ in range(WARM_UP + chunks)][WARM_UP:]
-        gc.unfreeze()
-        ours.close()
-        bare.close()
-        board, reference = (1e6 * median(each) / CHUNK for each in zip(*times, strict=True))
-        results.append({"board": board, "bare": reference, "ratio": board / reference})
+        loops = {"board": BoardCycles(settings, modes), "bare": bare_cycles(settings, torques)}
+        found = in_turns(loops, chunks)
+        results.append(found | {"ratio": found["board"] / found["bare"]})
     return results
 
 

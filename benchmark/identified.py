@@ -21,6 +21,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "test" / "support"))
 
 from hidden import ENGINES, GRID, ROBOTS, misses, of_grid  # noqa: E402
+from report import replace_between  # noqa: E402
 
 from control_board_ros.identification.files import TITLES  # noqa: E402
 
@@ -51,10 +52,7 @@ def main() -> None:
                     ROWS.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
     print("\n".join(table(rows)))
     if given.page:
-        before, rest = PAGE.read_text("utf-8").split(BEGIN)
-        after = rest.split(END, 1)[1]
-        whole = "\n".join([before + BEGIN, "", *table(rows), "", END + after])
-        PAGE.write_text(whole, "utf-8")
+        replace_between(PAGE, BEGIN, END, "\n".join(["", *table(rows), ""]))
 
 
 def table(rows: Rows) -> list[str]:

@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,13 +15,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from sensor_msgs.msg import JointState
 from tap import LAUNCHER, Tap
 
-from control_board_ros.testing import BoardProcess, board_process, child_environment
+from control_board_ros.testing import BoardProcess, board_process, child_environment, ros_node
 
 FOLDER = Path(__file__).parent
 #: Starts a program without the right to raise its priority.
 ORDINARY = (sys.executable, str(FOLDER / "ordinary.py"))
+NODE = (sys.executable, "-m", "control_board_ros.node.main")
 BOARD = "/control_board"
 BARE = "/bare"
 
@@ -43,13 +46,35 @@ def board(
         ordinary: as a user without the right to raise priorities has it.
         options: of ``board_process``.
     """
-    command: tuple[str, ...] = (sys.executable, "-m", "control_board_ros.node.main")
+    command: tuple[str, ...] = NODE
     if tap is not None:
         options |= {"env": tap.environment}
         command = (sys.executable, str(LAUNCHER))
     options |= {"command": (*ORDINARY, *command) if ordinary else command}
     with board_process(params, domain=domain, **options) as process:
         yield process
+
+
+def seconds_to_first_state(domain: int, topic: str, *parameters: str) -> float:
+    """From the start of a board's process to its first joint state at a waiting subscriber, s.
+
+    Raises:
+        RuntimeError: none came.
+    """
+    seen = threading.Event()
+    with ros_node(domain, "waiting") as node:
+        node.create_subscription(JointState, topic, lambda _: seen.set(), 10)
+        time.sleep(0.2)
+        begin = time.monotonic()
+        given = [word for parameter in parameters for word in ("-p", parameter)]
+        command = (*NODE, "--ros-args", *given)
+        process = BoardProcess(command, BOARD, domain, child_environment(domain))
+        try:
+            if not seen.wait(60.0):
+                raise RuntimeError(f"no joint state came:\n{process.tail()}")
+            return time.monotonic() - begin
+        finally:
+            process.stop()
 
 
 class Helper:

@@ -148,9 +148,9 @@ def write_pages(record: dict[str, Any]) -> None:
     if not PAGE.is_file():
         PAGE.parent.mkdir(exist_ok=True)
         PAGE.write_text(INTRODUCTION, encoding="utf-8")
-    _replace(PAGE, full_table(record))
+    replace_between(PAGE, BEGIN, END, full_table(record))
     if README.is_file():
-        _replace(README, short_table(record))
+        replace_between(README, BEGIN, END, short_table(record))
 
 
 def full_table(record: dict[str, Any]) -> str:
@@ -193,9 +193,9 @@ def short_table(record: dict[str, Any]) -> str:
     )
 
 
-def _replace(path: Path, text: str) -> None:
+def replace_between(path: Path, begin: str, end: str, text: str) -> None:
     """Put a text between the markers of a file; a file without markers stays as it is."""
-    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if begin and end:
-        path.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+    before, found, rest = path.read_text(encoding="utf-8").partition(begin)
+    _, ended, after = rest.partition(end)
+    if found and ended:
+        path.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")

@@ -96,7 +96,7 @@ def in_motion(rig: Rig, j: int) -> Figures:
 def beyond_stopping(rig: Rig, j: int, before: State, after: State, way: float) -> float:
     """How far a joint runs on, or sags back, after one change in motion, rad or m."""
     window, limits = rig.windows[j], rig.joints[j].limits
-    rig.go(**{f"j{j}": window.clip(rig.pose(j), 0.35 * window.span)})
+    rig.go({j: window.clip(rig.pose(j), 0.35 * window.span)})
     speed = 0.5 * limits.velocity
     rig.enter(j, *before)
     if before[0] is M.TORQUE:

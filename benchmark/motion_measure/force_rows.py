@@ -27,7 +27,7 @@ def torque(rig: Rig, j: int) -> Figures:
     limits = rig.joints[j].limits
     found: Figures = {}
     for way in (1.0, -1.0):
-        rig.go(**{f"j{j}": _middle(rig, j)})
+        rig.go({j: _middle(rig, j)})
         rig.enter(j, M.TORQUE, Way.STIFF)
         rig.run(0.2)
         now = rig.board.snapshot()
@@ -74,7 +74,7 @@ def push(rig: Rig, j: int) -> Figures:
     limit = rig.joints[j].limits.torque
     found: Figures = {}
     for way in (1.0, -1.0):
-        rig.go(**{f"j{j}": _middle(rig, j)})
+        rig.go({j: _middle(rig, j)})
         load = float(rig.board.get_torque(j)[0])
         if abs(load - way * 0.5 * limit) > 0.95 * limit:
             continue
@@ -102,7 +102,7 @@ def stiffness(rig: Rig, j: int) -> Figures:
     found: Figures = {}
     for part in STIFFNESSES:
         k = part * greatest
-        rig.go(**{f"j{j}": _middle(rig, j)})
+        rig.go({j: _middle(rig, j)})
         comply(rig, j, k)
         rig.rest(j)
         rig.check()
@@ -142,7 +142,7 @@ def release(rig: Rig, j: int) -> Figures:
     if not rig.has(j, M.POSITION, Way.COMPLIANT):
         return {}
     k = rig.joints[j].impedance.max_stiffness
-    rig.go(**{f"j{j}": _middle(rig, j)})
+    rig.go({j: _middle(rig, j)})
     comply(rig, j, k)
     rig.rest(j)
     force = _push_force(rig, j, k, float(rig.board.get_torque(j)[0]))

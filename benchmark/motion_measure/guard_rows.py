@@ -75,7 +75,7 @@ def _freed(rig: Rig, j: int, way: float) -> float:
 
 def _go(rig: Rig, j: int, way: float) -> None:
     """Where there is room this way."""
-    rig.go(**{f"j{j}": rig.windows[j].at(0.35 if way > 0.0 else 0.65)})
+    rig.go({j: rig.windows[j].at(0.35 if way > 0.0 else 0.65)})
 
 
 def _top_speed(rig: Rig, j: int) -> float:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
+from .position_rows import Figures
 from .rig import Array, Failure, RefusedError, Rig
-from .rows import ROWS, Figures, Quantity, Row
+from .rows import ROWS, Quantity, Row
 
 T = TypeVar("T")
 

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from report import table
+
 from control_board_ros.core.terms.drives import KINDS
 
 from .robots import ROBOTS
@@ -109,7 +111,7 @@ def _drives(records: Mapping[str, Any]) -> list[str]:
             cells.append(f"**{text}**" if missed and quantity.shipped else text)
         goal = f"≤ {quantity.shipped:g} {quantity.unit}" if quantity.shipped else ""
         rows.append([quantity.text, goal, *cells])
-    return [BY_DRIVES, _grid(["worst joint", "reach", *kinds], rows)] if kinds else []
+    return [BY_DRIVES, table([["worst joint", "reach", *kinds], *rows]), "\n"] if kinds else []
 
 
 def _quantities() -> list[tuple[Row, Quantity]]:
@@ -131,8 +133,8 @@ def _overview(now: Mapping[str, Any], robots: list[str]) -> str:
             cells.append(f"**{text}**" if missed and value and quantity.shipped else text)
         goal = f"≤ {reach}" if quantity.shipped else ""
         rows.append([quantity.text, goal, *cells])
-    text = _grid(["worst joint", "reach, shipped / derived", *robots], rows)
-    return text + "\nBold: not reached. †: some tests of the row ended in a fault.\n"
+    text = table([["worst joint", "reach, shipped / derived", *robots], *rows])
+    return text + "\n\nBold: not reached. †: some tests of the row ended in a fault.\n"
 
 
 def _table(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
@@ -150,7 +152,7 @@ def _table(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
                 f"{found[1]}, {found[2]}" if found else "",
             ]
         )
-    text = _grid(["", "before", "now", "reach", "reached", "worst joint, pose"], rows)
+    text = table([["", "before", "now", "reach", "reached", "worst joint, pose"], *rows]) + "\n"
     if causes := now["causes"]:
         told = ", ".join(f"{cause} ({count})" for cause, count in causes.items())
         text += f"\nTests that ended in a fault or a refusal: {told}.\n"
@@ -167,7 +169,7 @@ def _scenes(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
         value = now.get(key)
         reached = "yes" if value is not None and value <= scene.reach else "no"
         rows.append([scene.text, *cells, f"≤ {scene.reach:g} {scene.unit}".strip(), reached])
-    return _grid(["point, scene", "before", "now", "reach", "reached"], rows)
+    return table([["point, scene", "before", "now", "reach", "reached"], *rows]) + "\n"
 
 
 def _definition(row: Row) -> str:
@@ -202,13 +204,3 @@ def number(value: float) -> str:
     if value == 0.0 or abs(value) >= 100.0:
         return f"{value:.0f}"
     return f"{float(f'{value:.3g}'):.10g}"
-
-
-def _grid(head: list[str], rows: list[list[str]]) -> str:
-    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-
-    def line(cells: list[str]) -> str:
-        return "| " + " | ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)) + " |\n"
-
-    rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|\n"
-    return line(head) + rule + "".join(line(row) for row in rows)

@@ -31,7 +31,7 @@ def step(rig: Rig, j: int) -> Figures:
     size = step_size(rig, j)
     start = rig.windows[j].clip(rig.pose(j), 0.0)
     start = min(start, rig.windows[j].upper - size * 1.5)
-    rig.go(**{f"j{j}": start})
+    rig.go({j: start})
     rig.enter(j, M.POSITION_DIRECT, Way.STIFF)
     rig.run(0.2)
     overshoot = settling = 0.0
@@ -55,7 +55,7 @@ def full_step(rig: Rig, j: int) -> Figures:
     """
     window, limits = rig.windows[j], rig.joints[j].limits
     low, high = window.at(0.1), window.at(0.9)
-    rig.go(**{f"j{j}": low})
+    rig.go({j: low})
     rig.enter(j, M.POSITION_DIRECT, Way.STIFF)
     rig.run(0.1)
     size = high - low
@@ -97,7 +97,7 @@ def move(rig: Rig, j: int) -> Figures:
         way = min(wanted, 0.6 * window.span)
         start = window.clip(rig.pose(j) - 0.5 * way, 0.05 * window.span)
         start = min(start, window.upper - 0.05 * window.span - way)
-        rig.go(**{f"j{j}": start})
+        rig.go({j: start})
         errors = [_move_error(rig, j, target, speed) for target in (start + way, start)]
         found[key] = max(errors)
     return found
@@ -120,14 +120,11 @@ def sine(rig: Rig, j: int) -> Figures:
     half of limits.velocity, its peak acceleration at most half of limits.acceleration, and it
     stays within 40 % of the range. ``lag``: of the fitted sine, ms.
     """
-    window, limits = rig.windows[j], rig.joints[j].limits
-    omega = 2.0 * math.pi
-    amplitude = min(
-        0.5 * limits.velocity / omega, 0.5 * limits.acceleration / omega**2, 0.2 * window.span
-    )
+    window, omega = rig.windows[j], 2.0 * math.pi
+    amplitude = sine_amplitude(rig, j, omega)
     centre = window.clip(rig.pose(j), amplitude + 0.05 * window.span)
     found: Figures = {}
-    rig.go(**{f"j{j}": centre})
+    rig.go({j: centre})
     rig.enter(j, M.POSITION_DIRECT, Way.STIFF)
     for key, rate in (("at_1000", 1000.0), ("at_100", 100.0)):
         rig.expect(rig.board.set_position(j, centre))
@@ -141,6 +138,16 @@ def sine(rig: Rig, j: int) -> Figures:
         in_phase = 2.0 * np.mean(record.position[late] * np.sin(angle[late]))
         found[f"lag_{key}"] = 1e3 * math.atan2(-cosine, in_phase) / omega
     return found
+
+
+def sine_amplitude(rig: Rig, j: int, omega: float, part: float = 0.5) -> float:
+    """The greatest within a part of the joint's limits, and 0.2 of its range, rad or m."""
+    limits = rig.joints[j].limits
+    return min(
+        part * limits.velocity / omega,
+        part * limits.acceleration / omega**2,
+        0.2 * rig.windows[j].span,
+    )
 
 
 def send_sine(rig: Rig, j: int, centre: float, amplitude: float, rate: float) -> Record:
@@ -167,7 +174,7 @@ def velocity(rig: Rig, j: int) -> Figures:
     lasts = min(ramp + 0.3, 0.6 * window.span / speed)
     way = speed * lasts
     start = window.clip(rig.pose(j) - 0.5 * way, 0.1 * window.span)
-    rig.go(**{f"j{j}": min(start, window.upper - 0.2 * window.span - way)})
+    rig.go({j: min(start, window.upper - 0.2 * window.span - way)})
     rig.enter(j, M.VELOCITY, Way.STIFF)
     found = {"overshoot": 0.0, "stop": 0.0}
 
@@ -202,7 +209,7 @@ def reversal(rig: Rig, j: int, part: float = 0.5) -> Figures:
     speed = min(part * limits.velocity, math.sqrt(0.2 * window.span * limits.acceleration))
     ramp = 2.0 * speed / limits.acceleration
     lasts = ramp + min(0.3, 0.4 * window.span / speed)
-    rig.go(**{f"j{j}": window.clip(rig.pose(j), 0.45 * window.span)})
+    rig.go({j: window.clip(rig.pose(j), 0.45 * window.span)})
     rig.enter(j, M.VELOCITY, Way.STIFF)
 
     def send(way: float, _: float) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Self
@@ -202,18 +202,18 @@ class Rig:
         """The pose to measure in from now on, shape (n,); nothing moves yet."""
         self._pose = pose
 
-    def go(self, **moved: float) -> None:
+    def go(self, moved: Mapping[int, float] | None = None) -> None:
         """Bring all joints to the pose and to rest, STIFF.
 
         A fault on the way, at a quarter of the top speeds, is kept in ``failures``; from then on
         this robot goes slowly.
 
         Args:
-            moved: Other positions for joints of the pose, by ``j`` and index (``j3=0.5``).
+            moved: Other positions for joints of the pose, by index.
         """
         target = self._pose.copy()
-        for key, value in moved.items():
-            target[int(key[1:])] = value
+        for j, value in (moved or {}).items():
+            target[j] = value
         if self.faults():
             self.revive()
         self._approach(target)

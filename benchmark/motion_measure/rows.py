@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from . import change_rows, force_rows, guard_rows, position_rows, stream_rows, together_rows
+from .position_rows import Figures
 from .rig import Rig
 
-Figures = dict[str, float]
 Measure = Callable[[Rig, int], Figures]
 MeasureAll = Callable[[Rig, Sequence[int]], dict[int, Figures]]
 

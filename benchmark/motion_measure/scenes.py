@@ -33,10 +33,10 @@ class Scene:
     play: Callable[[], float]
 
 
-def made(robot: str, **pose: float) -> Rig:
+def made(robot: str) -> Rig:
     """A rig of a named robot, brought to its home pose."""
     rig = Rig.load(ROBOTS[robot])
-    rig.go(**pose)
+    rig.go()
     return rig
 
 
@@ -67,7 +67,7 @@ def into_limit() -> float:
     for j in (0, 3, 4, 5):
         limits = rig.joints[j].limits
         for way, edge in ((1.0, limits.upper), (-1.0, limits.lower)):
-            rig.go(**{f"j{j}": edge - way * min(0.8, 0.5 * rig.windows[j].span)})
+            rig.go({j: edge - way * min(0.8, 0.5 * rig.windows[j].span)})
             rig.enter(j, M.VELOCITY, Way.STIFF)
             record = rig.record(j, 1.5, each=_roller(rig, j, way))
             beyond.append(float((way * (record.position - edge)).max()))
@@ -118,7 +118,7 @@ def mixed_sum() -> float:
     rig, fastest = made("iiwa"), 0.0
     for j in range(rig.board.count):
         limits, window = rig.joints[j].limits, rig.windows[j]
-        rig.go(**{f"j{j}": window.at(0.1)})
+        rig.go({j: window.at(0.1)})
         rig.enter(j, M.MIXED, Way.STIFF)
         rig.expect(rig.board.position_move(j, window.at(0.6), limits.velocity))
 

@@ -9,9 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .position_rows import Figures, sine_amplitude
 from .rig import M, Record, Rig, Way
-
-Figures = dict[str, float]
 
 #: What is sent in which control cycle: times of samples, s.
 Schedule = dict[int, list[float]]
@@ -60,7 +59,7 @@ def sent(
 def prepare(rig: Rig, j: int, amplitude: float) -> float:
     """Bring a joint to the centre of a sine, STIFF in POSITION_DIRECT; where that is."""
     centre = rig.windows[j].clip(rig.pose(j), amplitude + 0.05 * rig.windows[j].span)
-    rig.go(**{f"j{j}": centre})
+    rig.go({j: centre})
     rig.enter(j, M.POSITION_DIRECT, Way.STIFF)
     rig.run(0.1)
     return centre
@@ -102,14 +101,10 @@ def ripple(rig: Rig, j: int) -> Figures:
     the same sine at 0.5 Hz, peak speed and acceleration a quarter of the limits at most.
     """
     found: Figures = {}
-    limits, window = rig.joints[j].limits, rig.windows[j]
+    limits = rig.joints[j].limits
     for key, frequency, part in (("ripple", 1.0, 0.5), ("current", 0.5, 0.25)):
         omega = 2.0 * math.pi * frequency
-        amplitude = min(
-            part * limits.velocity / omega,
-            part * limits.acceleration / omega**2,
-            0.2 * window.span,
-        )
+        amplitude = sine_amplitude(rig, j, omega, part)
         centre = prepare(rig, j, amplitude)
         lasts = 2.0 / frequency
         due = even(100.0, lasts, rig.period)
@@ -145,11 +140,8 @@ def jitter(rig: Rig, j: int) -> Figures:
     period to the fifth; the sine is that of row ``sine``. Lateness and losses are those of one
     seed.
     """
-    window, limits = rig.windows[j], rig.joints[j].limits
     omega = 2.0 * math.pi
-    amplitude = min(
-        0.5 * limits.velocity / omega, 0.5 * limits.acceleration / omega**2, 0.2 * window.span
-    )
+    amplitude = sine_amplitude(rig, j, omega)
     found: Figures = {}
     for rate in (20.0, 30.0, 50.0, 100.0, 500.0):
         errors, speeds = [], []

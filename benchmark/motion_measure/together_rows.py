@@ -104,7 +104,7 @@ def _run_by_velocity(rig: Rig, signs: Array) -> None:
     span, middle = _windows(rig)
     v = np.minimum(v, np.sqrt(0.5 * USED * span * a))
     ramp, hold = v / a, 0.03
-    rig.go(**_named(middle - signs * (0.5 * v * ramp + hold * v)))
+    rig.go(dict(enumerate(middle - signs * (0.5 * v * ramp + hold * v))))
     rig.enter(None, M.VELOCITY, Way.STIFF)
     for cycle in range(round((ramp.max() + hold) / rig.period)):
         due = np.flatnonzero(cycle * rig.period >= ramp.max() - ramp)
@@ -121,7 +121,7 @@ def _run_by_moves(rig: Rig, signs: Array) -> None:
     span, middle = _windows(rig)
     time = float((3.1 * v / a).max())
     way = np.minimum(time * v / 1.875, USED * span)
-    rig.go(**_named(middle - 0.5 * signs * way))
+    rig.go(dict(enumerate(middle - 0.5 * signs * way)))
     rig.enter(None, M.POSITION, Way.STIFF)
     rig.expect(rig.board.position_move(None, middle + 0.5 * signs * way, way / time))
     rig.run(0.5 * float(rig.board.get_remaining_time(None).max()))
@@ -193,7 +193,7 @@ def full_steps(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
     seconds = min(float((USED * span / limit + slow).max()), 4.0) + AFTER
     for _ in range(TRIALS):
         signs = random.choice([-1.0, 1.0], rig.board.count)
-        rig.go(**_named(middle - 0.5 * USED * signs * span))
+        rig.go(dict(enumerate(middle - 0.5 * USED * signs * span)))
         rig.enter(None, M.POSITION_DIRECT, Way.STIFF)
         for way in (1.0, -1.0):
             rig.expect(rig.board.set_position(None, middle + 0.5 * USED * way * signs * span))
@@ -211,8 +211,3 @@ def _windows(rig: Rig) -> tuple[Array, Array]:
     """Length and middle of each joint's window, shape (n,) each."""
     span = np.array([window.span for window in rig.windows])
     return span, np.array([window.at(0.5) for window in rig.windows])
-
-
-def _named(positions: Array) -> dict[str, float]:
-    """Positions as ``Rig.go`` takes them."""
-    return {f"j{j}": float(position) for j, position in enumerate(positions)}
