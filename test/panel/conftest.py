@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real board, the panel beside it as people start it, and a real browser."""
+"""A panel with a stand-in; and a real board, the panel beside it, and a real browser."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from typing import Any
 import pytest
 from browsing import context_of
 from cbctl_process import GUARD, Cbctl
+from standins import Panel, StandIn, panel_of
 
 from control_board_ros.client import ControlBoardClient
+from control_board_ros.panel import robot
 from control_board_ros.testing import BoardProcess, board_process, ros_node
 
 ARGUMENTS = [
@@ -47,6 +49,22 @@ setInterval(() => {
   }
 }, 50);
 """
+
+
+@pytest.fixture(scope="module")
+def stand_in_panel() -> Iterator[Panel]:
+    with panel_of(StandIn("/b", 0, ["pos", "vel", "torq", "idl"])) as panel:
+        yield panel
+
+
+@pytest.fixture
+def panel(stand_in_panel: Panel) -> Iterator[Panel]:
+    """The panel of a stand-in, without browsers, and without requests to its board."""
+    board = stand_in_panel.board()
+    board.calls.made.clear()
+    board.calls.refused, board.calls.delay, board.robot = "", 0.0, robot.NO_ROBOT
+    yield stand_in_panel
+    stand_in_panel.close()
 
 
 @pytest.fixture(scope="module")

@@ -5,34 +5,24 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from standins import GUARD, TOKEN, Panel, StandIn, panel_of
+from standins import GUARD, REQUESTS, TOKEN, Panel, StandIn, panel_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from control_board_ros.panel import robot, security
 from control_board_ros.panel.server import PAGE
 
+STOPS = ("stop", "estop")
 
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Panel]:
-    with panel_of(StandIn("/b", 0, ["pos", "vel", "torq"])) as panel:
-        yield panel
-
-
-@pytest.fixture
-def panel(shared: Panel) -> Iterator[Panel]:
-    """The panel without browsers, and without requests to its board."""
-    board = shared.board()
-    board.calls.made.clear()
-    board.calls.refused = ""
-    board.robot = robot.NO_ROBOT
-    yield shared
-    shared.close()
-
-
+#: Every request that may change something, STOP aside.
+COMMANDS: list[dict[str, object]] = [
+    *({"do": do, "board": "/b"} | given for do, given in REQUESTS.items() if do not in STOPS),
+    {"do": "estop", "on": False},
+    {"do": "release", "board": "/b", "joint": "a", "kind": "torque"},
+    {"do": "cancel", "request": 1},
+]
 PATHS = ["/", "/page/main.js", "/robot/0.urdf", "/mesh/0/0.stl", "/nothing"]
 
 
@@ -210,25 +200,6 @@ def test_who_watches_commands_nothing(panel: Panel) -> None:
         assert "watch" in answer["message"]
     assert not panel.board().calls.made
     assert watcher.ask("stop")["ok"]
-
-
-COMMANDS: list[dict[str, object]] = [
-    {"do": "mode", "board": "/b", "joints": ["a"], "mode": "idl"},
-    {"do": "interaction", "board": "/b", "joints": ["a"], "mode": "comp"},
-    {"do": "position", "board": "/b", "joints": ["a"], "positions": [1]},
-    {"do": "direct", "board": "/b", "joints": ["a"], "positions": [1]},
-    {"do": "move", "board": "/b", "joints": ["a"], "positions": [1]},
-    {"do": "hold", "board": "/b", "joint": "a", "kind": "torque", "value": 1},
-    {"do": "release", "board": "/b", "joint": "a", "kind": "torque"},
-    {"do": "impedance", "board": "/b", "joints": ["a"], "stiffness": 1},
-    {"do": "speed", "board": "/b", "joints": ["a"], "speed": 1},
-    {"do": "gains", "board": "/b", "joint": "a", "controller": "torque", "gains": {"kp": 1}},
-    {"do": "calibrate", "board": "/b", "joints": ["a"]},
-    {"do": "configure", "board": "/b"},
-    {"do": "pose", "board": "/b", "pose": "home"},
-    {"do": "save_pose", "board": "/b", "pose": "mine"},
-    {"do": "cancel", "request": 1},
-]
 
 
 def test_read_only_commands_nothing() -> None:

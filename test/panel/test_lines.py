@@ -6,9 +6,9 @@ from __future__ import annotations
 import ast
 import json
 import shlex
-from typing import Any
 
 import pytest
+from standins import REQUESTS
 
 from control_board_ros import interface
 from control_board_ros.cli.line.arguments import Parser, arguments_of
@@ -18,26 +18,6 @@ from control_board_ros.client import ControlBoardClient
 from control_board_ros.panel.lines import WRITERS, lines_of
 from control_board_ros.panel.requests import KINDS, Request
 
-GIVEN: dict[str, dict[str, Any]] = {
-    "mode": {"joints": ["a", "b"], "mode": "vel"},
-    "interaction": {"joints": [], "mode": "comp"},
-    "position": {"joints": ["a", "b"], "positions": [0.5, -1.0], "speeds": [0.2]},
-    "move": {"joints": ["a"], "positions": [0.5], "speeds": [0.2]},
-    "direct": {"joints": ["a"], "positions": [-0.5]},
-    "hold": {"joint": "a", "kind": "velocity", "value": -0.1},
-    "impedance": {"joints": ["a"], "stiffness": 10.0, "damping": 1.0},
-    "speed": {"joints": ["a"], "speed": 0.2, "acceleration": 1.5},
-    "gains": {"joint": "a", "controller": "position", "gains": {"kp": 10.0, "kd": 1e-7}},
-    "stop": {"joints": ["a"]},
-    "estop": {"on": True},
-    "recover": {"joints": ["a"], "partial": True},
-    "calibrate": {"joints": []},
-    "configure": {},
-    "pose": {"pose": "home", "speed": 0.2},
-    "save_pose": {"pose": "mine"},
-    "step": {"joint": "a", "size": -0.05},
-    "chirp": {"joint": "a"},
-}
 #: What cbctl alone has a word for.
 CBCTL_ONLY = {"step", "chirp"}
 
@@ -45,13 +25,13 @@ CBCTL_ONLY = {"step", "chirp"}
 def test_every_request_that_a_board_takes_has_lines() -> None:
     without = {"release", "cancel", "record", "note"}
     assert {do for do, kind in KINDS.items() if kind.commands} - without == set(WRITERS)
-    assert set(GIVEN) == set(WRITERS)
+    assert set(REQUESTS) == set(WRITERS)
 
 
-@pytest.mark.parametrize("do", GIVEN)
+@pytest.mark.parametrize("do", REQUESTS)
 @pytest.mark.parametrize("board", ["/control_board", "/icub/left_arm", "/it's"])
 def test_lines(do: str, board: str) -> None:
-    lines = lines_of(Request(1, do, board, GIVEN[do]))
+    lines = lines_of(Request(1, do, board, REQUESTS[do]))
     for line in lines.cbctl.split(" && "):
         program, *words = shlex.split(line)
         front, (verb, *rest) = hoist(words)

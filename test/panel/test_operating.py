@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -15,21 +14,6 @@ from control_board_ros.panel.lease import ANSWER_TIME, Lease
 from control_board_ros.panel.security import TokenBucket
 
 HOLD = {"board": "/b", "joint": "b", "kind": "velocity", "value": 0.5}
-
-
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Panel]:
-    with panel_of(StandIn("/b", 0, ["pos", "vel", "torq", "idl"])) as panel:
-        yield panel
-
-
-@pytest.fixture
-def panel(shared: Panel) -> Iterator[Panel]:
-    shared.board().calls.made.clear()
-    shared.board().calls.refused = ""
-    shared.board().calls.delay = 0.0
-    yield shared
-    shared.close()
 
 
 def test_the_first_operates_and_the_others_watch(panel: Panel) -> None:

@@ -25,6 +25,27 @@ from control_board_ros.panel.server import make_app
 TOKEN = "the-token"
 #: s; a guard against what hangs: no test is decided by it.
 GUARD = 60.0
+#: The fields of each request that a board takes.
+REQUESTS: dict[str, dict[str, Any]] = {
+    "mode": {"joints": ["a", "b"], "mode": "vel"},
+    "interaction": {"joints": [], "mode": "comp"},
+    "position": {"joints": ["a", "b"], "positions": [0.5, -1.0], "speeds": [0.2]},
+    "move": {"joints": ["a"], "positions": [0.5], "speeds": [0.2]},
+    "direct": {"joints": ["a"], "positions": [-0.5]},
+    "hold": {"joint": "a", "kind": "velocity", "value": -0.1},
+    "impedance": {"joints": ["a"], "stiffness": 10.0, "damping": 1.0},
+    "speed": {"joints": ["a"], "speed": 0.2, "acceleration": 1.5},
+    "gains": {"joint": "a", "controller": "position", "gains": {"kp": 10.0, "kd": 1e-7}},
+    "stop": {"joints": ["a"]},
+    "estop": {"on": True},
+    "recover": {"joints": ["a"], "partial": True},
+    "calibrate": {"joints": []},
+    "configure": {},
+    "pose": {"pose": "home", "speed": 0.2},
+    "save_pose": {"pose": "mine"},
+    "step": {"joint": "a", "size": -0.05},
+    "chirp": {"joint": "a"},
+}
 
 
 class Calls:
