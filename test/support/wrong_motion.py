@@ -14,6 +14,13 @@ from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 M, K = ControlMode, CommandKind
 
 
+def change_command(kind: CommandKind, **fields: Any) -> None:
+    """Change fields of a kind's row of COMMANDS."""
+    from control_board_ros.core.machine.commands import COMMANDS
+
+    COMMANDS[kind] = dataclasses.replace(COMMANDS[kind], **fields)
+
+
 @replaces("P1", "core.laws.references:durations")
 def moves_of_twice_the_time(old: Any, *args: Any) -> Any:
     time, brake = old(*args)
@@ -32,12 +39,10 @@ def stop_does_nothing() -> None:
 
 @breaks("P4")
 def direct_positions_are_moves() -> None:
-    from control_board_ros.core.machine.commands import COMMANDS
-
     def start(references: Any, joints: Any, positions: Any, _: Any) -> None:
         references.move(joints, positions, np.full(len(joints), 0.1))
 
-    COMMANDS[K.POSITION_DIRECT] = dataclasses.replace(COMMANDS[K.POSITION_DIRECT], start=start)
+    change_command(K.POSITION_DIRECT, start=start)
 
 
 @replaces("P5", "core.laws.references:References.ramp")
@@ -49,26 +54,24 @@ def slower_velocities(
 
 @breaks("P7")
 def half_the_torque() -> None:
-    from control_board_ros.core.machine.commands import COMMANDS
-
-    row = COMMANDS[K.TORQUE]
-
-    def start(references: Any, joints: Any, torques: Any, _: Any) -> None:
-        row.start(references, joints, 0.5 * torques, None)
-
-    COMMANDS[K.TORQUE] = dataclasses.replace(row, start=start)
+    halve(K.TORQUE)
 
 
 @breaks("P8")
 def half_the_output() -> None:
+    halve(K.OUTPUT)
+
+
+def halve(kind: CommandKind) -> None:
+    """Let the references of a kind act by half."""
     from control_board_ros.core.machine.commands import COMMANDS
 
-    row = COMMANDS[K.OUTPUT]
+    whole = COMMANDS[kind].start
 
-    def start(references: Any, joints: Any, outputs: Any, _: Any) -> None:
-        row.start(references, joints, 0.5 * outputs, None)
+    def start(references: Any, joints: Any, values: Any, _: Any) -> None:
+        whole(references, joints, 0.5 * values, None)
 
-    COMMANDS[K.OUTPUT] = dataclasses.replace(row, start=start)
+    change_command(kind, start=start)
 
 
 @replaces("P9", "core.machine.commands:Commands.reconfigure")
@@ -241,23 +244,18 @@ def with_both_modes(old: Any, values: Any, name: str, kind: str) -> Any:
 @breaks("Y1")
 def a_direct_velocity_that_ramps() -> None:
     from control_board_ros.core.laws.references import References
-    from control_board_ros.core.machine.commands import COMMANDS
 
     def ramped(self: References, joints: Any, velocities: Any, _: Any = None) -> None:
         self.ramp(joints, velocities, np.full(len(velocities), 0.2))
 
     around("settings.build:joint", with_both_modes)
-    row = COMMANDS[K.VELOCITY_DIRECT]
-    COMMANDS[K.VELOCITY_DIRECT] = dataclasses.replace(row, start=ramped)
+    change_command(K.VELOCITY_DIRECT, start=ramped)
 
 
 @breaks("Y2")
 def a_current_without_a_timeout() -> None:
-    from control_board_ros.core.machine.commands import COMMANDS
-
     around("settings.build:joint", with_both_modes)
-    row = COMMANDS[K.CURRENT]
-    COMMANDS[K.CURRENT] = dataclasses.replace(row, timeout=None)
+    change_command(K.CURRENT, timeout=None)
 
 
 @replaces("Y3", "node.wiring.publishing:Physical.of", robot="icub_hand", joint="l_index_distal")
