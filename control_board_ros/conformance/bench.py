@@ -21,7 +21,7 @@ from control_board_ros.interface import Endpoint
 from .channel import Channel
 from .limits import Range
 from .rules import NotHeld, NotTestable, assume, offered
-from .shapes import PER_JOINT, check_lengths, reply_of
+from .shapes import check_state, reply_of
 
 M, K = ControlMode, CommandKind
 T = TypeVar("T", float, str)
@@ -212,15 +212,14 @@ class Bench:
             self.client.position_move(self.joint, target, self.range.speed)
             self.until(self.reached(target), 2.0 + 2.0 * way / self.range.speed, guarded=False)
 
-    def fault(self) -> Reply:
+    def fault(self) -> None:
         """Set the joint into HW_FAULT by a user fault (M5).
 
         Raises:
             NotTested: it does not fault.
         """
-        reply = self.client.set_control_mode(self.joint, self.missing)
+        self.client.set_control_mode(self.joint, self.missing)
         assume(self.mode is M.HW_FAULT, f"no fault by asking for {self.missing}, see M5")
-        return reply
 
     # -- references ---------------------------------------------------------------------------
 
@@ -269,7 +268,7 @@ class Bench:
     def state(self) -> State:
         """A state that includes the effect of earlier requests."""
         fresh = self.client.get_state()
-        check_lengths("~/state", fresh, PER_JOINT)
+        check_state(fresh)
         self.channel.wait_for(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
         if self._requested:  # not by the client, whose states may be older
             self._requested = False

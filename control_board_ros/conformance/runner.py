@@ -77,9 +77,8 @@ class AsFound:
         if faulted:
             client.set_control_mode(faulted, M.FORCE_IDLE)
         others = [name for name in self.names if modes[name] is not M.POSITION]
-        reply = client.set_control_mode(others, M.POSITION) if others else True
-        if not reply:
-            raise NotTested(f"joints do not enter POSITION: {getattr(reply, 'message', '')}")
+        if others and not (reply := client.set_control_mode(others, M.POSITION)):
+            raise NotTested(f"joints do not enter POSITION: {reply.message}")
 
     def give_back(self, client: ControlBoardClient) -> list[Reply]:
         """Restore reference speeds and impedance, at any time."""
@@ -224,14 +223,10 @@ class Session:
     def close(self) -> None:
         self.channel.close()
 
-    @contextmanager
-    def holding(self, problems: list[str]) -> Iterator[Bench]:
-        """Hold all joints, and restore them; failures are added to ``problems``."""
-        try:
-            yield self.bench
-        finally:
-            self.channel.allow(self.rule_time)
-            problems += self.found.restore(self.bench)
+    def restore(self) -> list[str]:
+        """Restore the joints; returns the problems."""
+        self.channel.allow(self.rule_time)
+        return self.found.restore(self.bench)
 
     def try_one(self, rule: Rule) -> Result:
         """Test a rule, starting at rest."""
@@ -286,9 +281,8 @@ def run(
         The results, and the problems of the restoration.
     """
     results: list[Result] = []
-    problems: list[str] = []
     late, why = 0, ""
-    with session.holding(problems):
+    try:
         for rule in rules:
             if why:
                 result = Result(rule, Outcome.NOT_TESTED, why, 0.0)
@@ -301,6 +295,8 @@ def run(
                     why = "the board is gone"
             results.append(result)
             on_result(result)
+    finally:
+        problems = session.restore()
     return results, problems
 
 

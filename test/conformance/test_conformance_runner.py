@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -222,9 +221,8 @@ class Fake:
     def is_there(self) -> bool:
         return self.there
 
-    @contextlib.contextmanager
-    def holding(self, _: list[str]) -> Iterator[None]:
-        yield
+    def restore(self) -> list[str]:
+        return []
 
 
 def raises(error: Exception) -> Callable[[Any], str]:

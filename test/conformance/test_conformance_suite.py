@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 from pathlib import Path
@@ -88,17 +87,13 @@ def test_our_robots_keep_what_yarp_4_added_in_process(
     assert {outcome for outcome, _ in results.values()} == {Outcome.HELD}, results
 
 
-@pytest.mark.ros
 def test_only_a_joint_that_can_be_tried_is() -> None:
-    with board_process(RATE, config=ARM) as board:
-        with pytest.raises(
-            NotTestable, match="nose cannot be tried; these can: left, right, bare"
-        ):
-            contextlib.ExitStack().enter_context(session_on(board, joint="nose"))
-        with session_on(board, joint="bare", fraction=0.05) as session:
-            assert session.bench.joint == "bare"
-            assert session.bench.range.high - session.bench.range.low == pytest.approx(0.2)
-            results, problems = run(session, [r for r in in_order() if r.name in ("I7", "I1")])
+    with pytest.raises(NotTestable, match="nose cannot be tried; these can: left, right, bare"):
+        board_in_process.session_of(joint="nose")
+    session = board_in_process.session_of(joint="bare", fraction=0.05)
+    assert session.bench.joint == "bare"
+    assert session.bench.range.high - session.bench.range.low == pytest.approx(0.2)
+    results, problems = run(session, [r for r in in_order() if r.name in ("I7", "I1")])
     assert [result.outcome for result in results] == [Outcome.NOT_TESTABLE, Outcome.HELD]
     assert not problems
 

@@ -255,15 +255,20 @@ class Client:
         return self.names
 
 
+def session_of(robot: str = "", **options: Any) -> Session:
+    """A session with a new board."""
+    channel: Any = InProcess(robot)
+    client: Any = Client(channel)
+    return Session(channel, client, **options)
+
+
 def tried(
     names: Sequence[str] = (), robot: str = "", joint: str = "left", **options: Any
 ) -> dict[str, tuple[str, str]]:
     """Outcome and evidence by rule, of all or of some, on a new board."""
     rules = [rule for rule in in_order() if not names or rule.name in names]
-    channel: Any = InProcess(robot)
-    client: Any = Client(channel)
     try:
-        results, problems = run(Session(channel, client, joint=joint, **options), rules)
+        results, problems = run(session_of(robot, joint=joint, **options), rules)
     except Malformed as error:
         results, problems = unread(rules, error), []
     assert not problems, problems
