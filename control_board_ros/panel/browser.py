@@ -32,7 +32,7 @@ class Browser:
         self.number, self.name = number, name
         self.watched: frozenset[str] = frozenset()
         self.running: dict[int, asyncio.Task[None]] = {}
-        self.bucket = TokenBucket.full(RATE, BURST, time.monotonic())
+        self.bucket = TokenBucket(RATE, BURST, BURST, time.monotonic())
         self.lost = False
         self._texts: deque[str] = deque()
         self._frames: dict[int, bytes] = {}

@@ -23,7 +23,7 @@ from .browser import Browser
 from .lease import ANSWER_TIME
 from .listening import OperatorTopic
 from .operating import Operating
-from .operators import LOOK_ROUND, Operators, Topic
+from .operators import LOOK_ROUND, Operators
 from .requests import KINDS, BadRequest, Request, parse
 from .shared import Shared
 
@@ -46,10 +46,10 @@ class Hub:
         read_only: operation disabled.
         answer_timeout: timeout of a board's answer, s.
         report: called with log lines.
+        recordings: folder of recordings.
         topic: topic of the domain's panels about their operators; None: that of ROS.
         look_round: s of initial discovery of other panels.
         answer_time: timeout of the operator's answer to a takeover request, s.
-        recordings: folder of recordings; None: ``recordings`` in the working directory.
 
     Attributes: shared, operating, operators.
     """
@@ -61,15 +61,13 @@ class Hub:
         read_only: bool,
         answer_timeout: float,
         report: Callable[[str], None],
-        topic: Topic | None = None,
+        recordings: Path,
+        topic: OperatorTopic | None = None,
         look_round: float = LOOK_ROUND,
         answer_time: float = ANSWER_TIME,
-        recordings: Path | None = None,
     ) -> None:
         self._report = report
-        self.shared = shared = Shared(
-            read_only=read_only, recordings=recordings or Path("recordings")
-        )
+        self.shared = shared = Shared(read_only=read_only, recordings=recordings)
         self.operating = Operating(shared)
         self.operators = Operators(
             shared,

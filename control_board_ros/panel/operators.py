@@ -7,10 +7,10 @@ import socket
 import time
 import uuid
 from collections.abc import Callable
-from typing import Protocol
 
 from .browser import Browser
 from .lease import Lease, Who
+from .listening import OperatorTopic
 from .panels import PERIOD, Beat, Panels
 from .requests import BadRequest, Request
 from .shared import Shared
@@ -18,16 +18,6 @@ from .shared import Shared
 #: s of initial discovery of other panels, without operation.
 LOOK_ROUND = 1.5
 NOBODY = "you only watch; request control first"
-
-
-class Topic(Protocol):
-    """The topic of the panels' beats."""
-
-    def send(self, text: str) -> None:
-        """Send to all panels."""
-
-    def take(self) -> list[str]:
-        """Messages since the last call."""
 
 
 class Operators:
@@ -44,7 +34,7 @@ class Operators:
     def __init__(
         self,
         shared: Shared,
-        topic: Topic,
+        topic: OperatorTopic,
         look_round: float,
         answer_time: float,
         dismiss: Callable[[int], None],

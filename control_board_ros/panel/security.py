@@ -108,10 +108,6 @@ class TokenBucket:
     level: float
     at: float
 
-    @classmethod
-    def full(cls, rate: float, burst: float, now: float) -> TokenBucket:
-        return cls(rate, burst, burst, now)
-
     def take(self, now: float) -> bool:
         """Whether one more is permitted at time ``now``, s."""
         self.level = min(self.level + (now - self.at) * self.rate, self.burst)

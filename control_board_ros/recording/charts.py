@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -98,9 +98,9 @@ class JointCharts:
     """The charts of a joint: name, charts (on one time axis), moves, kind."""
 
     joint: str
-    charts: list[Chart] = field(default_factory=list)
-    moves: list[Move] = field(default_factory=list)
-    kind: JointKind = JointKind.REVOLUTE
+    charts: list[Chart]
+    moves: list[Move]
+    kind: JointKind
 
 
 def tracking_charts(

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -27,6 +27,10 @@ from ..interface import MODES, QoS
 from .errors import RecordingError
 from .parameters import Parameters
 from .topics import DEPTH, GAPS, PARAMETER_EVENTS, Topic, topic_of, topics_for_yarp, topics_of
+
+if TYPE_CHECKING:
+    from .bag import Bag
+    from .black_box import BlackBox
 
 #: s without a message until a board is silent, and minimum periods of its state.
 PATIENCE, PERIODS = 5.0, 3.0
@@ -106,19 +110,6 @@ LATCHED = 2.0
 _numbers = itertools.count(1)
 
 
-class Sink(Protocol):
-    """Destination of the messages: a bag or a black box."""
-
-    def begin(self, latched: Mapping[Topic, bytes]) -> None:
-        """Set the initial messages of latched topics."""
-
-    def write(self, topic: Topic, stamp: int, data: bytes) -> None:
-        """Add a message (CDR) received at ``stamp``, ns."""
-
-    def close(self) -> None:
-        """Finish."""
-
-
 class Recorder:
     """Records boards from creation until ``close``.
 
@@ -134,7 +125,9 @@ class Recorder:
         skipped: Topics whose type is not installed here.
     """
 
-    def __init__(self, context: Context, parameters: Sequence[Parameters], sink: Sink) -> None:
+    def __init__(
+        self, context: Context, parameters: Sequence[Parameters], sink: Bag | BlackBox
+    ) -> None:
         self._parameters, self._sink = parameters, sink
         self._boards = [known.board for known in parameters]
         self._context, self._own_context = context, False

@@ -221,7 +221,7 @@ def test_holds() -> None:
 
 
 def test_a_bucket() -> None:
-    bucket = TokenBucket.full(rate=2.0, burst=3.0, now=0.0)
+    bucket = TokenBucket(rate=2.0, burst=3.0, level=3.0, at=0.0)
     assert [bucket.take(0.0) for _ in range(4)] == [True, True, True, False]
     assert not bucket.take(0.4)
     assert bucket.take(0.6)

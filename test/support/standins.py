@@ -9,6 +9,7 @@ import http.client
 import json
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -275,6 +276,7 @@ def panel_of(*boards: StandIn, read_only: bool = False, air: Air | None = None) 
         read_only=read_only,
         answer_timeout=1.0,
         report=said.append,
+        recordings=Path("recordings"),
         topic=(air or Air()).end(),
         look_round=0.0,
     )
