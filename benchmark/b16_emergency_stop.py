@@ -47,7 +47,7 @@ def _measure(domain: int, times: int) -> dict[str, float]:
         for _ in range(times):
             if not talking.wait(lambda: motors.driven):
                 raise RuntimeError("the board never drove its motors")
-            talking.wait(lambda: False, 0.02 + 0.002 * chance.random())  # at any phase of a cycle
+            talking.pause(0.02 + 0.002 * chance.random())  # at any phase of a cycle
             start = time.perf_counter()
             answer = stop.call_async(SetBool.Request(data=True))
             if not talking.wait(lambda: not motors.driven):

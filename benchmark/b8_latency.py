@@ -8,7 +8,7 @@ import time
 
 from common import Effort, Figure, at_most, medians, number, percentile
 from processes import BARE, BOARD, board, helper
-from talking import SetPoints, Talker, switch, talker
+from talking import SetPoints, switch, talker
 
 from control_board_ros.testing import free_domain
 
@@ -48,7 +48,7 @@ def _measure(domain: int, name: str, times: int) -> dict[str, float]:
     with talker(domain) as talking:
         points = SetPoints(talking, name)
         for k in range(times):
-            _pause(talking, 0.002 + 0.002 * chance.random())  # at any phase of the cycle
+            talking.pause(0.002 + 0.002 * chance.random())  # at any phase of the cycle
             position = 1e-5 * (k + 1)
             start = time.perf_counter()
             points.send(position)
@@ -56,8 +56,3 @@ def _measure(domain: int, name: str, times: int) -> dict[str, float]:
                 raise RuntimeError(f"{name} never showed set-point {position}")
             latencies.append(1e3 * (time.perf_counter() - start))
     return {"p50": percentile(latencies, 50), "p99": percentile(latencies, 99)}
-
-
-def _pause(talking: Talker, seconds: float) -> None:
-    """Let time pass while states come in."""
-    talking.wait(lambda: False, seconds)

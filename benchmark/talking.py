@@ -63,6 +63,10 @@ class Talker:
             self._executor.spin_once(timeout_sec=left)
         return True
 
+    def pause(self, seconds: float) -> None:
+        """Let time pass while messages come in."""
+        self.wait(lambda: False, seconds)
+
     def close(self) -> None:
         self._executor.shutdown()
 
@@ -78,15 +82,15 @@ def talker(domain: int, name: str = "benchmark") -> Iterator[Talker]:
             made.close()
 
 
-def switch(talking: Talker, mode: str, board: str = BOARD) -> None:
-    """Put all joints of a board into a control mode."""
-    client = talking.client(SetControlMode, f"{board}/set_control_mode")
+def switch(talking: Talker, mode: str) -> None:
+    """Put all joints of the board into a control mode."""
+    client = talking.client(SetControlMode, f"{BOARD}/set_control_mode")
     talking.call(client, SetControlMode.Request(modes=[mode]))
 
 
-def joint_names(talking: Talker, board: str = BOARD) -> list[str]:
-    """The joints of a board."""
-    client = talking.client(GetControlMode, f"{board}/get_control_mode")
+def joint_names(talking: Talker) -> list[str]:
+    """The joints of the board."""
+    client = talking.client(GetControlMode, f"{BOARD}/get_control_mode")
     return list(talking.call(client, GetControlMode.Request()).names)
 
 

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import io
 import math
-import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from panel_pictures import ARGUMENTS, panel
+from panel_pictures import chromium, panel, plot_positions, wait_until_shown
 from PIL import Image
 
 from control_board_ros.client import ControlBoardClient
@@ -109,24 +108,14 @@ def main() -> None:
         panel(board.environment) as address,
         sync_playwright() as play,
     ):
-        program = shutil.which("chromium") or shutil.which("chromium-browser")
-        browser = play.chromium.launch(executable_path=program, args=ARGUMENTS)
+        browser = chromium(play)
         page = browser.new_context(
             viewport={"width": PAGE[0], "height": PAGE[1]}, color_scheme="dark"
         ).new_page()
         page.set_default_timeout(60_000)
         page.goto(address)
-        page.get_by_text("You operate", exact=True).wait_for()
-        while not page.evaluate(
-            "Boolean(panel.view?.robot) && panel.cards.every((card) => card.joint.state)"
-        ):
-            page.wait_for_timeout(100)
-        for joint in (client.names[0], client.names[3]):
-            page.evaluate(
-                "(name) => panel.plot(panel.cards.find((c) => c.joint.name === name).joint,"
-                " 'position')",
-                joint,
-            )
+        wait_until_shown(page)
+        plot_positions(page, client.names[0], client.names[3])
         page.wait_for_timeout(4000)
         frames = record(page, client, node)
         browser.close()

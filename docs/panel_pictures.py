@@ -45,18 +45,38 @@ Client = ControlBoardClient
 Key = tuple[str, str, tuple[int, int], str]
 
 
+def chromium(play: Any) -> Any:
+    """Chromium, as it is installed."""
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    return play.chromium.launch(executable_path=program, args=ARGUMENTS)
+
+
+def wait_until_shown(page: Any) -> None:
+    """Wait for control, the view in 3D, and a state of each joint."""
+    page.get_by_text("You operate", exact=True).wait_for()
+    while not page.evaluate(
+        "Boolean(panel.view?.robot) && panel.cards.every((card) => card.joint.state)"
+    ):
+        page.wait_for_timeout(100)
+
+
+def plot_positions(page: Any, *joints: str) -> None:
+    """Plot positions of joints with their references."""
+    for joint in joints:
+        page.evaluate(
+            "(name) => panel.plot(panel.cards.find((c) => c.joint.name === name).joint,"
+            " 'position')",
+            joint,
+        )
+
+
 def move(client: Client, page: Any) -> None:
     """Joints in motion, in several modes, with plots."""
     desk = page.locator("#cards.as-list").count() == 0
     names = client.names
     arm = names if len(names) == 7 else [n for n in names if n.startswith(("l_", "r_"))][:14]
     if desk:
-        for joint in (arm[0], arm[3]):
-            page.evaluate(
-                "(name) => panel.plot(panel.cards.find((c) => c.joint.name === name).joint,"
-                " 'position')",
-                joint,
-            )
+        plot_positions(page, arm[0], arm[3])
     else:
         page.locator("button.more").nth(1).click()
     back = client.get_encoder(arm)
@@ -148,11 +168,7 @@ def take(browser: Any, address: str, client: Client | None, key: Key, path: Path
     else:
         client.set_control_mode(None, "pos")
         page.locator("article.card").nth(len(client.names) - 1).wait_for()
-        page.get_by_text("You operate", exact=True).wait_for()
-        while not page.evaluate(
-            "Boolean(panel.view?.robot) && panel.cards.every((card) => card.joint.state)"
-        ):
-            page.wait_for_timeout(100)
+        wait_until_shown(page)
         SCENES[scene](client, page)
     page.wait_for_timeout(700)
     page.screenshot(path=path)
@@ -166,8 +182,7 @@ def make(wanted: dict[Key, Path]) -> None:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
-        program = shutil.which("chromium") or shutil.which("chromium-browser")
-        browser = play.chromium.launch(executable_path=program, args=ARGUMENTS)
+        browser = chromium(play)
         for name in dict.fromkeys(key[0] for key in wanted):
             with robot(name) as (environment, client), panel(environment) as address:
                 for key, path in wanted.items():

@@ -241,10 +241,10 @@ class Rig:
             if quiet >= 0.05:
                 return
 
-    def rest(self, j: int, longest: float = 6.0) -> None:
-        """Let time pass until one joint stands still for 0.2 s, or s are over."""
+    def rest(self, j: int) -> None:
+        """Let time pass until one joint stands still for 0.2 s, or 6 s are over."""
         mark = self.position(j)
-        for _ in range(round(longest / 0.2)):
+        for _ in range(30):
             self.run(0.2)
             before, mark = mark, self.position(j)
             if abs(mark - before) < 1e-5:

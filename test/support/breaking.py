@@ -29,13 +29,11 @@ class Wrong:
 WRONG: dict[str, Wrong] = {}
 
 
-def breaks(
-    rule: str, *, robot: str = "", **options: Any
-) -> Callable[[Callable[[], None]], Callable[[], None]]:
+def breaks(rule: str, **options: Any) -> Callable[[Callable[[], None]], Callable[[], None]]:
     """Register a wrong board under the name of the function that changes it."""
 
     def register(function: Callable[[], None]) -> Callable[[], None]:
-        WRONG[function.__name__] = Wrong(function, rule, robot, options)
+        WRONG[function.__name__] = Wrong(function, rule, options=options)
         return function
 
     return register
