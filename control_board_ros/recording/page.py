@@ -22,7 +22,7 @@ from .charts import (
 from .drawing import draw, foot, head, timeline
 from .errors import RecordingError
 from .moves import Move, moves_of
-from .reading import BoardRecording, Note, Request, kinds_of
+from .reading import BoardRecording, Note, kinds_of
 
 #: Maximum number of steps drawn individually per joint.
 STEPS_SHOWN = 4
@@ -170,11 +170,11 @@ def fault_table(recording: BoardRecording) -> str:
     return section("Faults", ["at, s", "for, s", "joint", "code", "cause"], rows)
 
 
-def line_row(line: Note | Request) -> list[str]:
+def line_row(line: Note) -> list[str]:
     return [f"{line.time:.3f}", line.text]
 
 
-def folded(what: str, head: str, lines: Sequence[Note | Request], opened: str = "") -> str:
+def folded(what: str, head: str, lines: Sequence[Note], opened: str = "") -> str:
     """The first lines below a summary, as a table; empty without lines."""
     if not lines:
         return ""

@@ -84,31 +84,10 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A note of the operator, or a warning of the log: time (s), text."""
+    """A note of the operator, a warning of the log, or an answered request: time (s), text."""
 
     time: float
     text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """An answered request to the board: time (s) and content of the answer."""
-
-    time: float
-    name: str
-    event: str
-    joints: tuple[str, ...]
-    request: str
-    success: bool
-    message: str
-
-    @property
-    def text(self) -> str:
-        """One line: request, joints, outcome."""
-        fields = self.request if self.request != "{}" else ""
-        asked = " ".join(filter(None, [self.name, ", ".join(self.joints), fields]))
-        end = self.event if self.success or self.event != "answered" else "failed"
-        return f"{asked}: {end}" + (f", {self.message}" if self.message else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +132,7 @@ class BoardRecording:
     modes: list[Modes] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
     gaps: list[Gap] = field(default_factory=list)
-    requests: list[Request] = field(default_factory=list)
+    requests: list[Note] = field(default_factory=list)
     log: list[Note] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
@@ -324,19 +303,19 @@ def read_faults(reader: Any, recording: BoardRecording) -> list[Fault]:
     return sorted([*over, *running.values()], key=lambda fault: fault.time)
 
 
-def read_requests(reader: Any, recording: BoardRecording) -> list[Request]:
+def read_requests(reader: Any, recording: BoardRecording) -> list[Note]:
     return [
-        Request(
-            stamp_of(message.header.stamp) - recording.start,
-            str(message.name),
-            str(message.event),
-            tuple(message.names),
-            str(message.request),
-            bool(message.success),
-            str(message.message),
-        )
+        Note(stamp_of(message.header.stamp) - recording.start, text_of(message))
         for _, message in messages(reader, REQUEST_LOG.of(recording.board))
     ]
+
+
+def text_of(message: Any) -> str:
+    """One line: request, joints, outcome."""
+    fields = message.request if message.request != "{}" else ""
+    asked = " ".join(filter(None, [message.name, ", ".join(message.names), fields]))
+    end = message.event if message.success or message.event != "answered" else "failed"
+    return f"{asked}: {end}" + (f", {message.message}" if message.message else "")
 
 
 def read_log(reader: Any, recording: BoardRecording) -> list[Note]:
