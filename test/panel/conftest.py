@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import context_of
-from cbctl_process import GUARD, Cbctl
+from browsing import context_of, ended, panel_beside
+from cbctl_process import GUARD
 from standins import Panel, StandIn, panel_of
 
 from control_board_ros.client import ControlBoardClient
@@ -96,16 +94,11 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def address(process: BoardProcess, recordings: Path) -> Iterator[str]:
     """Where the panel is, with its token."""
-    folder = ("--recordings", str(recordings))
-    words = ("panel", "--port", "0", "--takeover", "10min", *folder, "--json")
-    panel = Cbctl(process.environment).start(*words)
-    try:
-        assert panel.stdout is not None
-        yield json.loads(panel.stdout.readline())["addresses"][0]
-    finally:
-        panel.send_signal(signal.SIGTERM)
-        out, err = panel.communicate(timeout=GUARD)
-    assert (panel.returncode, err) == (0, ""), out + err
+    words = ("--takeover", "10min", "--recordings", str(recordings))
+    with panel_beside(process.environment, *words) as (panel, address):
+        yield address
+        code, out, err = ended(panel)
+    assert (code, err) == (0, ""), out + err
 
 
 @pytest.fixture(scope="module")

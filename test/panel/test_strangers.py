@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import signal
 import subprocess
@@ -13,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import context_of
-from cbctl_process import GUARD, Cbctl, until
+from browsing import context_of, ended, panel_beside
+from cbctl_process import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess
@@ -26,14 +25,10 @@ STRANGER = Path(__file__).parents[1] / "support" / "hostile_board.py"
 @pytest.fixture(scope="module")
 def address(process: BoardProcess) -> Iterator[str]:
     """Where the panel is; of strangers it complains in lines, and in nothing else."""
-    panel = Cbctl(process.environment).start("panel", "--port", "0", "--json")
-    try:
-        assert panel.stdout is not None
-        yield json.loads(panel.stdout.readline())["addresses"][0]
-    finally:
-        panel.send_signal(signal.SIGTERM)
-        out, err = panel.communicate(timeout=GUARD)
-    assert panel.returncode == 0, out + err
+    with panel_beside(process.environment) as (panel, address):
+        yield address
+        code, out, err = ended(panel)
+    assert code == 0, out + err
     assert "Traceback" not in err, err
     own = [line for line in err.splitlines() if "RTPS_" not in line]  # not the middleware's
     assert all(line.isprintable() for line in own), err

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
-from cbctl_process import Cbctl
+from browsing import panel_beside
 from standins import GUARD, Browser
 from websockets.sync.client import connect
 
@@ -37,10 +36,9 @@ class Running:
 
 
 @contextlib.contextmanager
-def running(cbctl: Cbctl) -> Iterator[Running]:
-    process = cbctl.start("panel", "--port", "0", "--json")
-    try:
-        url = urlsplit(json.loads(process.stdout.readline())["addresses"][0])
+def running(environment: dict[str, str]) -> Iterator[Running]:
+    with panel_beside(environment) as (process, address):
+        url = urlsplit(address)
         cookie = f"control_board_panel_{url.port}={parse_qs(url.query)['token'][0]}"
         with connect(
             f"ws://{url.netloc}/ws",
@@ -49,17 +47,14 @@ def running(cbctl: Cbctl) -> Iterator[Running]:
             open_timeout=GUARD,
         ) as socket:
             yield Running(process, Browser(socket))
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def test_one_lease_for_both() -> None:
     with free_domain() as domain:
-        cbctl = Cbctl(child_environment(domain))
-        with running(cbctl) as first:
+        environment = child_environment(domain)
+        with running(environment) as first:
             first.until_operator(int)
-            with running(cbctl) as second:
+            with running(environment) as second:
                 assert second.until_operator(str)
                 second.browser.send("operate")
                 while first.until_operator(int)["asking"] is None:

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from browsing import PHONE, context_of, operate
-from cbctl_process import GUARD, until
+from browsing import PHONE, context_of, operate, panel_beside
+from cbctl_process import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process
@@ -380,23 +380,16 @@ def test_a_board_that_stands_still_is_said_to(
 
 def test_a_stop_that_is_not_sent_is_said_to_be(browser: Any, tmp_path: Any) -> None:
     """With the panel's own server gone, STOP looks dead and says so."""
-    import json
-
-    from cbctl_process import Cbctl
-
-    with board_process({}, env={"XDG_CONFIG_HOME": str(tmp_path)}) as board:
-        panel = Cbctl(board.environment).start("panel", "--port", "0", "--json")
-        assert panel.stdout is not None
-        try:
-            with context_of(browser, viewport={"width": 1440, "height": 900}) as context:
-                page = context.new_page()
-                page.goto(json.loads(panel.stdout.readline())["addresses"][0])
-                page.get_by_text("You operate", exact=True).wait_for()
-                panel.kill()
-                page.locator("#stop.dead").wait_for()
-                assert "NO STOP" in page.locator("#stop").inner_text()
-                page.locator("#stop").click()
-                page.locator("#toast.loud", has_text="STOP NOT SENT").wait_for()
-        finally:
-            panel.kill()
-            panel.communicate(timeout=GUARD)
+    with (
+        board_process({}, env={"XDG_CONFIG_HOME": str(tmp_path)}) as board,
+        panel_beside(board.environment) as (panel, address),
+        context_of(browser, viewport={"width": 1440, "height": 900}) as context,
+    ):
+        page = context.new_page()
+        page.goto(address)
+        page.get_by_text("You operate", exact=True).wait_for()
+        panel.kill()
+        page.locator("#stop.dead").wait_for()
+        assert "NO STOP" in page.locator("#stop").inner_text()
+        page.locator("#stop").click()
+        page.locator("#toast.loud", has_text="STOP NOT SENT").wait_for()

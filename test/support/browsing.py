@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Browsers that a test opens, and closes however it ends."""
+"""Panels and browsers that a test opens, and closes however it ends."""
 
 from __future__ import annotations
 
 import contextlib
+import json
+import signal
 from collections.abc import Iterator
 from typing import Any
 
-from cbctl_process import GUARD
+from cbctl_process import GUARD, Cbctl
 
 #: A phone, for ``context_of``.
 PHONE: dict[str, Any] = {
@@ -15,6 +17,25 @@ PHONE: dict[str, Any] = {
     "is_mobile": True,
     "has_touch": True,
 }
+
+
+@contextlib.contextmanager
+def panel_beside(environment: dict[str, str], *words: str) -> Iterator[tuple[Any, str]]:
+    """A panel as people start it: its process, and its address with the token."""
+    process = Cbctl(environment).start("panel", "--port", "0", *words, "--json")
+    try:
+        assert process.stdout is not None
+        yield process, json.loads(process.stdout.readline())["addresses"][0]
+    finally:
+        process.kill()
+        process.communicate(timeout=GUARD)
+
+
+def ended(panel: Any) -> tuple[int, str, str]:
+    """End a panel's process: exit code, and what it has printed on stdout and stderr."""
+    panel.send_signal(signal.SIGTERM)
+    out, err = panel.communicate(timeout=GUARD)
+    return panel.returncode, out, err
 
 
 @contextlib.contextmanager
