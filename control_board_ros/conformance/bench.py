@@ -304,14 +304,6 @@ class Bench:
         seen = float(np.median(np.diff(stamps)))
         return self._interval if 0.0 < self._interval < seen < 1.15 * self._interval else seen
 
-    def shows(self, condition: Callable[[State], bool]) -> State:
-        """The first state that fulfils a condition, else the last one in time.
-
-        The time of processing of published messages is unknown.
-        """
-        self.channel.wait_for(lambda: condition(self.latest()), TIMEOUT)
-        return self.latest()
-
     def latest(self) -> State:
         """The last state received.
 

@@ -7,7 +7,7 @@ import math
 
 from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 
-from .bench import COMPLIANT, Bench, K, M
+from .bench import COMPLIANT, TIMEOUT, Bench, K, M
 from .limits import bounded, read_limits
 from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, offered, rule
@@ -99,8 +99,12 @@ def open_loop(bench: Bench) -> str:
 
 def shown(bench: Bench, wanted: float) -> float:
     """The output once as wanted, else the last one received."""
-    state = bench.shows(lambda state: close(float(state.output[bench.j]), wanted))
-    return float(state.output[bench.j])
+
+    def output() -> float:
+        return float(bench.latest().output[bench.j])
+
+    bench.channel.wait_for(lambda: close(output(), wanted), TIMEOUT)
+    return output()
 
 
 def close(one: float, other: float) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ipaddress
 import logging
+import secrets
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -103,7 +104,7 @@ def run(
     listening = listen(host, port)
     try:
         port = listening.getsockname()[1]
-        token = security.new_token()
+        token = secrets.token_urlsafe(24)  # 192 bits
         hub = Hub(
             node,
             read_only=read_only,

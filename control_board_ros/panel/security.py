@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
-import secrets
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
@@ -26,16 +25,6 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
-
-
-def new_token() -> str:
-    """A random token of 192 bits."""
-    return secrets.token_urlsafe(24)
-
-
-def cookie_name(port: int) -> str:
-    """The cookie's name per port: browsers separate cookies by host, not by port."""
-    return f"control_board_panel_{port}"
 
 
 def is_token(given: str | None, token: str) -> bool:

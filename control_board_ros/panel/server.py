@@ -133,7 +133,7 @@ def make_app(
         for path in PAGE.rglob("*")
         if path.is_file() and path.suffix in TYPES and path.name != "index.html"
     }
-    cookie = security.cookie_name(port)
+    cookie = f"control_board_panel_{port}"  # browsers separate them by host, not by port
 
     async def page(_: Request) -> Response:
         response = Response(index, media_type=TYPES[".html"])
