@@ -42,6 +42,12 @@ class Lines:
         return asdict(self)
 
 
+#: The words of ros2 before a name, by the kind of endpoint.
+ROS2 = {
+    "service": "ros2 service call",
+    "command": "ros2 topic pub --once",
+    "action": "ros2 action send_goal",
+}
 #: The lines of cbctl and ros2.
 Shell = tuple[str, str]
 #: Writes them for a request: board, joints, fields.
@@ -62,21 +68,10 @@ def cbctl(board: str, *words: str) -> str:
     return shlex.join(["cbctl", *option, *words])
 
 
-def called(board: str, service: Endpoint, request: Mapping[str, Any]) -> str:
-    return f"ros2 service call {shlex.quote(service.of(board))} {service.type} {quoted(request)}"
-
-
-def published(board: str, topic: Endpoint, message: Mapping[str, Any], how: str = "--once") -> str:
-    return f"ros2 topic pub {how} {shlex.quote(topic.of(board))} {topic.type} {quoted(message)}"
-
-
-def sent(board: str, action: Endpoint, goal: Mapping[str, Any]) -> str:
-    return f"ros2 action send_goal {shlex.quote(action.of(board))} {action.type} {quoted(goal)}"
-
-
-def quoted(fields: Mapping[str, Any]) -> str:
-    """Fields as a shell word; JSON is valid YAML."""
-    return shlex.quote(json.dumps(dict(fields), ensure_ascii=False))
+def ros2(board: str, endpoint: Endpoint, fields: Mapping[str, Any], words: str = "") -> str:
+    """A line of ros2; JSON is valid YAML."""
+    name, values = shlex.quote(endpoint.of(board)), json.dumps(fields, ensure_ascii=False)
+    return f"{words or ROS2[endpoint.kind]} {name} {endpoint.type} {shlex.quote(values)}"
 
 
 def python(method: str, *values: Any) -> str:
@@ -89,13 +84,13 @@ def of_modes(verb: str, service: Endpoint) -> Writer:
         mode = given["mode"]
         return (
             cbctl(board, verb, *(joints or ["all"]), mode),
-            called(board, service, {"names": joints, "modes": [mode]}),
+            ros2(board, service, {"names": joints, "modes": [mode]}),
         )
 
     return write
 
 
-def of_move(write_ros2: Callable[..., str], endpoint: Endpoint) -> Writer:
+def of_move(endpoint: Endpoint) -> Writer:
     """The lines of a move, by a topic or an action."""
 
     def write(board: str, joints: list[str], given: Given) -> Shell:
@@ -104,7 +99,7 @@ def of_move(write_ros2: Callable[..., str], endpoint: Endpoint) -> Writer:
         fields = {"names": joints, "positions": positions}
         return (
             cbctl(board, "move", *pairs(joints, positions), *speed),
-            write_ros2(board, endpoint, fields | ({"speeds": speeds} if speeds else {})),
+            ros2(board, endpoint, fields | ({"speeds": speeds} if speeds else {})),
         )
 
     return write
@@ -114,7 +109,7 @@ def of_direct(board: str, joints: list[str], given: Given) -> Shell:
     positions = given["positions"]
     return (
         cbctl(board, "direct", *pairs(joints, positions)),
-        published(board, POSITION_DIRECT_COMMAND, {"names": joints, "positions": positions}),
+        ros2(board, POSITION_DIRECT_COMMAND, {"names": joints, "positions": positions}),
     )
 
 
@@ -123,7 +118,7 @@ def of_hold(board: str, _joints: list[str], given: Given) -> Shell:
     topic, field, _ = HOLDS[kind]
     return (
         cbctl(board, kind, f"{joint}={value:.6g}"),
-        published(board, topic, {"names": [joint], field: [value]}, "-r 25"),
+        ros2(board, topic, {"names": [joint], field: [value]}, "ros2 topic pub -r 25"),
     )
 
 
@@ -138,7 +133,7 @@ def of_impedance(board: str, joints: list[str], given: Given) -> Shell:
     }
     return (
         cbctl(board, "impedance", *joints, *options),
-        called(board, SET_IMPEDANCE, fields) if stiffness is not None else "",
+        ros2(board, SET_IMPEDANCE, fields) if stiffness is not None else "",
     )
 
 
@@ -155,28 +150,28 @@ def of_speed(board: str, joints: list[str], given: Given) -> Shell:
     if acceleration is not None:
         words = pairs(joints, [acceleration])
         commands.append(cbctl(board, "speed", *words, "--acceleration"))
-    return " && ".join(commands), called(board, SET_REFERENCE_SPEED, fields)
+    return " && ".join(commands), ros2(board, SET_REFERENCE_SPEED, fields)
 
 
 def of_gains(board: str, _: list[str], given: Given) -> Shell:
     values = parameters(given)
     words = [f"{name}={value:.9g}" for name, value in values.items()]
-    ros2 = [
+    commands = [
         shlex.join(["ros2", "param", "set", board, name, f"{value:.9g}"])
         for name, value in values.items()
     ]
-    return cbctl(board, "param", "set", *words), " && ".join(ros2)
+    return cbctl(board, "param", "set", *words), " && ".join(commands)
 
 
 def of_stop(board: str, joints: list[str], _: Given) -> Shell:
-    return cbctl(board, "stop", *joints), called(board, STOP, {"names": joints})
+    return cbctl(board, "stop", *joints), ros2(board, STOP, {"names": joints})
 
 
 def of_estop(board: str, _: list[str], given: Given) -> Shell:
     on = bool(given["on"])
     return (
         cbctl(board, "estop", *([] if on else ["release"])),
-        called(board, EMERGENCY_STOP, {"data": on}),
+        ros2(board, EMERGENCY_STOP, {"data": on}),
     )
 
 
@@ -184,12 +179,12 @@ def of_recover(board: str, joints: list[str], given: Given) -> Shell:
     partial = bool(given.get("partial"))
     return (
         cbctl(board, "recover", *joints, *(["--partial"] if partial else [])),
-        called(board, RECOVER, {"names": joints, "partial": partial}),
+        ros2(board, RECOVER, {"names": joints, "partial": partial}),
     )
 
 
 def of_calibrate(board: str, joints: list[str], _: Given) -> Shell:
-    return cbctl(board, "calibrate", *joints), sent(board, CALIBRATE, {"names": joints})
+    return cbctl(board, "calibrate", *joints), ros2(board, CALIBRATE, {"names": joints})
 
 
 def of_pose(board: str, _: list[str], given: Given) -> Shell:
@@ -197,17 +192,17 @@ def of_pose(board: str, _: list[str], given: Given) -> Shell:
     option = [] if speed is None else [f"--speed={speed:.6g}"]
     return (
         cbctl(board, "pose", name, *option),
-        sent(board, GO_TO_POSE, {"pose": name, "speed": speed or 0.0}),
+        ros2(board, GO_TO_POSE, {"pose": name, "speed": speed or 0.0}),
     )
 
 
 def of_save_pose(board: str, _: list[str], given: Given) -> Shell:
     name = given["pose"]
-    return cbctl(board, "pose", "save", name), called(board, SAVE_POSE, {"name": name})
+    return cbctl(board, "pose", "save", name), ros2(board, SAVE_POSE, {"name": name})
 
 
 def of_configure(board: str, *_: Any) -> Shell:
-    return cbctl(board, "configure"), called(board, CONFIGURE, {})
+    return cbctl(board, "configure"), ros2(board, CONFIGURE, {})
 
 
 def of_measure(verb: str, option: str, size: str) -> Writer:
@@ -229,9 +224,9 @@ def pairs(joints: list[str], values: list[float]) -> list[str]:
 WRITERS: dict[str, Writer] = {
     "mode": of_modes("mode", SET_CONTROL_MODE),
     "interaction": of_modes("interaction", SET_INTERACTION_MODE),
-    "position": of_move(published, POSITION_COMMAND),
+    "position": of_move(POSITION_COMMAND),
     "direct": of_direct,
-    "move": of_move(sent, MOVE),
+    "move": of_move(MOVE),
     "hold": of_hold,
     "impedance": of_impedance,
     "speed": of_speed,
