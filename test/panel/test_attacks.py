@@ -240,29 +240,25 @@ def test_meshes_are_those_of_the_description(panel: Panel, tmp_path: Path) -> No
     assert panel.get("/mesh/0/0.stl")[0] == 404
 
 
-def test_a_report_is_served_apart() -> None:
+def test_a_report_is_served_apart(panel: Panel) -> None:
     """By its name only, in a page that has no origin, and nothing of the panel's."""
-    with panel_of(StandIn("/b", 0, ["pos"])) as panel:
-        folder = panel.hub.shared.recordings._folder
-        for name in ("none", "..", "%2e%2e%2fsecret", "a%2fb"):
-            assert panel.get(f"/report/{name}")[0] in (403, 404)
-        assert folder.name == "recordings"
-        panel.hub.shared.recordings.reports = ["mine"]
-        assert panel.get("/report/mine")[0] == 404  # its file is gone
+    for name in ("none", "..", "%2e%2e%2fsecret", "a%2fb"):
+        assert panel.get(f"/report/{name}")[0] in (403, 404)
+    panel.hub.shared.recordings.reports = ["mine"]
+    assert panel.get("/report/mine")[0] == 404  # its file is gone
 
 
-def test_nothing_is_recorded_of_a_board_that_is_none() -> None:
-    with panel_of(StandIn("/b", 0, ["pos"])) as panel:
-        browser = panel.browser()
-        for boards in (["/none"], ["--output"], []):
-            answer = browser.ask("record", on=True, boards=boards)
-            assert (answer["ok"], answer["message"][:8]) == (False, "no board")
-        assert browser.ask("note", text="a")["message"].startswith("no recording is running")
-        assert browser.ask("record", on=False)["message"] == "no recording is running"
-        for joint in ("none", "--output=/etc"):  # it is a word of a command line
-            for do in ("step", "chirp"):
-                assert "has no joint" in browser.ask(do, board="/b", joint=joint, **{
-                    "size" if do == "step" else "amplitude": 0.1})["message"]  # fmt: skip
+def test_nothing_is_recorded_of_a_board_that_is_none(panel: Panel) -> None:
+    browser = panel.browser()
+    for boards in (["/none"], ["--output"], []):
+        answer = browser.ask("record", on=True, boards=boards)
+        assert (answer["ok"], answer["message"][:8]) == (False, "no board")
+    assert browser.ask("note", text="a")["message"].startswith("no recording is running")
+    assert browser.ask("record", on=False)["message"] == "no recording is running"
+    for joint in ("none", "--output=/etc"):  # it is a word of a command line
+        for do in ("step", "chirp"):
+            assert "has no joint" in browser.ask(do, board="/b", joint=joint, **{
+                "size" if do == "step" else "amplitude": 0.1})["message"]  # fmt: skip
 
 
 def test_the_page_asks_for_its_modules_at_once() -> None:
