@@ -17,10 +17,10 @@ from .. import __version__
 from .board.boards import is_pattern, sessions_meant
 from .board.session import Session
 from .line.arguments import HELP, Parser, arguments_of
-from .line.options import ARGUMENTS, Options, hoist, read_options, split_ros_arguments
+from .line.options import Options, hoist, read_options, split_ros_arguments
 from .line.words import Refused, UsageError
 from .text.output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
-from .verbs import SECTIONS, VERBS, load
+from .verbs import VERBS, load
 
 #: Set by the completion scripts: cbctl prints the words to offer.
 COMPLETE = "_CBCTL_COMPLETE"
@@ -31,7 +31,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     if arguments is None and COMPLETE in os.environ:
         from .completion import complete
 
-        return complete(os.environ, list(VERBS), load)
+        return complete(os.environ)
     line, ros_arguments = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: motion stops first
@@ -74,7 +74,7 @@ def do(session: Session, words: Sequence[str]) -> int:
     if not rest or rest[0] in HELP:
         from .help import put_help
 
-        put_help(ARGUMENTS, SECTIONS, load)
+        put_help()
         return DONE if rest else USAGE
     name, *given = rest
     if name not in VERBS:

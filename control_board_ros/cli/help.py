@@ -6,11 +6,13 @@ from __future__ import annotations
 import inspect
 import shutil
 from argparse import BooleanOptionalAction
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from .line.arguments import HELP, Argument, argument, arguments_of
+from .line.options import ARGUMENTS
 from .text.output import put
+from .verbs import SECTIONS, load
 
 TEXT = """Inspect and move a control board.
 
@@ -27,16 +29,12 @@ def paragraphs(text: str | None) -> list[str]:
     return [" ".join(part.split()) for part in inspect.cleandoc(text or "").split("\n\n")]
 
 
-def put_help(
-    options: Sequence[Argument],
-    sections: Mapping[str, Iterable[str]],
-    load: Callable[[str], Callable[..., Any]],
-) -> None:
+def put_help() -> None:
     """Print the help of cbctl: its options, and a line for each verb."""
-    panels = [panel("Options", map(described, [*options, SHOW_HELP]))]
+    panels = [panel("Options", map(described, [*ARGUMENTS, SHOW_HELP]))]
     panels += [
         panel(title, ((name, paragraphs(load(name).__doc__)[0]) for name in verbs))
-        for title, verbs in sections.items()
+        for title, verbs in SECTIONS.items()
     ]
     put_page("cbctl [OPTIONS] VERB [ARGUMENTS]", paragraphs(TEXT), panels)
 

@@ -3,17 +3,28 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
-from control_board_ros.cli.completion import complete, line_offers, offers
-from control_board_ros.cli.verbs import VERBS as ALL_VERBS
-from control_board_ros.cli.verbs import load
+from control_board_ros.cli.board.session import Session
+from control_board_ros.cli.completion import complete
+from control_board_ros.cli.line.options import Options
+from control_board_ros.cli.verbs import VERBS
 from control_board_ros.cli.verbs.modes import MODE_CODES
-from control_board_ros.cli.verbs.terminal import HELP, LEAVE
+from control_board_ros.cli.verbs.terminal import line_offers
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 4)]
 SHORT = ["joint_1", "joint_2", "joint_3"]
-VERBS = ["modes", "mode", "move", "info", "interaction"]
+
+
+@pytest.fixture
+def session() -> Session:
+    """A session of a board with three joints and two poses."""
+    session: Any = Session(Options())
+    session.client = SimpleNamespace(names=IIWA, list_poses=lambda: ["home", "park"])
+    return session  # type: ignore[no-any-return]
 
 
 def test_modes_are_those_that_can_be_set() -> None:
@@ -26,7 +37,7 @@ def test_modes_are_those_that_can_be_set() -> None:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("", [*VERBS, "help", "?", "exit", "quit"]),
+        ("", [*(verb for verb in VERBS if verb != "shell"), "help", "?", "exit", "quit"]),
         ("mo", ["modes", "mode", "move"]),
         ("qu", ["quit"]),
         ("help mov", ["move"]),
@@ -42,47 +53,27 @@ def test_modes_are_those_that_can_be_set() -> None:
         ("modes joint_3", ["joint_3"]),
         ("info ", []),
         ("nonsense ", []),
+        # poses, or save; a new name is nobody's to offer; then joints
+        ("pose ", ["home", "park", "save"]),
+        ("pose s", ["save"]),
+        ("pose home ", []),
+        ("pose save ", []),
+        ("pose save here joint_2", ["joint_2"]),
+        ("home ", []),
+        ("inject joint_1 e", ["encoder", "external"]),
+        ("inject ", [*SHORT, "all"]),
+        ("move --", []),
+        # verbs that measure one joint: not all
+        ("step ", SHORT),
+        ("chirp joint_2", ["joint_2"]),
+        # a joint, then what it has; or a kind of all joints
+        ("plot jo", [f"{name}." for name in SHORT]),
+        ("plot joint_1.torque joint_2.po", ["joint_2.position", "joint_2.position_reference"]),
+        ("plot cu", ["current"]),
     ],
 )
-def test_a_line_of_the_shell(line: str, words: list[str]) -> None:
-    assert line_offers(line, VERBS, load, IIWA, (*HELP, *LEAVE)) == words
-
-
-def test_poses() -> None:
-    """Those of the board, or save; a new name is nobody's to offer; then joints."""
-    poses = ("home", "park")
-    known = ["pose", "home"]
-    for line, words in {
-        "pose ": ["home", "park", "save"],
-        "pose s": ["save"],
-        "pose home ": [],
-        "pose save ": [],
-        "pose save here joint_2": ["joint_2"],
-        "home ": [],
-    }.items():
-        assert line_offers(line, known, load, IIWA, (*HELP, *LEAVE), lambda: poses) == words
-
-
-def test_a_fault_follows_joints() -> None:
-    assert offers(load("inject"), ["joint_1"], "e", lambda: IIWA) == ["encoder", "external"]
-    assert offers(load("inject"), [], "", lambda: IIWA) == [*SHORT, "all"]
-    assert offers(load("move"), [], "--", lambda: IIWA) == []
-
-
-def test_one_joint() -> None:
-    """Verbs that measure one joint offer joints, and not all."""
-    assert offers(load("step"), [], "", lambda: IIWA) == SHORT
-    assert offers(load("chirp"), [], "joint_2", lambda: IIWA) == ["joint_2"]
-
-
-def test_signals() -> None:
-    """A joint, then what it has; or a kind of all joints."""
-    assert offers(load("plot"), [], "jo", lambda: IIWA) == [f"{name}." for name in SHORT]
-    assert offers(load("plot"), ["joint_1.torque"], "joint_2.po", lambda: IIWA) == [
-        "joint_2.position",
-        "joint_2.position_reference",
-    ]
-    assert offers(load("plot"), [], "cu", lambda: IIWA) == ["current"]
+def test_a_line_of_the_shell(session: Session, line: str, words: list[str]) -> None:
+    assert line_offers(session, line) == words
 
 
 @pytest.mark.parametrize(
@@ -108,5 +99,5 @@ def test_what_needs_no_board(
 ) -> None:
     """Verbs, options, shells; nothing where the value of an option is typed, or is wrong."""
     environment = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)}
-    assert complete(environment, list(ALL_VERBS), load) == 0
+    assert complete(environment) == 0
     assert capsys.readouterr().out.split() == words

@@ -13,6 +13,7 @@ from ...core.terms.joint_kind import JointKind
 from ...joint_limits import JointLimits, limit_parameters, limits_of
 from ...startup import announce_often, leave_out_the_generator
 from ...urdf_xml import DescribedJoint, heard_joints
+from ..line.offers import Typed
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, find_joints
 from ..text.output import load_drawing
@@ -176,6 +177,25 @@ class Session:
     def names(self) -> tuple[str, ...]:
         """The board's joints."""
         return self.client.names
+
+    def typed(self, before: Sequence[str], incomplete: str) -> Typed:
+        """A line at the cursor; its joints and poses are none where the board does not answer."""
+
+        def known(ask: Callable[[], Sequence[str]]) -> Sequence[str]:
+            from control_board_ros.client import BoardError
+            from control_board_ros.core.selection import RequestError
+
+            try:
+                return ask()
+            except (BoardError, RequestError):
+                return ()
+
+        return Typed(
+            before,
+            incomplete,
+            joints=lambda: known(lambda: self.names),
+            poses=lambda: known(lambda: tuple(self.client.list_poses())),
+        )
 
     def joints(self, words: Sequence[str] | None) -> list[str]:
         """The joints that words select; none: all."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
-from .offers import Offers, assignments, joints_or_all, joints_then
+from .offers import Offers, Typed, assignments, joints_or_all, joints_then
 from .words import EXAMPLES, UsageError, quantity
 
 Verb = TypeVar("Verb", bound=Callable[..., Any])
@@ -88,6 +88,14 @@ def patterns(verb: Verb) -> Verb:
 def arguments_of(verb: Callable[..., Any]) -> tuple[Argument, ...]:
     found: tuple[Argument, ...] = getattr(verb, "arguments", ())
     return found
+
+
+def offered(verb: Callable[..., Any], typed: Typed) -> list[str]:
+    """The words that may follow on the line of a verb; no options."""
+    if typed.incomplete.startswith("-"):
+        return []
+    found = [word for entry in arguments_of(verb) if entry.offers for word in entry.offers(typed)]
+    return [word for word in found if word.startswith(typed.incomplete)]
 
 
 class Parser(argparse.ArgumentParser):

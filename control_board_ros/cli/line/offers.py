@@ -13,13 +13,13 @@ class Typed(NamedTuple):
     """A line at the cursor, and its board.
 
     Attributes: before (the words between the verb and the one that is typed), incomplete (what is
-    typed of it), joints and poses (ask the board for its own; they may raise BoardError).
+    typed of it), joints and poses (ask the board for its own).
     """
 
     before: Sequence[str]
     incomplete: str
     joints: Callable[[], Sequence[str]]
-    poses: Callable[[], Sequence[str]] = tuple
+    poses: Callable[[], Sequence[str]]
 
 
 #: The words of an argument; the caller drops those that do not begin with the typed characters.

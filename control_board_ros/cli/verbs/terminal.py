@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..board.session import Session
-from ..completion import SCRIPTS, line_offers, list_poses
-from ..line.arguments import argument, takes
+from ..line.arguments import argument, offered, takes
 from ..line.offers import one_of
 from ..line.words import UsageError
 from ..text.output import DONE, USAGE, complain, note, put
@@ -22,15 +21,42 @@ from . import VERBS, load
 LEAVE = ("exit", "quit")
 HELP = ("help", "?")
 
+#: Script of each shell; it requests the words at the cursor from cbctl.
+SCRIPTS = {
+    "bash": """\
+_cbctl() {
+    local IFS=$'\\n'
+    COMPREPLY=($(COMP_WORDS="${COMP_WORDS[*]}" COMP_CWORD=$COMP_CWORD _CBCTL_COMPLETE=bash "$1"))
+    [[ ${#COMPREPLY[@]} == 1 && ${COMPREPLY[0]} == *[=.] ]] && compopt -o nospace
+}
+complete -o default -F _cbctl cbctl""",
+    "zsh": """\
+#compdef cbctl
+_cbctl() {
+    local -a found
+    found=("${(@f)$(COMP_WORDS="${words[*]}" COMP_CWORD=$((CURRENT - 1)) \\
+        _CBCTL_COMPLETE=zsh cbctl)}")
+    compadd -S '' -- ${(M)found:#*[=.]}
+    compadd -- ${found:#*[=.]}
+}
+compdef _cbctl cbctl""",
+    "fish": """\
+function __cbctl
+    env _CBCTL_COMPLETE=fish COMP_WORDS=(commandline -cp | string collect) \\
+        COMP_CWORD=(count (commandline -opc)) cbctl
+end
+complete -c cbctl -f -a '(__cbctl)'""",
+}
+
 
 def shell(session: Session) -> int:
     """Run verbs interactively over one connection; help lists them, quit ends it.
 
     Lines may come from a pipe; then the exit code is that of the last line that failed.
     """
-    names = session.names  # fails at once without a board
+    _ = session.names  # fails at once without a board
     session.shared = True
-    lines = typed(session, names) if sys.stdin.isatty() else iter(sys.stdin)
+    lines = typed(session) if sys.stdin.isatty() else iter(sys.stdin)
     try:
         return serve(lines, session.run_line)
     finally:
@@ -63,7 +89,7 @@ def serve(lines: Iterable[str], run_line: Callable[[Sequence[str]], int]) -> int
     return code
 
 
-def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
+def typed(session: Session) -> Iterator[str]:
     """Lines typed in a terminal, with history and completion."""
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import Completer, Completion
@@ -72,10 +98,7 @@ def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
     class Offers(Completer):
         def get_completions(self, document: Any, _: Any) -> Iterator[Any]:
             incomplete = document.get_word_before_cursor(WORD=True)
-            before = document.text_before_cursor
-            for word in line_offers(
-                before, list(VERBS), load, names, (*HELP, *LEAVE), lambda: list_poses(session)
-            ):
+            for word in line_offers(session, document.text_before_cursor):
                 yield Completion(word, -len(incomplete))
 
     try:
@@ -92,6 +115,22 @@ def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
             continue
         except EOFError:
             return
+
+
+def line_offers(session: Session, line: str) -> list[str]:
+    """The words that may follow a line in the shell, up to the cursor."""
+    *before, incomplete = line.split(" ")
+    before = [word for word in before if word]
+    if before[:1] == ["cbctl"]:
+        before = before[1:]
+    known = [verb for verb in VERBS if verb != "shell"]
+    if not before:
+        return [word for word in (*known, *HELP, *LEAVE) if word.startswith(incomplete)]
+    if before[0] in HELP and len(before) == 1:
+        return [verb for verb in known if verb.startswith(incomplete)]
+    if before[0] not in known:
+        return []
+    return offered(load(before[0]), session.typed(before[1:], incomplete))
 
 
 def history() -> Path:
