@@ -15,7 +15,7 @@ from ...startup import announce_often, leave_out_the_generator
 from ...urdf_xml import DescribedJoint, heard_joints
 from ..line.offers import Typed
 from ..line.options import Options
-from ..line.words import Quantity, Refused, UsageError, assigned, find_joints
+from ..line.words import Quantity, Refused, UsageError, assigned, assignments, find_joints
 from ..text.output import load_drawing
 
 #: Suffix of the unit of a position, by quantity.
@@ -201,30 +201,27 @@ class Session:
         """The joints that words select; none: all."""
         return find_joints(words or (), self.names)
 
-    def values(self, pairs: Sequence[tuple[str, Quantity]]) -> dict[str, float]:
-        """Values by joint, each with a unit that fits the joint.
+    def value(self, name: str, given: Quantity) -> float:
+        """A value in the board's unit.
 
         Raises:
-            Refused: an unknown joint, or degrees for a sliding joint and the like.
+            Refused: degrees for a sliding joint and the like.
         """
-        values = assigned(pairs, self.names)
-        for name, value in values.items():
-            joint = self.robot.get(name) if value.dimension else None
-            if joint is not None and joint.dimension != value.dimension:
-                unit = self.kind(name).choose("rad or deg", "m or mm")
-                raise Refused(f"{name} is {joint.kind}; give its value in {unit}")
-        return {name: value.value for name, value in values.items()}
+        joint = self.robot.get(name) if given.dimension else None
+        if joint is not None and joint.dimension != given.dimension:
+            unit = self.kind(name).choose("rad or deg", "m or mm")
+            raise Refused(f"{name} is {joint.kind}; give its value in {unit}")
+        return given.value
 
-    def within_limits(
-        self, pairs: Sequence[tuple[str, Quantity]], kind: str = "position"
-    ) -> dict[str, float]:
-        """Values of a kind by joint, as ``values``, within the limits that the board has now.
+    def within_limits(self, words: Sequence[str], kind: str = "position") -> dict[str, float]:
+        """Values by joint of ``JOINT=VALUE`` words, within the limits that the board has now.
 
         Raises:
-            Refused: as ``values``, or a value beyond the joint's limits.
+            UsageError: a word that is none.
+            Refused: an unknown joint, a unit that does not fit it, or a value beyond its limits.
         """
-        values = self.values(pairs)
-        given = assigned(pairs, self.names)
+        given = assigned(assignments(words, kind), self.names)
+        values = {name: self.value(name, value) for name, value in given.items()}
         kinds = {name: self.kind(name) for name in values}
         check_limits(kind, given, self.limits(list(values)), kinds)
         return values

@@ -136,7 +136,7 @@ def bounds_now(
             raise Refused(f"the board does not report the limits of {name}: nothing is moved")
         column = session.names.index(name)
         place = float(state.position[column])
-        asked = None if size is None else session.values([(name, size)])[name]
+        asked = None if size is None else session.value(name, size)
         if asked is not None and not asked > 0.0:
             raise UsageError(f"--range {reach} is not valid; give a size above 0")
         try:

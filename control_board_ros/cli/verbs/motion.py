@@ -18,7 +18,7 @@ from ..board.status import cancelled, what_they_do
 from ..board.streaming import RATE, end
 from ..line.arguments import JOINTS, VALUES, amount, argument, several, takes
 from ..line.jogging import Jog, keys_at_once, pressed
-from ..line.words import Refused, UsageError, assignments, short_names
+from ..line.words import Refused, UsageError, short_names
 from ..text.output import complain, conclude, console
 
 #: Tolerance of an arrival, rad and m.
@@ -37,7 +37,7 @@ NEAR, NEAR_SLIDING = 0.01, 1e-3
 )
 def move(session: Session, words: list[str], speed: float | None, wait: bool) -> int:
     """Move joints along a minimum-jerk profile (mode pos or mix). Ctrl-C stops them."""
-    values = session.within_limits(assignments(words, "position"))
+    values = session.within_limits(words)
     names, positions = list(values), list(values.values())
     client = session.client
     if not wait:
@@ -82,7 +82,7 @@ def near(session: Session, name: str) -> float:
 @takes(VALUES)
 def direct(session: Session, words: list[str]) -> int:
     """Step the position references at once (mode posd)."""
-    values = session.within_limits(assignments(words, "position"))
+    values = session.within_limits(words)
     reply = session.client.set_position(list(values), list(values.values()), answered=True)
     text = ", ".join(f"{name} to {session.position(name, v)}" for name, v in values.items())
     return conclude(session, reply, text, mode="posd")
@@ -171,7 +171,7 @@ def stop(session: Session, joints: list[str]) -> int:
 def speed(session: Session, words: list[str], acceleration: bool) -> int:
     """Set the reference speeds of later moves."""
     kind = "acceleration" if acceleration else "speed"
-    values = session.within_limits(assignments(words, kind), kind)
+    values = session.within_limits(words, kind)
     names, numbers = list(values), list(values.values())
     if acceleration:
         reply = session.client.set_ref_acceleration(names, numbers)

@@ -11,7 +11,7 @@ from ..board.session import Session
 from ..board.status import cancelled
 from ..line.arguments import amount, argument, several, takes
 from ..line.offers import Typed, joints
-from ..line.words import UsageError, assignments, short_names
+from ..line.words import UsageError, short_names
 from ..text.output import conclude, show
 from ..text.tables import grid
 
@@ -107,7 +107,7 @@ def save(session: Session, name: str, words: list[str], speed: float | None) -> 
     """Save a pose; the exit code."""
     mean = 0.0 if speed is None else speed
     if any("=" in word for word in words):
-        values = session.within_limits(assignments(words, "position"))
+        values = session.within_limits(words)
         reply = session.client.save_pose(name, list(values), list(values.values()), mean)
     else:
         reply = session.client.save_pose(name, session.joints(words), None, mean)

@@ -57,7 +57,7 @@ def step(
     if word is None:
         raise UsageError("name a joint, e.g. cbctl step joint_1 --size 5deg")
     experiment = prepare(session, word)
-    ((_, change),) = session.values([(experiment.joint, quantity(size, "position"))]).items()
+    change = session.value(experiment.joint, quantity(size, "position"))
     if not change:
         raise UsageError(f"--size {size} is no step; give an angle other than 0, e.g. 5deg")
     target = experiment.start + change
@@ -178,7 +178,7 @@ def chirp(
             f"give rising frequencies up to {HIGHEST:g} Hz"
         )
     experiment = prepare(session, word)
-    ((_, size),) = session.values([(experiment.joint, quantity(amplitude, "position"))]).items()
+    size = session.value(experiment.joint, quantity(amplitude, "position"))
     if size <= 0.0:
         raise UsageError(f"--amplitude {amplitude} is not valid; give one above 0, e.g. 2deg")
     check_reach(session, experiment, [experiment.start - size, experiment.start + size])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..board.session import Session
 from ..board.streaming import Send, stream
 from ..line.arguments import FOR, JOINTS, VALUES, argument, takes
-from ..line.words import UsageError, assignments, quantity
+from ..line.words import UsageError, quantity
 from ..text.output import conclude, note
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def velocities(
     """Stream velocities, or send them once; ``method`` of the client sends them."""
     if once and time is not None:
         raise UsageError("--once and --for exclude each other")
-    values = session.within_limits(assignments(words, "speed"), "speed")
+    values = session.within_limits(words, "speed")
     names, send = list(values), partial(method, answered=True)
     if once:
         reply = send(names, list(values.values()))
@@ -58,7 +58,7 @@ def velocities(
 @takes(VALUES, FOR)
 def torque(session: Session, words: list[str], time: float | None) -> int:
     """Set torques (mode torq); with --for stream them, then set zero."""
-    values = session.within_limits(assignments(words, "torque"), "torque")
+    values = session.within_limits(words, "torque")
     send = partial(session.client.set_ref_torque, answered=True)
     return lasting(session, send, values, time, "torque references", "{:g}", "torq")
 
@@ -66,7 +66,7 @@ def torque(session: Session, words: list[str], time: float | None) -> int:
 @takes(VALUES, FOR)
 def current(session: Session, words: list[str], time: float | None) -> int:
     """Set motor currents (mode icur); with --for stream them, then set zero."""
-    values = session.within_limits(assignments(words, "current"), "current")
+    values = session.within_limits(words, "current")
     send = partial(session.client.set_ref_current, answered=True)
     return lasting(session, send, values, time, "current references", "{:g} A", "icur")
 
@@ -74,7 +74,7 @@ def current(session: Session, words: list[str], time: float | None) -> int:
 @takes(VALUES, FOR)
 def output(session: Session, words: list[str], time: float | None) -> int:
     """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
-    values = session.within_limits(assignments(words, "output"), "output")
+    values = session.within_limits(words, "output")
     send = partial(session.client.set_output, answered=True)
     return lasting(session, send, values, time, "outputs", "{:g} %", "open")
 
