@@ -15,7 +15,7 @@ from ..board.recordings import Silence, keep_frames, read_boards, start
 from ..board.session import Session
 from ..line.arguments import FOR, amount, argument, patterns, takes
 from ..line.words import Refused, UsageError
-from ..text.output import DONE, REFUSED, complain, note, put, put_json
+from ..text.output import DONE, REFUSED, complain, note, show
 
 #: s between updates of the progress, and between checks of the boards.
 LOOK, LOOK_AT_BOARDS = 0.25, 2.0
@@ -111,15 +111,19 @@ def black_box(folder: Path, back: float, after: float) -> Any:
     from control_board_ros.recording.errors import library
 
     library("rosbags.rosbag2")  # what is missing is reported now, not at the first fault
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise Refused(f"cannot make {folder}: {error.strerror}") from None
+    make_folder(folder)
 
     def make(path: Path, why: str) -> Bag:
         return Bag(path, custom={"recorder": "cbctl record --last", "fault": why})
 
     return BlackBox(folder, back, after, make)
+
+
+def make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refused(f"cannot make {folder}: {error.strerror}") from None
 
 
 def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> str:
@@ -181,30 +185,29 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
     folders = written(sink)
     size = sum(file.stat().st_size for folder in folders for file in folder.glob("*.mcap"))
     count = sum(recorder.counts.values())
-    if session.options.json:
-        put_json(
-            {
-                "success": not why,
-                "message": why,
-                "folders": [str(folder) for folder in folders],
-                "tables": [str(table) for table in tables],
-                "messages": count,
-                "bytes": size,
-                "dropped": recorder.dropped,
-            }
-        )
-        return REFUSED if why else DONE
+    result = {
+        "success": not why,
+        "message": why,
+        "folders": [str(folder) for folder in folders],
+        "tables": [str(table) for table in tables],
+        "messages": count,
+        "bytes": size,
+        "dropped": recorder.dropped,
+    }
+    lines = []
     for folder in folders:
         files = len(list(folder.glob("*.mcap")))
-        put(f"{folder}: {files} {'file' if files == 1 else 'files'}")
+        lines.append(f"{folder}: {files} {'file' if files == 1 else 'files'}")
     if not folders:
-        put("no fault, nothing written")
-    put(f"{count} messages received, {size / 1e6:.1f} MB written, {recorder.dropped} dropped")
-    for table in tables:
-        put(f"table: {table}")
+        lines.append("no fault, nothing written")
+    lines += [
+        f"{count} messages received, {size / 1e6:.1f} MB written, {recorder.dropped} dropped",
+        *(f"table: {table}" for table in tables),
+    ]
     if folders:
-        put(f"see it with: cbctl report {folders[-1]} -o report.html")
-    if why:
+        lines.append(f"see it with: cbctl report {folders[-1]} -o report.html")
+    show(session, result, lambda: "\n".join(lines))
+    if why and not session.options.json:
         complain(f"the recording ended early: {why}")
     return REFUSED if why else DONE
 
@@ -234,12 +237,9 @@ def report(session: Session, recording: str, output: str | None, png: str | None
         pictures = write_pictures(Path(png), boards) if png else []
     except RecordingError as error:
         raise Refused(str(error)) from error
-    if session.options.json:
-        put_json({"success": True, "report": str(path), "pictures": list(map(str, pictures))})
-    else:
-        put(f"report: {path}")
-        for picture in pictures:
-            put(f"picture: {picture}")
+    result = {"success": True, "report": str(path), "pictures": list(map(str, pictures))}
+    lines = [f"report: {path}", *(f"picture: {picture}" for picture in pictures)]
+    show(session, result, lambda: "\n".join(lines))
     return DONE
 
 
@@ -260,10 +260,7 @@ def write_pictures(folder: Path, boards: list[Any]) -> list[Path]:
     from control_board_ros.recording.page import joint_charts
     from control_board_ros.recording.png import write_png
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise Refused(f"cannot make {folder}: {error.strerror}") from None
+    make_folder(folder)
     paths: list[Path] = []
     for board in boards:
         for joint in joint_charts(board):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from ..board.session import Session
 from ..line.arguments import amount, argument, takes
 from ..line.offers import joints
 from ..line.words import DEGREE, Refused, UsageError, quantity
-from ..text.output import DONE, conclude, put, put_json
+from ..text.output import DONE, conclude, show
 
 if TYPE_CHECKING:
     from control_board_ros.recording.figures import Response
@@ -103,42 +104,27 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
     moves = [m for m in moves_of(recording, joint, kind) if m.mode == STEPS.code]
     if not moves:
         raise Refused(f"the reference of {joint} did not move; is the board paused?")
-    names = ("rise", "settling", "overshoot", "steady-state error", "RMS error", "saturated")
-    rows, facts = [], []
+    rows, lines, sections = [], [], []
     for move in moves:
-        figures = move.step
-        values = (
-            figures.rise if figures else float("nan"),
-            figures.settling if figures else float("nan"),
-            figures.overshoot if figures else float("nan"),
-            move.steady_error,
-            move.tracking.rms,
-            move.saturated,
-        )
-        rows.append(dict(zip([n.replace(" ", "_") for n in names], values, strict=True)))
-        texts = (
-            f"{number(values[0])} s",
-            f"{number(values[1])} s",
-            f"{number(values[2], 1)} %",
-            difference(values[3], kind),
-            difference(values[4], kind),
-            f"{number(values[5])} s",
-        )
+        step = move.step
+        nan = float("nan")
+        rise, settling, over = (step.rise, step.settling, step.overshoot) if step else [nan] * 3
+        figures = {
+            "rise": (rise, f"{number(rise)} s"),
+            "settling": (settling, f"{number(settling)} s"),
+            "overshoot": (over, f"{number(over, 1)} %"),
+            "steady-state error": (move.steady_error, difference(move.steady_error, kind)),
+            "RMS error": (move.tracking.rms, difference(move.tracking.rms, kind)),
+            "saturated": (move.saturated, f"{number(move.saturated)} s"),
+        }
+        rows.append({name.replace(" ", "_"): value for name, (value, _) in figures.items()})
+        texts = [(name, text) for name, (_, text) in figures.items()]
         way = f"{session.position(joint, move.start)} → {session.position(joint, move.target)}"
-        facts.append((way, list(zip(names, texts, strict=True))))
-    sections = "".join(
-        chart_section(f"{joint}: step {way}", found, [step_chart(recording, move, kind)])
-        for (way, found), move in zip(facts, moves, strict=True)
-    )
-    report = write_report(folder, recording, sections)
-    if session.options.json:
-        put_json({"success": True, "joint": joint, "steps": rows, "report": report})
-        return DONE
-    for way, found in facts:
-        put(f"{joint} {way}: " + ", ".join(f"{name} {text}" for name, text in found))
-    if report:
-        put(f"report: {report}")
-    return DONE
+        lines.append(f"{joint} {way}: {listed(texts)}")
+        charts = [step_chart(recording, move, kind)]
+        sections.append(chart_section(f"{joint}: step {way}", texts, charts))
+    result = {"joint": joint, "steps": rows}
+    return show_result(session, recording, folder, "".join(sections), result, lines)
 
 
 @takes(
@@ -245,40 +231,45 @@ def show_response(
         ("least coherence", number(float(np.min(response.coherence)))),
     ]
     section = chart_section(f"{joint}: frequency response", facts, bode_charts(response))
-    report = write_report(folder, recording, section)
-    if session.options.json:
-        columns = ("frequency", "gain", "phase", "coherence")
-        put_json(
-            {"success": True, "joint": joint, "bandwidth": width}
-            | {column: getattr(response, column) for column in columns}
-            | {"report": report}
-        )
-        return DONE
-    put(f"{joint}: " + ", ".join(f"{name} {text}" for name, text in facts))
-    put_response(response)
-    if report:
-        put(f"report: {report}")
-    return DONE
+    columns = ("frequency", "gain", "phase", "coherence")
+    result = {"joint": joint, "bandwidth": width}
+    result |= {column: getattr(response, column) for column in columns}
+    lines = [f"{joint}: {listed(facts)}", *response_lines(response)]
+    return show_result(session, recording, folder, section, result, lines)
 
 
-def put_response(response: Response) -> None:
+def response_lines(response: Response) -> list[str]:
     """Twelve rows of a frequency response, from the lowest frequency to the highest."""
     import numpy as np
 
-    for k in np.unique(np.linspace(0, response.frequency.size - 1, 12).astype(int)):
-        gain = 20.0 * np.log10(max(response.gain[k], 1e-9))
-        put(
-            f"{response.frequency[k]:8.2f} Hz  {gain:7.2f} dB  {response.phase[k]:7.1f}°  "
-            f"coherence {response.coherence[k]:.2f}"
-        )
+    rows = np.unique(np.linspace(0, response.frequency.size - 1, 12).astype(int))
+    gains = 20.0 * np.log10(np.maximum(response.gain, 1e-9))
+    return [
+        f"{response.frequency[k]:8.2f} Hz  {gains[k]:7.2f} dB  {response.phase[k]:7.1f}°  "
+        f"coherence {response.coherence[k]:.2f}"
+        for k in rows
+    ]
 
 
-def write_report(folder: Path | None, recording: Any, section: str) -> str | None:
-    """A report beside the recording, if kept."""
+def listed(facts: Sequence[tuple[str, str]]) -> str:
+    return ", ".join(f"{name} {text}" for name, text in facts)
+
+
+def show_result(
+    session: Session,
+    recording: Any,
+    folder: Path | None,
+    section: str,
+    result: dict[str, Any],
+    lines: list[str],
+) -> int:
+    """Print a result; write the report, with a section on it, beside a recording that is kept."""
     from control_board_ros.recording.page import page, write_page
 
-    if folder is None:
-        return None
-    path = folder / "report.html"
-    write_page(path, page(str(folder), [recording], section))
-    return str(path)
+    report = None if folder is None else folder / "report.html"
+    if report:
+        write_page(report, page(str(folder), [recording], section))
+        lines = [*lines, f"report: {report}"]
+    result = {"success": True} | result | {"report": str(report) if report else None}
+    show(session, result, lambda: "\n".join(lines))
+    return DONE
