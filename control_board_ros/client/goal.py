@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 from uuid import uuid4
 
 from action_msgs.msg import GoalStatus
@@ -21,8 +21,7 @@ from control_board_ros.interface import Endpoint
 
 from .errors import BoardError
 from .executor_thread import GONE
-from .link import Link
-from .services import whole
+from .services import Services, whole
 from .waiting import Wait
 
 #: s between checks of the board's presence while a goal runs.
@@ -31,15 +30,15 @@ LOOK = 1.0
 FEEDBACK_KEPT = 100
 #: Success, message, codes.
 Outcome = tuple[bool, str, Sequence[str]]
+F = TypeVar("F")
 
 
 class Goal:
     """An active goal.
 
     Args:
-        link: the connection.
+        services: of the board.
         action: the action's endpoint.
-        changed: called on acceptance and at the end.
         on_feedback: called with each feedback, in the link's thread.
         on_result: called with the result, likewise.
         outcome: reads a result: whether it succeeded, its message, and the codes of refusals.
@@ -47,15 +46,15 @@ class Goal:
 
     def __init__(
         self,
-        link: Link,
+        services: Services,
         action: Endpoint,
-        changed: Callable[[], None],
         on_feedback: Callable[[Any], None] = lambda _: None,
         on_result: Callable[[Any], None] = lambda _: None,
         outcome: Callable[[Any], Outcome] = lambda r: (r.success, r.message, r.codes),
     ) -> None:
-        self._link, self._thread, self._action = link, link.thread, action
-        self._name, self._changed = action.short, changed
+        self._link, self._thread = services.link, services.link.thread
+        self._action, self._name = action, action.short
+        self._changed = services.states.changed
         self._on_feedback, self._on_result = on_feedback, on_result
         self._outcome = outcome
         self._id = UUID(uuid=list(uuid4().bytes))
@@ -70,7 +69,8 @@ class Goal:
         self,
         fields: dict[str, Any],
         names: tuple[str, ...],
-        show: Callable[[Any], None],
+        feedback: Callable[[F], None] | None,
+        read: Callable[[Any], F],
         *,
         to_the_end: bool = True,
     ) -> Reply:
@@ -81,9 +81,15 @@ class Goal:
         Args:
             fields: of the goal message.
             names: of the joints concerned.
-            show: called with each feedback in the caller's thread.
+            feedback: called in the caller's thread.
+            read: makes its argument of a feedback message.
             to_the_end: false: return at the first feedback.
         """
+
+        def show(message: Any) -> None:
+            if feedback is not None:
+                feedback(read(message))
+
         self._client = await self._link.action(self._action)
         try:
             if not await self._send(fields):

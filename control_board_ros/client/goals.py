@@ -24,6 +24,7 @@ from control_board_ros.protocols import Floats, Joints, Values
 
 from .goal import Goal
 from .operations import Interface, operation
+from .state import seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,13 +90,10 @@ class Goals(Interface):
         except RequestError as error:
             return refused(str(error))
 
-        def show(message: Any) -> None:
-            if feedback is not None:
-                measured = np.array(message.positions)
-                feedback(MoveFeedback(tuple(message.names), measured, message.remaining_time))
+        def read(sent: Any) -> MoveFeedback:
+            return MoveFeedback(tuple(sent.names), np.array(sent.positions), sent.remaining_time)
 
-        goal = Goal(self._link, MOVE, self._services.states.changed)
-        return await goal.run(fields, selection.names, show)
+        return await Goal(self._services, MOVE).run(fields, selection.names, feedback, read)
 
     @operation
     async def follow_trajectory(
@@ -124,18 +122,15 @@ class Goals(Interface):
         except RequestError as error:
             return refused(str(error))
 
-        def show(message: Any) -> None:
-            if feedback is not None:
-                past = message.desired.time_from_start
-                feedback(past.sec + 1e-9 * past.nanosec)
-
         goal = Goal(
-            self._link,
+            self._services,
             FOLLOW_JOINT_TRAJECTORY,
-            self._services.states.changed,
             outcome=lambda result: (result.error_code == 0, result.error_string, ()),
         )
-        return await goal.run({"trajectory": message}, selection.names, show)
+        fields = {"trajectory": message}
+        return await goal.run(
+            fields, selection.names, feedback, lambda sent: seconds(sent.desired.time_from_start)
+        )
 
     @operation
     async def calibrate(
@@ -158,22 +153,19 @@ class Goals(Interface):
             selection = await self._services.select(joints)
         except RequestError as error:
             return refused(str(error))
-        names, view, services = selection.names, self._services.calibrations, self._services
+        names, view = selection.names, self._services.calibrations
         view.started(names)
 
-        def show(message: Any) -> None:
-            if feedback is not None:
-                progress = np.array(message.progress)
-                feedback(CalibrationFeedback(tuple(message.names), progress, message.phase))
+        def read(sent: Any) -> CalibrationFeedback:
+            return CalibrationFeedback(tuple(sent.names), np.array(sent.progress), sent.phase)
 
         goal = Goal(
-            services.link,
+            self._services,
             CALIBRATE,
-            services.states.changed,
             view.on_feedback,
             lambda result: view.ended(names, result.success, result.message),
         )
-        return await goal.run({"names": list(names)}, names, show, to_the_end=wait)
+        return await goal.run({"names": list(names)}, names, feedback, read, to_the_end=wait)
 
     @operation
     async def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:

@@ -23,7 +23,6 @@ from ..interface import (
     SET_PIDS,
 )
 from ..protocols import Flags, Floats, Joints, Values
-from .checking import check_asked
 from .operations import Interface, operation, request
 from .services import reply_of
 
@@ -186,12 +185,7 @@ class MotorRequests(Interface):
         Raises:
             RequestError: a joint or a loop that does not exist.
         """
-        selection = await self._services.select(joints)
-        names = list(selection.names)
-        response = await self._link.call(GET_PIDS, names=names, loop=loop_of(loop).value)
-        if not response.success:
-            raise RequestError(response.message)
-        check_asked(GET_PIDS, response, len(names), self._link.name)
+        response = await self._services.read(GET_PIDS, joints, loop=loop_of(loop).value)
         return Pids(**arrays(response, Pids))
 
     @operation

@@ -10,6 +10,9 @@ An interface of the client is a class of coroutines ::
 ``client.get_control_mode(0)`` blocks, ``await client.aio.get_control_mode(0)`` waits in asyncio or
 in an rclpy executor, and within an interface ``await self.get_control_mode(0)`` is the coroutine
 itself. Type checkers and ``help()`` show each form with its parameters.
+
+A coroutine awaits a :class:`Wait` for each event from the board. :func:`run` drives it in this
+thread, :func:`run_async` in the user's task, under asyncio and in an rclpy executor alike.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from control_board_ros.core.terms.reply import Reply, refused
 from .errors import BoardError
 from .executor_thread import GONE
 from .services import Services
-from .waiting import run, run_async
+from .waiting import Wait
 
 R = TypeVar("R")
 P = ParamSpec("P")
@@ -118,3 +121,35 @@ def gone_as_board_error() -> Iterator[None]:
             "the connection is gone; was rclpy shut down, the client closed, or the node "
             "destroyed? make a new client"
         ) from error
+
+
+def run(coroutine: Coroutine[Wait, None, R]) -> R:
+    """The blocking form: wait in this thread."""
+    try:
+        wait = coroutine.send(None)
+        while True:
+            try:
+                wait.block()
+            except BaseException as error:  # noqa: BLE001  (passed on)
+                wait = coroutine.throw(error)  # Ctrl-C: a move then cancels its goal
+            else:
+                wait = coroutine.send(None)
+    except StopIteration as stop:
+        result: R = stop.value
+        return result
+
+
+async def run_async(coroutine: Coroutine[Wait, None, R], wake: Callable[[], None]) -> R:
+    """The awaitable form: wait in the user's task; ``wake``: see :meth:`Wait.wait`."""
+    try:
+        wait = coroutine.send(None)
+        while True:
+            try:
+                await wait.wait(wake)
+            except BaseException as error:  # noqa: BLE001  (passed on)
+                wait = coroutine.throw(error)
+            else:
+                wait = coroutine.send(None)
+    except StopIteration as stop:
+        result: R = stop.value
+        return result

@@ -81,13 +81,12 @@ class PoseRequests(Interface):
             positions: rad; None: as measured.
             speed: mean speed of the slowest joint, rad/s; 0: the set reference speeds.
         """
-        selection = await self._services.select(joints)
-        names = selection.names
+        names = (await self._services.select(joints)).names
         given: list[float] = []
         if positions is not None:
             given = spread(positions, len(names), "positions").tolist()
         response = await self._link.call(
-            SAVE_POSE, names=list(selection.names), name=pose, positions=given, speed=float(speed)
+            SAVE_POSE, names=list(names), name=pose, positions=given, speed=float(speed)
         )
         return whole(response.success, response.message, names)
 
@@ -112,13 +111,11 @@ class PoseRequests(Interface):
         if not names:
             return refused(response.message)
 
-        def show(message: Any) -> None:
-            if feedback is not None:
-                feedback(PoseFeedback(tuple(message.names), np.array(message.remaining)))
+        def read(sent: Any) -> PoseFeedback:
+            return PoseFeedback(tuple(sent.names), np.array(sent.remaining))
 
-        goal = Goal(self._link, GO_TO_POSE, self._services.states.changed)
         fields = {"pose": pose, "speed": 0.0 if speed is None else float(speed)}
-        return await goal.run(fields, names, show)
+        return await Goal(self._services, GO_TO_POSE).run(fields, names, feedback, read)
 
     @operation
     async def home(

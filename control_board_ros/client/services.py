@@ -75,15 +75,15 @@ class Services:
         selector = await self.find()
         return selector.select(joints)
 
-    async def read(self, service: Endpoint, joints: Joints) -> Any:
-        """The response of a getter.
+    async def read(self, service: Endpoint, joints: Joints, **fields: Any) -> Any:
+        """The response of a getter; ``fields``: others of the request.
 
         Raises:
             RequestError: an unknown joint, or one named twice.
             BoardError: the response is invalid.
         """
         selection = await self.select(joints)
-        response = await self.link.call(service, names=list(selection.names))
+        response = await self.link.call(service, names=list(selection.names), **fields)
         if not response.success:
             raise RequestError(clean(response.message, MESSAGE))
         check_asked(service, response, len(selection.names), self.link.name)

@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting: one implementation of blocking and awaitable operations.
-
-An operation is a coroutine that awaits a :class:`Wait` for each event from the
-board. :func:`run` drives it in this thread, :func:`run_async` in the user's task, under
-asyncio and in an rclpy executor alike.
-"""
+"""What an operation awaits: an event from the board, for a thread, asyncio, or rclpy."""
 
 from __future__ import annotations
 
@@ -12,10 +7,7 @@ import asyncio
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Coroutine, Generator
-from typing import TypeVar
-
-R = TypeVar("R")
+from collections.abc import Callable, Generator
 
 
 class Wait:
@@ -112,35 +104,3 @@ class _Resume:
 
     def __await__(self) -> Generator[None, None, None]:
         yield
-
-
-def run(coroutine: Coroutine[Wait, None, R]) -> R:
-    """The blocking form: wait in this thread."""
-    try:
-        wait = coroutine.send(None)
-        while True:
-            try:
-                wait.block()
-            except BaseException as error:  # noqa: BLE001  (passed on)
-                wait = coroutine.throw(error)  # Ctrl-C: a move then cancels its goal
-            else:
-                wait = coroutine.send(None)
-    except StopIteration as stop:
-        result: R = stop.value
-        return result
-
-
-async def run_async(coroutine: Coroutine[Wait, None, R], wake: Callable[[], None]) -> R:
-    """The awaitable form: wait in the user's task; ``wake``: see :meth:`Wait.wait`."""
-    try:
-        wait = coroutine.send(None)
-        while True:
-            try:
-                await wait.wait(wake)
-            except BaseException as error:  # noqa: BLE001  (passed on)
-                wait = coroutine.throw(error)
-            else:
-                wait = coroutine.send(None)
-    except StopIteration as stop:
-        result: R = stop.value
-        return result

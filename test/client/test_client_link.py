@@ -19,7 +19,7 @@ from talk import until
 
 from control_board_ros.client import BoardNotFound, BoardTimeout, InvalidAnswer, state
 from control_board_ros.client.link import Link
-from control_board_ros.client.waiting import run
+from control_board_ros.client.operations import run
 from control_board_ros.interface import (
     GET_CONTROL_MODE,
     MOVE,

@@ -15,11 +15,17 @@ from control_board_msgs.msg import BoardState
 from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
 from control_board_ros.client.link import Link
 from control_board_ros.client.modes import mode_texts
-from control_board_ros.client.operations import Awaitable, Blocking, Interface, operation
+from control_board_ros.client.operations import (
+    Awaitable,
+    Blocking,
+    Interface,
+    operation,
+    run,
+)
 from control_board_ros.client.references import as_given
 from control_board_ros.client.services import Services, reply_of
 from control_board_ros.client.state import CalibrationView, StateView
-from control_board_ros.client.waiting import Wait, run
+from control_board_ros.client.waiting import Wait
 from control_board_ros.core.terms.reply import Answer, accepted, refused, sent
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
