@@ -120,7 +120,6 @@ def command(name: str, type_: str, meaning: str, reference: K | None = None) -> 
 
 
 def service(name: str, type_: str, meaning: str) -> Endpoint:
-    """A service of the board."""
     return Endpoint("service", name, full("srv", type_), REQUESTS, meaning)
 
 

@@ -40,7 +40,6 @@ FIELDS = tuple(field.name for field in fields(JointLimits))
 
 
 def limit_parameters(joints: Iterable[str]) -> list[str]:
-    """Names of the parameters with the limits of joints."""
     return [f"{joint}.limits.{field}" for joint in joints for field in FIELDS]
 
 

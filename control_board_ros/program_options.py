@@ -14,7 +14,6 @@ Option = tuple[tuple[str, ...], dict[str, Any]]
 
 
 def option(*names: str, **settings: Any) -> Option:
-    """The arguments of ``ArgumentParser.add_argument``."""
     return names, settings
 
 

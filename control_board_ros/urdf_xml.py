@@ -84,7 +84,6 @@ def heard(urdf: str) -> ET.Element:
 
 
 def joints_in(robot: ET.Element) -> dict[str, DescribedJoint]:
-    """The joints of a description by name."""
     return {joint.get("name", ""): joint_of(joint) for joint in robot.findall("joint")}
 
 

@@ -135,7 +135,6 @@ def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) 
 
 
 def put_version(*, as_json: bool) -> None:
-    """Print the version of the package."""
     if as_json:
         put_json({"version": __version__})
     else:

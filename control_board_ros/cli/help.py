@@ -85,7 +85,6 @@ def panel(title: str, rows: Iterable[tuple[str, str]]) -> Any:
 
 
 def put_page(usage: str, texts: Sequence[str], panels: Sequence[Any]) -> None:
-    """Print one page of help."""
     from rich.console import Group
     from rich.padding import Padding
     from rich.text import Text

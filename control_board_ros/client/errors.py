@@ -26,5 +26,4 @@ class InvalidAnswer(BoardError):  # noqa: N818
 
 
 def one_line(error: BaseException) -> str:
-    """The text of an exception in one line."""
     return " ".join(str(error).split()) or type(error).__name__

@@ -90,7 +90,6 @@ class ExecutorThread:
         return max(min(deadlines) - time.monotonic(), 0.0) + 1e-4 if deadlines else None
 
     def _finish_due(self) -> None:
-        """Finish completed and expired waits."""
         now = time.monotonic()
         with self._lock:
             waits = list(self._waits)

@@ -120,7 +120,6 @@ class Goal:
         return whole(success, message, names, codes)
 
     async def _send(self, fields: dict[str, Any]) -> bool:
-        """Send the goal; returns whether it was accepted."""
         goal = self._action.load().Goal(**fields)
 
         def send() -> None:

@@ -243,7 +243,6 @@ class Link:
     # Discovery
 
     def is_there(self) -> bool:
-        """Whether the board publishes its modes."""
         return bool(self._node.count_publishers(self._modes_topic))
 
     def _identity(self) -> frozenset[bytes]:
@@ -265,7 +264,6 @@ class Link:
         )
 
     def not_found(self, after: float | None = None) -> BoardNotFound:
-        """Error for a board not found within ``after`` s."""
         patience = self.find_timeout if after is None else after
         seen = [name for name in boards_on(self._node) if name != self.name]
         what = f"no board found on domain {self.domain} after {patience:g} s"
@@ -277,7 +275,6 @@ class Link:
         )
 
     def timed_out(self, endpoint: Endpoint, after: float | None = None) -> BoardTimeout:
-        """Error for an answer not received within ``after`` s."""
         patience = self.answer_timeout if after is None else after
         return BoardTimeout(
             f"no answer from {endpoint.of(self.name)} after {patience:g} s; "

@@ -20,7 +20,6 @@ POLL = 0.05
 
 
 def is_pattern(board: str) -> bool:
-    """Whether a name of boards is a pattern."""
     return any(mark in board for mark in "*?[")
 
 

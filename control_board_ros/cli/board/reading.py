@@ -96,7 +96,6 @@ def read_faults(session: Session, names: list[str]) -> Rows:
 
 
 def read_references(session: Session, names: list[str]) -> Rows:
-    """The last accepted reference of every kind."""
     client = session.client
     read = {
         "position": client.get_target_position,
@@ -114,7 +113,6 @@ def read_references(session: Session, names: list[str]) -> Rows:
 
 
 def read_impedance(session: Session, names: list[str]) -> Rows:
-    """Stiffness, damping, their maxima and the torque offset of each joint."""
     client = session.client
     stiffness, damping = (by_joint(names, v) for v in client.get_impedance(names))
     max_stiffness, max_damping = (by_joint(names, v) for v in client.get_max_impedance(names))

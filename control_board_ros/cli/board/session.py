@@ -109,7 +109,6 @@ class Session:
         return made
 
     def close(self) -> None:
-        """End the connection, if open."""
         self._stack.close()
         self.__dict__.pop("client", None)
         self.__dict__.pop("node", None)
@@ -175,7 +174,6 @@ class Session:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The board's joints."""
         return self.client.names
 
     def typed(self, before: Sequence[str], incomplete: str) -> Typed:
@@ -253,5 +251,4 @@ class Session:
             return {}
 
     def position(self, name: str, value: float) -> str:
-        """A position of a joint as text."""
         return self.kind(name).position(value)

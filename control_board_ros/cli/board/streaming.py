@@ -114,7 +114,6 @@ def where(session: Session, names: list[str]) -> str:
 
 
 def accepted_joints(reply: Reply) -> list[str]:
-    """The joints that accepted the references."""
     answers = zip(reply.joints, reply.answers, strict=True)
     return [name for name, answer in answers if answer == "accepted"]
 

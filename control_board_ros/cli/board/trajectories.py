@@ -47,6 +47,5 @@ def approach(
 
 
 def agreed() -> bool:
-    """Ask for confirmation on the terminal."""
     print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")

@@ -129,7 +129,6 @@ class Parser(argparse.ArgumentParser):
 
 
 def joints_then_mode(codes: Sequence[str]) -> Argument:
-    """Joints, then one of these modes."""
     return argument(
         "words",
         nargs="+",

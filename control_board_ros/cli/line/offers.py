@@ -34,12 +34,10 @@ def joints(typed: Typed) -> list[str]:
 
 
 def joints_or_all(typed: Typed) -> list[str]:
-    """Joints, or ``all``."""
     return [*joints(typed), "all"]
 
 
 def assignments(typed: Typed) -> list[str]:
-    """``JOINT=``."""
     return [f"{joint}=" for joint in joints(typed)]
 
 
@@ -49,8 +47,6 @@ def one_of(words: Sequence[str]) -> Offers:
 
 
 def joints_then(words: Sequence[str]) -> Offers:
-    """Joints, then one of these words."""
-
     def offered(typed: Typed) -> Sequence[str]:
         last = [word for word in words if word.startswith(typed.incomplete)]
         return last if typed.before and last else joints_or_all(typed)

@@ -118,7 +118,6 @@ def put(result: Any, *, width: int | None = None) -> None:
 
 
 def put_json(value: Any) -> None:
-    """Print one line of JSON on stdout."""
     put(json_line(plain(value)))
 
 

@@ -61,7 +61,6 @@ def grid(
 
 
 def text_of(cell: Any) -> Text:
-    """A cell as rich's Text."""
     from rich.text import Text
 
     return Text(cell) if isinstance(cell, str) else cell

@@ -67,7 +67,6 @@ VERBS = {name: module for verbs in SECTIONS.values() for name, module in verbs.i
 
 
 def load(name: str) -> Callable[..., Any]:
-    """The function of a verb."""
     module = import_module(f"{__name__}.{VERBS[name]}")
     verb: Callable[..., Any] = getattr(module, name.replace("-", "_"))
     return verb

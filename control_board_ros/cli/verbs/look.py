@@ -34,7 +34,6 @@ HEIGHT = 6
 
 
 def frame_rows(frame: FreezeFrame) -> dict[str, Any]:
-    """A freeze frame as JSON values."""
     from control_board_ros.client.freeze_frame import NUMBERS
 
     found = {name: getattr(frame, name).tolist() for name in (*NUMBERS, "motion_done")}
@@ -229,7 +228,6 @@ def faults_table(rows: Rows, names: Sequence[str], cleared: int) -> Any:
 
 
 def when(stamp: float) -> str:
-    """A time stamp as text."""
     if stamp < DATES_FROM:
         return f"{stamp:.3f} s"
     return f"{datetime.fromtimestamp(stamp):%H:%M:%S}"

@@ -70,12 +70,10 @@ def move(session: Session, words: list[str], speed: float | None, wait: bool) ->
 def arrived(
     session: Session, name: str, reached: dict[str, float], targets: dict[str, float]
 ) -> bool:
-    """Whether the measured position of a joint is at its target."""
     return abs(reached[name] - targets[name]) <= near(session, name)
 
 
 def near(session: Session, name: str) -> float:
-    """Tolerance of an arrival, rad or m."""
     return session.kind(name).choose(NEAR, NEAR_SLIDING)
 
 

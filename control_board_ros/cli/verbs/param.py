@@ -135,14 +135,12 @@ def above(folder: str) -> list[str]:
 
 
 def all_values(session: Session) -> Values:
-    """All parameters of a board that have a value, as YAML has them."""
     names = [n for n in session.client.list_parameters() if not n.startswith(OF_RCLPY)]
     values = session.client.get_parameters(names)
     return {name: yaml_value(value) for name, value in values.items() if value is not None}
 
 
 def yaml_value(value: Any) -> Any:
-    """A value as YAML has it."""
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -247,5 +245,4 @@ def save(session: Session, path: Path, parts: list[str]) -> int:
 
 
 def lines(values: dict[str, Any]) -> str:
-    """A line for each parameter."""
     return "\n".join(f"{name}: {value}" for name, value in values.items())

@@ -169,7 +169,6 @@ def progress(recorder: Any, sink: Any, elapsed: float) -> str:
 
 
 def written(sink: Any) -> list[Path]:
-    """The folders with recordings."""
     return [path for path, _ in sink.saved] if hasattr(sink, "saved") else [sink.folder]
 
 

@@ -150,7 +150,6 @@ def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
 
 
 def layout() -> Path:
-    """Path of the installed layout."""
     from ament_index_python.packages import get_package_share_directory
 
     share = Path(get_package_share_directory("control_board_ros"))

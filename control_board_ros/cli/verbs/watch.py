@@ -137,11 +137,9 @@ class View:
         self.rows: Rows = {}
 
     def read(self) -> None:
-        """Read the state."""
         self.rows = read_state(self.session, self._names)
 
     def table(self, width: int) -> Any:
-        """The table of the rows."""
         return watch_table(self.session, self.rows, self._limits, width)
 
     def columns(self) -> dict[str, list[Text]]:
@@ -163,7 +161,6 @@ def frame(session: Session, views: Sequence[View]) -> None:
 
 
 def values_of(views: Sequence[View]) -> dict[str, Any]:
-    """The rows: by joint, or of several boards by board and joint."""
     return views[0].rows if len(views) == 1 else {view.board: view.rows for view in views}
 
 
