@@ -18,18 +18,12 @@ from .session import Session
 
 def read_boards(session: Session) -> list[Any]:
     """The parameters of the selected boards."""
-    from control_board_ros.client import ControlBoardClient
     from control_board_ros.recording.parameters import Parameters
 
     parameters = []
     for board in boards_meant(session):
-        with ControlBoardClient(
-            session.node,
-            board,
-            find_timeout=session.options.timeout,
-            answer_timeout=max(session.options.timeout, 1.0),
-        ) as client:
-            parameters.append(Parameters.read(client))
+        with session.beside(board) as one:
+            parameters.append(Parameters.read(one.client))
     return parameters
 
 

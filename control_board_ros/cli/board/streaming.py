@@ -6,16 +6,14 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+
+from control_board_ros.core.terms.reply import Answer, Reply, joints_of
 
 from ..line.words import short_names
 from ..text.output import REFUSED, conclude, note
 from .progress import Bar, Standstill
 from .session import Session
 from .status import warn_not_holding, what_they_do
-
-if TYPE_CHECKING:
-    from control_board_ros.core.terms.reply import Reply
 
 #: Hz; velocity references expire after 0.2 s unless configured otherwise.
 RATE = 50.0
@@ -24,7 +22,7 @@ RAMP_TIMEOUT = 5.0
 #: Maximum number of joints whose positions are shown.
 SHOWN = 2
 
-Send = Callable[[list[str], list[float]], "Reply"]
+Send = Callable[[list[str], list[float]], Reply]
 
 
 def settle(session: Session, names: list[str]) -> None:
@@ -67,7 +65,7 @@ def stream(
     except KeyboardInterrupt:
         interrupted = seconds is not None
     if reply is not None and not reply:
-        if accepting := accepted_joints(reply):
+        if accepting := joints_of(reply, Answer.ACCEPTED):
             end(session, send, accepting)
         return conclude(session, reply, mode=mode)
     if interrupted:
@@ -111,11 +109,6 @@ def where(session: Session, names: list[str]) -> str:
         if name in names
     ]
     return ", ".join(positions[:SHOWN]) + (", …" if len(positions) > SHOWN else "")
-
-
-def accepted_joints(reply: Reply) -> list[str]:
-    answers = zip(reply.joints, reply.answers, strict=True)
-    return [name for name, answer in answers if answer == "accepted"]
 
 
 def end(session: Session, send: Send, names: list[str]) -> Reply:

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Sequence
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode
 
+from ..line.words import UsageError
+from ..text.output import note
 from .session import Session
 
 #: Modes of joints after an early end.
@@ -46,6 +48,16 @@ def approach(
     return reply
 
 
-def agreed() -> bool:
+def check_asking(yes: bool) -> None:
+    """Raise UsageError where nobody can confirm a motion."""
+    if not yes and not sys.stdin.isatty():
+        raise UsageError("no terminal for the confirmation to move; give --yes")
+
+
+def agreed(session: Session, motion: str, yes: bool) -> bool:
+    """Report a motion, and ask for confirmation on the terminal, unless ``yes``."""
+    note(session, motion)
+    if yes:
+        return True
     print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from control_board_ros.core.terms.reply import Reply
 
-#: Step and verb by code of a reply; names of joints follow the verb.
+#: Step and line by code of a reply.
 STEPS = {
-    "in_fault": ("clear with", "clear"),
-    "emergency_stop": ("release with", "estop"),
-    "uncalibrated": ("calibrate with", "calibrate"),
-    "brake_closed": ("return the brake to the board with", "brake"),
-    "other_mode": ("switch with", "mode"),
-    "nothing_to_stop": ("disable with", "mode"),
+    "in_fault": ("clear with", "clear {joints}"),
+    "emergency_stop": ("release with", "estop release"),
+    "uncalibrated": ("calibrate with", "calibrate {joints}"),
+    "brake_closed": ("return the brake to the board with", "brake {joints} automatic"),
+    "other_mode": ("switch with", "mode {joints} {mode}"),
+    "nothing_to_stop": ("disable with", "mode {joints} idl"),
+    "not_configured": ("configure with", "configure"),
 }
 
 
@@ -33,17 +34,9 @@ def advice(
     """
     texts = []
     for code in dict.fromkeys(reply.codes):
-        names = [n for n, its in zip(reply.joints, reply.codes, strict=True) if its == code]
-        if code == "not_configured":
-            texts.append(f"configure with: {line('configure')}")
-        elif code in STEPS:
-            what, verb = STEPS[code]
-            words = "all" if len(names) == len(everyone) else " ".join(names)
-            wanted = {
-                "other_mode": mode,
-                "nothing_to_stop": "idl",
-                "brake_closed": "automatic",
-            }.get(code, "")
-            words, wanted = ("release", "") if verb == "estop" else (words, wanted)
-            texts.append(f"{what}: {line(verb, words, wanted)}")
+        if code in STEPS:
+            what, words = STEPS[code]
+            names = [n for n, its in zip(reply.joints, reply.codes, strict=True) if its == code]
+            joints = "all" if len(names) == len(everyone) else " ".join(names)
+            texts.append(f"{what}: {line(words.format(joints=joints, mode=mode))}")
     return ", then ".join(texts)

@@ -19,7 +19,7 @@ from ..board.progress import Bar
 from ..board.recordings import recorded
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
-from ..board.trajectories import agreed, approach, followed
+from ..board.trajectories import agreed, approach, check_asking, followed
 from ..line.arguments import FOR, JOINTS, argument, takes
 from ..line.jogging import keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
@@ -184,8 +184,7 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
 
     if not 0.0 < speed <= 10.0:
         raise UsageError(f"--speed {speed:g} is not valid; give a factor above 0 and up to 10")
-    if not yes and not sys.stdin.isatty():
-        raise UsageError("no terminal for the confirmation to move; give --yes")
+    check_asking(yes)
     try:
         board = recording_of(session, Path(recording))
         names = session.joints(joints) if joints else guided_in(session, board)
@@ -197,7 +196,7 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
     except RecordingError as error:
         raise Refused(str(error)) from error
     starts = dict(zip(names, way.positions[0].tolist(), strict=True))
-    if not goes_on(session, starts, way.duration, yes):
+    if not agreed(session, motion_in_words(session, starts, way.duration), yes):
         return fail("nothing was moved", REFUSED, as_json=session.options.json)
     if way.stretched > 1.0:
         note(session, f"the limits extend the motion to {way.stretched:.2g} times its duration")
@@ -251,8 +250,7 @@ def guided_in(session: Session, board: Any) -> list[str]:
     return soft or mine
 
 
-def goes_on(session: Session, starts: dict[str, float], seconds: float, yes: bool) -> bool:
-    """Report the motion, and ask for confirmation."""
+def motion_in_words(session: Session, starts: dict[str, float], seconds: float) -> str:
     here = dict(zip(starts, session.client.get_encoder(list(starts)).tolist(), strict=True))
     ways = [
         f"{name} {session.position(name, here[name])} → {session.position(name, goal)}"
@@ -260,7 +258,4 @@ def goes_on(session: Session, starts: dict[str, float], seconds: float, yes: boo
         if abs(goal - here[name]) > NEAR
     ]
     there = f"first the joints move to its start: {', '.join(ways)}; then " if ways else ""
-    note(session, f"{there}{', '.join(starts)} follow the motion for {seconds:.1f} s")
-    if yes:
-        return True
-    return agreed()
+    return f"{there}{', '.join(starts)} follow the motion for {seconds:.1f} s"

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -26,7 +25,7 @@ from ..board.progress import Bar
 from ..board.recordings import recorded
 from ..board.session import Session
 from ..board.status import cancelled
-from ..board.trajectories import agreed, approach, followed
+from ..board.trajectories import agreed, approach, check_asking, followed
 from ..line.arguments import JOINTS, argument, takes
 from ..line.words import Refused, UsageError, quantity
 from ..text.output import REFUSED, fail, note
@@ -96,16 +95,15 @@ def identify(
     for name, share in shares.items():
         if not 0.0 < share <= 1.0:
             raise UsageError(f"--{name} {share:g} is not valid; give a share above 0 and up to 1")
-    if not yes and not sys.stdin.isatty():
-        raise UsageError("no terminal for the confirmation to move; give --yes")
+    check_asking(yes)
     if keep is not None and Path(keep).exists():
         raise Refused(f"{keep} exists already; choose another name")
     bounds = bounds_now(session, session.joints(joints), reach, shares)
     motions = motions_of(bounds)
     seconds = sum(motion.duration for motion in motions)
     ways = ", ".join(way(session, one) for one in bounds)
-    note(session, f"for about {seconds / 60.0:.1f} min these joints move: {ways}")
-    if not yes and not agreed():
+    motion = f"for about {seconds / 60.0:.1f} min these joints move: {ways}"
+    if not agreed(session, motion, yes):
         return fail("nothing was moved", REFUSED, as_json=session.options.json)
     with contextlib.ExitStack() as stack:
         temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="cbctl"))
