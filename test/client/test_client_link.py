@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Iterator
@@ -54,66 +55,74 @@ class Ear:
             return self._changed.wait_for(lambda: self.received == list(values), GUARD)
 
 
-def test_a_command_waits_for_the_board_itself() -> None:
-    """Not for a panel or a recorder, which subscribes to the same topic."""
-    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
-        link = Link(user, "board", find_timeout=0.5, answer_timeout=GUARD)
-        try:
-            with ros_node(domain, "panel") as panel:
-                other = Ear(panel)
-                with pytest.raises(BoardNotFound):
-                    run(link.publish(POSITION_COMMAND, positions=[1.0]))
-                link.find_timeout = GUARD
-                for value in (2.0, 3.0):  # and again of a board that was restarted
-                    with ros_node(domain, "board") as node:
-                        node.create_publisher(JointModes, "~/modes", 1)
-                        own = Ear(node)
-                        run(link.publish(POSITION_COMMAND, positions=[value]))
-                        assert own.receives(value)
-                assert other.receives(2.0, 3.0)
-        finally:
-            link.close()
+class Board:
+    """A node that publishes modes and is asked for them; ``loses`` that many answers first.
+
+    Attributes: sent (what became of each answer).
+    """
+
+    def __init__(self, node: Any, loses: float = 0) -> None:
+        self.loses, self.sent = loses, list[str]()
+        node.create_publisher(JointModes, "~/modes", 1)
+        asked = node.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
+        answer = asked.send_response
+
+        def send(*of: Any) -> None:
+            self.sent.append("lost" if self.loses else "answered")
+            if self.loses:
+                self.loses -= 1
+            else:
+                answer(*of)
+
+        asked.send_response = send
 
 
-def test_what_was_published_is_settled_when_a_call_has_been_answered() -> None:
-    """A call that failed settles nothing: the next one queries again."""
-    sent: list[str] = []
+@pytest.fixture
+def link() -> Iterator[Link]:
+    """A connection to ``/board``, on a domain of its own."""
     with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
         link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
-        with ros_node(domain, "board") as board:
-            board.create_publisher(JointModes, "~/modes", 1)
-            ear = Ear(board)
-            asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
-            answer = asked.send_response
-
-            losing = False
-
-            def send(*of: Any) -> None:
-                sent.append("lost" if losing else "answered")
-                if not losing:
-                    answer(*of)
-
-            asked.send_response = send
-            try:
-                run(link.call(GET_CONTROL_MODE))  # client and board are acquainted from now on
-                run(link.publish(POSITION_COMMAND, positions=[1.0]))
-                assert ear.receives(1.0)
-                sent.clear()
-                link.answer_timeout, losing = 0.5, True
-                with pytest.raises(BoardTimeout):
-                    run(link.settle())
-                link.answer_timeout, losing = GUARD, False
-                run(link.settle())
-                assert sent == ["lost", "answered"]
-                run(link.settle())
-                assert sent == ["lost", "answered"]
-            finally:
-                link.close()
+        yield link
+        link.close()
 
 
-def test_a_request_waits_until_the_board_has_heard_of_the_client() -> None:
+def test_a_command_waits_for_the_board_itself(link: Link) -> None:
+    """Not for a panel or a recorder, which subscribes to the same topic."""
+    with ros_node(link.domain, "panel") as panel:
+        other = Ear(panel)
+        link.find_timeout = 0.5
+        with pytest.raises(BoardNotFound):
+            run(link.publish(POSITION_COMMAND, positions=[1.0]))
+        link.find_timeout = GUARD
+        for value in (2.0, 3.0):  # and again of a board that was restarted
+            with ros_node(link.domain, "board") as node:
+                node.create_publisher(JointModes, "~/modes", 1)
+                own = Ear(node)
+                run(link.publish(POSITION_COMMAND, positions=[value]))
+                assert own.receives(value)
+        assert other.receives(2.0, 3.0)
+
+
+def test_what_was_published_is_settled_when_a_call_has_been_answered(link: Link) -> None:
+    """A call that failed settles nothing: the next one queries again."""
+    with ros_node(link.domain, "board") as node:
+        board, ear = Board(node), Ear(node)
+        run(link.call(GET_CONTROL_MODE))  # client and board are acquainted from now on
+        run(link.publish(POSITION_COMMAND, positions=[1.0]))
+        assert ear.receives(1.0)
+        board.sent.clear()
+        link.answer_timeout, board.loses = 0.5, math.inf
+        with pytest.raises(BoardTimeout):
+            run(link.settle())
+        link.answer_timeout, board.loses = GUARD, 0
+        run(link.settle())
+        assert board.sent == ["lost", "answered"]
+        run(link.settle())
+        assert board.sent == ["lost", "answered"]
+
+
+def test_a_request_waits_until_the_board_has_heard_of_the_client(link: Link) -> None:
     """It is made once, however often the way of its answer was tried before."""
-    tried: list[str] = []
     made: list[list[str]] = []
 
     def set_mode(request: Any, response: Any) -> Any:
@@ -121,117 +130,67 @@ def test_a_request_waits_until_the_board_has_heard_of_the_client() -> None:
         response.success = True
         return response
 
-    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
-        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
-        with ros_node(domain, "board") as board:
-            board.create_publisher(JointModes, "~/modes", 1)
-            board.create_service(SetControlMode, "~/set_control_mode", set_mode)
-            asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
-            answer = asked.send_response
-
-            def send(*of: Any) -> None:
-                tried.append("")
-                if len(tried) > 2:
-                    answer(*of)
-
-            asked.send_response = send
-            try:
-                for mode in ("pos", "vel"):
-                    assert run(link.call(SET_CONTROL_MODE, modes=[mode])).success
-                assert len(tried) > 2
-                assert made == [["pos"], ["vel"]]
-            finally:
-                link.close()
+    with ros_node(link.domain, "board") as node:
+        node.create_service(SetControlMode, "~/set_control_mode", set_mode)
+        board = Board(node, loses=2)
+        for mode in ("pos", "vel"):
+            assert run(link.call(SET_CONTROL_MODE, modes=[mode])).success
+        assert len(board.sent) > 2
+        assert made == [["pos"], ["vel"]]
 
 
 def test_a_goal_waits_until_the_board_has_heard_of_the_client(
-    monkeypatch: pytest.MonkeyPatch,
+    link: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Answers to a client that the board does not know yet go nowhere; it is asked again."""
-    sent: list[str] = []
-
-    @contextlib.contextmanager
-    def board_that_loses_answers(domain: int, lost: int) -> Iterator[None]:
-        with ros_node(domain, "board") as board:
-            board.create_publisher(JointModes, "~/modes", 1)
-            asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
-            answer = asked.send_response
-
-            def send(*of: Any) -> None:
-                sent.append("lost" if len(sent) < lost else "answered")
-                if sent[-1] == "answered":
-                    answer(*of)
-
-            asked.send_response = send
-            ActionServer(board, Move, "~/move", lambda _: Move.Result())
-            yield
-
-    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
-        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
-        try:
-            for _ in range(2):  # the second is the board that was restarted
-                sent.clear()
-                with board_that_loses_answers(domain, 2):
-                    run(link.action(MOVE))
-                    assert sent[:3] == ["lost", "lost", "answered"]
-                    with monkeypatch.context() as patch:
-                        patch.setattr(
-                            link._node, "create_client", pytest.fail
-                        )  # asked once of each
-                        run(link.action(MOVE))
-                gone = link.thread.until(lambda: not link.is_there(), GUARD)
-                assert run(gone)
-        finally:
-            link.close()
+    for _ in range(2):  # the second is the board that was restarted
+        with ros_node(link.domain, "board") as node:
+            board = Board(node, loses=2)
+            ActionServer(node, Move, "~/move", lambda _: Move.Result())
+            run(link.action(MOVE))
+            assert board.sent[:3] == ["lost", "lost", "answered"]
+            with monkeypatch.context() as patch:
+                patch.setattr(link._node, "create_client", pytest.fail)  # asked once of each
+                run(link.action(MOVE))
+        assert run(link.thread.until(lambda: not link.is_there(), GUARD))
 
 
-def test_a_state_is_heard_again_by_new_subscriptions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_state_is_heard_again_by_new_subscriptions(
+    link: Link, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where the old ones hear the board no more, as after a long cut of the network."""
     monkeypatch.setattr(state, "SILENCE", 0.3)
-    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
-        link = Link(user, "board", find_timeout=GUARD, answer_timeout=0.2)
-        try:
-            with ros_node(domain, "board") as node:
-                states = node.create_publisher(STATE.load(), "/board/state", 10)
-                whole = state_of(["a"])
-                node.create_timer(0.02, lambda: states.publish(whole))
-                view = state.StateView(link)
-                until(lambda: received(view))
-                deaf = link._entities[STATE]
-                deaf.callback = lambda *_: None  # as one that nobody sends to any more
-                until(lambda: run(view.following(0.1)) is not None)
-                assert link._entities[STATE] is not deaf
-        finally:
-            link.close()
+    link.answer_timeout = 0.2
+    with ros_node(link.domain, "board") as node:
+        states = node.create_publisher(STATE.load(), "/board/state", 10)
+        whole = state_of(["a"])
+        node.create_timer(0.02, lambda: states.publish(whole))
+        view = state.StateView(link)
+        until(lambda: received(view))
+        deaf = link._entities[STATE]
+        deaf.callback = lambda *_: None  # as one that nobody sends to any more
+        until(lambda: run(view.following(0.1)) is not None)
+        assert link._entities[STATE] is not deaf
 
 
-def test_an_old_state_counts_only_if_the_board_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_old_state_counts_only_if_the_board_answers(
+    link: Link, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A paused board publishes none and answers; one that is out of reach does neither."""
     monkeypatch.setattr(state, "STALE", 0.2)
-    answers = threading.Event()
-    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
-        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
-        with ros_node(domain, "board") as board:
-            board.create_publisher(JointModes, "~/modes", 1)
-            states = board.create_publisher(STATE.load(), "/board/state", 10)
-            asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
-            answer = asked.send_response
-            asked.send_response = lambda *of: answer(*of) if answers.is_set() else None
-            publishing = board.create_timer(0.02, lambda: states.publish(state_of(["a"])))
-            try:
-                answers.set()
-                view = state.StateView(link)
-                assert run(view.latest()).names == ("a",)
-                publishing.cancel()
-                until(lambda: time.monotonic() - view._at > state.STALE)
-                assert run(view.latest()).names == ("a",)
-                answers.clear()
-                link.answer_timeout = 0.3
-                with pytest.raises(BoardTimeout, match="no answer from /board/get_control_mode"):
-                    run(view.latest())
-                assert run(view.latest(fresh=False)).names == ("a",)
-            finally:
-                link.close()
+    with ros_node(link.domain, "board") as node:
+        board = Board(node)
+        states = node.create_publisher(STATE.load(), "/board/state", 10)
+        publishing = node.create_timer(0.02, lambda: states.publish(state_of(["a"])))
+        view = state.StateView(link)
+        assert run(view.latest()).names == ("a",)
+        publishing.cancel()
+        until(lambda: time.monotonic() - view._at > state.STALE)
+        assert run(view.latest()).names == ("a",)
+        link.answer_timeout, board.loses = 0.3, math.inf
+        with pytest.raises(BoardTimeout, match="no answer from /board/get_control_mode"):
+            run(view.latest())
+        assert run(view.latest(fresh=False)).names == ("a",)
 
 
 def state_of(names: list[str], **other: Any) -> Any:
