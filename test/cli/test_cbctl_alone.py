@@ -6,11 +6,10 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
-import sys
 from typing import Any
 
 import pytest
+from processes import ended, python
 
 from control_board_ros import __version__
 
@@ -95,13 +94,7 @@ def test_help(alone: Any) -> None:
     assert all(len(line) == 120 for line in shown.out.splitlines() if line.startswith("│"))
     assert "<list" not in alone("modes", "-h").out
     program = f"from control_board_ros.cli import main; [main([v, '--help']) for v in {verbs}]"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=alone.environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python(program, env=alone.environment)
     assert done.stderr == ""
     assert done.stdout.count("Usage: cbctl ") == len(verbs)
 
@@ -120,14 +113,7 @@ def test_help_is_quick(alone: Any) -> None:
         "import sys; from control_board_ros.cli import main; main(['--help']);"
         "assert not {'rclpy', 'numpy', 'control_board_msgs'} & set(sys.modules), 'heavy'"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=alone.environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    python(program, env=alone.environment)
 
 
 def test_completion_scripts(alone: Any) -> None:
@@ -145,11 +131,5 @@ def test_the_completion_script_of_bash(alone: Any) -> None:
         "COMP_WORDS=(cbctl mod); COMP_CWORD=1; _cbctl cbctl",
         'echo "${COMPREPLY[@]}"',
     )
-    done = subprocess.run(
-        ["bash", "-c", "\n".join(lines)],
-        env=alone.environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ended("bash", "-c", "\n".join(lines), env=alone.environment)
     assert (done.stdout, done.stderr) == ("modes mode\n", "")

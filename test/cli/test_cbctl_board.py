@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from cbctl_process import GUARD, until
+from processes import ended
 
 from control_board_ros.testing import board_process
 
@@ -542,15 +543,7 @@ def test_completion_in_bash(cbctl: Any, ask: Any, line: str, words: list[str]) -
     }
 
     def completed() -> bool:  # Tab gives up soon, a busy machine is slow
-        done = subprocess.run(
-            cbctl.command(),
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=GUARD,
-            check=False,
-        )
-        return done.stdout.split() == words
+        return ended(*cbctl.command(), env=environment).stdout.split() == words
 
     until(completed)
 

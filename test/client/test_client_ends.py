@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from control_board_msgs.msg import JointFault, JointFaults
+from processes import python
 from talk import TIMEOUT, patient
 
 from control_board_ros.client import BoardError, ControlBoardClient
@@ -71,15 +72,8 @@ if {shut_down}:
 @pytest.mark.parametrize("shut_down", [False, True])
 def test_a_program_just_ends(process: BoardProcess, shut_down: bool) -> None:
     """Nothing needs to be closed: the program ends with code 0 and says nothing."""
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(shut_down=shut_down)],
-        env=process.environment,
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT,
-        check=False,
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "POSITION\n", "")
+    done = python(PROGRAM.format(shut_down=shut_down), env=process.environment)
+    assert (done.stdout, done.stderr) == ("POSITION\n", "")
 
 
 MOVING = """

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,6 +10,7 @@ from types import ModuleType
 
 import pytest
 from documents import ROOT
+from processes import ended
 
 
 @pytest.fixture(scope="module")
@@ -50,15 +50,8 @@ def test_versions_are_sorted_as_numbers(build: ModuleType) -> None:
 )
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     """With search, versions, and the API from the docstrings."""
-    done = subprocess.run(
-        [sys.executable, "docs/site/build.py", str(tmp_path)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=290,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    done = ended(sys.executable, "docs/site/build.py", tmp_path, cwd=ROOT, timeout=290)
+    assert done.stderr == ""
     (version,) = (path.parent for path in tmp_path.glob("*/index.html"))
     assert (version / "search.html").is_file()
     assert "position_move" in (version / "api" / "client.html").read_text("utf-8")

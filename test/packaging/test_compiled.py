@@ -8,13 +8,13 @@ import importlib.util
 import os
 import re
 import shutil
-import subprocess
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 import pytest
 from package_descriptions import PYPROJECT, ROOT, XML
+from processes import ended, python
 from pure import SUFFIX as AS_PYTHON
 from pure import as_python, load_python
 from rig import ready
@@ -28,19 +28,10 @@ SUFFIX = EXTENSION_SUFFIXES[0]
 TELL = "from control_board_ros import compiled; print(compiled.describe())"
 
 
-def run(code: str, folder: Path, **environment: str) -> str:
+def run(code: str, folder: Path) -> str:
     """What a fresh interpreter prints that finds a folder's packages first."""
     path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": path} | environment,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    return done.stdout.strip()
+    return python(code, cwd=folder, env=os.environ | {"PYTHONPATH": path}).stdout.strip()
 
 
 def test_build_descriptions_name_the_compiled_modules() -> None:
@@ -204,16 +195,8 @@ def test_a_build_without_a_compiler_goes_on_and_says_so_in_one_line(tmp_path: Pa
     leftover = tmp_path / f"lib/control_board_ros/core/laws/laws{SUFFIX}"
     leftover.parent.mkdir(parents=True)
     leftover.write_bytes(b"of another source")
-    done = subprocess.run(
-        [sys.executable, "-c", BUILD, str(tmp_path / "lib"), str(tmp_path / "temp")],
-        cwd=ROOT,
-        env=os.environ | {"CC": "/bin/false"},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
+    environment = os.environ | {"CC": "/bin/false"}
+    done = python(BUILD, tmp_path / "lib", tmp_path / "temp", cwd=ROOT, env=environment)
     said = [line for line in done.stderr.splitlines() if "laws is not compiled (" in line]
     assert len(said) == 1, done.stderr
     assert "install Cython and a C compiler" in said[0]
@@ -247,25 +230,11 @@ assert key != setup["made_of"](definitions, prefixes)
 def test_messages_are_built_again_only_where_what_they_are_made_of_changed(tmp_path: Path) -> None:
     """Each build of pip has the tools of ROS in a new folder."""
     shutil.copytree(ROOT / "msg_defs", tmp_path / "defs")
-    done = subprocess.run(
-        [sys.executable, "-c", REUSE, str(tmp_path)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
+    python(REUSE, tmp_path, cwd=ROOT)
 
 
 def test_version_says_which_laws_run() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "control_board_ros.node.main", "--version"],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
+    done = ended(sys.executable, "-m", "control_board_ros.node.main", "--version")
     version, laws = done.stdout.splitlines()
     assert version == f"control_board_ros {control_board_ros.__version__}"
     assert laws == f"laws: {compiled.describe()}"

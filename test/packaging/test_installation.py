@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import types
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from processes import ended
 
 from control_board_ros.testing import installation
 
@@ -78,12 +78,6 @@ def test_messages_files_and_simulation_pass() -> None:
 @pytest.mark.slow
 @pytest.mark.ros
 def test_this_installation_passes() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "control_board_ros.testing", "modules", "node", "command line"],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    words = ("-m", "control_board_ros.testing", "modules", "node", "command line")
+    done = ended(sys.executable, *words, timeout=300)
     assert "3 of 3 passed" in done.stdout

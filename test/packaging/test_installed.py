@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from processes import ended, python
 
 import control_board_ros
 
@@ -62,23 +63,14 @@ def test_ros2_run_and_shells_find_a_command(command: str) -> None:
     prefix = Path(get_package_prefix("control_board_ros"))
     for place in (f"lib/control_board_ros/{command}", f"bin/{command}"):
         assert (prefix / place).exists(), f"{place} is not installed; run `make setup`"
-        done = subprocess.run(
-            [str(prefix / place), "--help"],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=120,
-        )
-        assert (done.returncode, done.stderr) == (0, ""), place
+        done = ended(prefix / place, "--help")
+        assert done.stderr == "", place
         assert command in done.stdout
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
     code = "import sys, control_board_ros; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
-    )
-    loaded = set(done.stdout.split())
+    loaded = set(python(code).stdout.split())
     assert "control_board_ros" in loaded
     assert not loaded & {"numpy", "pybullet", "rclpy", "control_board_msgs", "rich"}
 
@@ -88,15 +80,8 @@ def ament_prefix_path_after_import(before: str | None) -> list[str]:
     if before is not None:
         environment["AMENT_PREFIX_PATH"] = before
     code = "import os, control_board_ros; print(os.environ.get('AMENT_PREFIX_PATH', ''))"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-        env=environment,
-    )
-    return [entry for entry in done.stdout.strip().split(os.pathsep) if entry]
+    printed = python(code, env=environment).stdout.strip()
+    return [entry for entry in printed.split(os.pathsep) if entry]
 
 
 @pytest.mark.skipif(
@@ -110,9 +95,9 @@ def test_environment_of_wheels_is_found_without_a_setup_file() -> None:
 
 
 def find_python(
-    tmp_path: Path, *without: str, python: str = ""
+    tmp_path: Path, *without: str, wanted: str = ""
 ) -> subprocess.CompletedProcess[str]:
-    """Run tools/find-python on a machine that has its tools, except the given ones."""
+    """tools/find-python fails on a machine that has its tools, except the given ones."""
     tools = {"sh", "sed", "sort", "head", "printf", "cmake", "make", "cc", "c++", "apt-get"}
     for tool in tools - set(without):
         found = shutil.which(tool)
@@ -120,14 +105,8 @@ def find_python(
             (tmp_path / tool).symlink_to(found)
     if "apt-get" not in without and not (tmp_path / "apt-get").exists():
         (tmp_path / "apt-get").symlink_to("/bin/true")
-    return subprocess.run(
-        [str(ROOT / "tools/find-python"), *([python] if python else [])],
-        env={"PATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    words = (ROOT / "tools/find-python", *([wanted] if wanted else []))
+    return ended(*words, code=1, env={"PATH": str(tmp_path)})
 
 
 @pytest.mark.parametrize(
@@ -136,7 +115,6 @@ def find_python(
 )
 def test_a_missing_tool_is_said_in_one_line(tmp_path: Path, without: str, package: str) -> None:
     done = find_python(tmp_path, without)
-    assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr.startswith("missing: ")
     assert done.stderr.endswith(f"sudo apt-get install {package}\n")
@@ -145,14 +123,12 @@ def test_a_missing_tool_is_said_in_one_line(tmp_path: Path, without: str, packag
 
 def test_a_missing_python_is_said_in_one_line(tmp_path: Path) -> None:
     done = find_python(tmp_path)
-    assert done.returncode == 1
     assert done.stderr.startswith("missing: Python 3.11 or 3.12")
     assert "sudo apt-get install python3.11" in done.stderr
     assert done.stderr.count("\n") == 1
 
 
 def test_a_python_that_will_not_do_is_refused_by_name(tmp_path: Path) -> None:
-    done = find_python(tmp_path, python="python9.9")
-    assert done.returncode == 1
+    done = find_python(tmp_path, wanted="python9.9")
     assert done.stderr.startswith("python9.9 is not Python 3.11 or 3.12")
     assert done.stderr.count("\n") == 1

@@ -7,12 +7,12 @@ import itertools
 import json
 import re
 import shutil
-import subprocess
 import tomllib
 from pathlib import Path
 
 import yaml
 from package_descriptions import PYPROJECT, ROOT
+from processes import ended
 
 import control_board_ros
 
@@ -124,11 +124,10 @@ def test_one_command_sets_the_version_everywhere(tmp_path: Path) -> None:
         shutil.copy(ROOT / name, tmp_path / name)
     (tmp_path / "CHANGELOG.md").write_text("## Unreleased\n\n- New.\n\n## 0.1.0\n")
     script = tmp_path / "tools" / "set-version"
-    subprocess.run([script, "7.8.9"], check=True)
+    ended(script, "7.8.9")
     for name in [*files, "CHANGELOG.md"]:
         assert "7.8.9" in (tmp_path / name).read_text("utf-8"), name
     text = (tmp_path / "CHANGELOG.md").read_text("utf-8")
     assert re.match(r"## 7\.8\.9 \(\d{4}-\d\d-\d\d\)\n\n- New\.\n", text)
-    refused = subprocess.run([script, "7.8"], capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
+    refused = ended(script, "7.8", code=2)
     assert refused.stderr == "'7.8' is no version; give three numbers: tools/set-version 1.2.3\n"

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import importlib
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
+from processes import python
 from type_hashes import (
     constants,
     described,
@@ -199,15 +198,7 @@ print(*sorted(found))
 
 def built_with(*prefixes: Path) -> list[str]:
     """The interface packages that setup.py would build for these prefixes."""
-    done = subprocess.run(
-        [sys.executable, "-c", TO_BUILD, *map(str, prefixes)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    return done.stdout.split()
+    return python(TO_BUILD, *prefixes, cwd=ROOT).stdout.split()
 
 
 def test_what_the_ros_at_hand_has_is_not_built(tmp_path: Path) -> None:
