@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import io
 from contextlib import ExitStack, closing
 from types import SimpleNamespace
 from typing import Any
 
+import cbctl_terminal
 import pytest
 from cbctl_process import Cbctl, until
-from rich.console import Console
 from rich.text import Text
 
 from control_board_ros.cli.app import for_several
@@ -56,9 +55,7 @@ def view(board: str, names: list[str], faulty: tuple[str, ...] = ()) -> View:
 
 def drawn(views: list[View], width: int, height: int) -> list[str]:
     """The lines that a terminal of this size shows."""
-    out = io.StringIO()
-    Console(file=out, width=width).print(on_screen(views, width, height))
-    return out.getvalue().splitlines()
+    return cbctl_terminal.drawn(on_screen(views, width, height), width).splitlines()
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 24), (160, 20), (200, 14)])

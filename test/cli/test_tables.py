@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-import io
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from rich.console import Console
+from cbctl_terminal import drawn
 
 from control_board_ros.cli.line.words import short_names
 from control_board_ros.cli.text.tables import grid
@@ -44,38 +44,39 @@ JOINT = {
 }
 
 
-def drawn(table: Any, width: int) -> str:
-    """What a terminal of this width shows."""
-    out = io.StringIO()
-    Console(file=out, width=width).print(table)
-    return out.getvalue()
+Shown = Callable[..., str]
 
 
-def narrowed(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
-    """Let the tables find a terminal of this width."""
-    screen = lambda: SimpleNamespace(width=width)  # noqa: E731
-    monkeypatch.setattr("control_board_ros.cli.text.tables.console", screen)
+@pytest.fixture
+def shown(monkeypatch: pytest.MonkeyPatch) -> Shown:
+    """Makes a table on a terminal of some width; what that shows."""
+
+    def shown(width: int, table: Callable[..., Any], *words: Any, **more: Any) -> str:
+        screen = lambda: SimpleNamespace(width=width)  # noqa: E731
+        monkeypatch.setattr("control_board_ros.cli.text.tables.console", screen)
+        text = drawn(table(*words, **more), width)
+        assert all(len(line) <= width for line in text.splitlines())
+        return text
+
+    return shown
 
 
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("names", [IIWA, IIWA[:1]], ids=["all", "one"])
-def test_references(monkeypatch: pytest.MonkeyPatch, width: int, names: list[str]) -> None:
+def test_references(shown: Shown, width: int, names: list[str]) -> None:
     """Every number is there whole, with its unit, beside the short name of its joint."""
-    narrowed(monkeypatch, width)
-    session: Any = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=IIWA)
-    text = drawn(references_table(session, dict.fromkeys(names, REFERENCE)), width)
-    assert all(len(line) <= width for line in text.splitlines())
+    session = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=IIWA)
+    text = shown(width, references_table, session, dict.fromkeys(names, REFERENCE))
     for value in ("-168.0°", "-135.0°/s", "-320.25 N·m", "-100.0 %", "135.0°/s", "1432.4°/s²"):
         assert text.count(value) >= len(names), value
     assert all(name.removeprefix("lbr_iiwa_") in text for name in names)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_info(width: int) -> None:
+def test_info(shown: Shown, width: int) -> None:
     """Limits, stops and modes of every joint, none of them broken within a word."""
     rows = {name: JOINT | {"index": k} for k, name in enumerate(IIWA)}
-    text = drawn(joints_table("/control_board", rows, width), width)
-    assert all(len(line) <= width for line in text.splitlines())
+    text = shown(width, joints_table, "/control_board", rows)
     assert text.startswith("/control_board\n")
     assert text.count("-168.0…168.0°") == 7
     assert text.count("-170.0…170.0°") == 7
@@ -87,9 +88,8 @@ def test_info(width: int) -> None:
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_impedance(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
+def test_impedance(shown: Shown, width: int) -> None:
     """Two columns have one title; four digits of each number are shown."""
-    narrowed(monkeypatch, width)
     row = {
         "stiffness": 1000.0,
         "max_stiffness": 5000.0,
@@ -97,30 +97,27 @@ def test_impedance(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
         "max_damping": 1088.14,
         "torque_offset": -33.1234,
     }
-    session: Any = SimpleNamespace(names=IIWA)
-    text = drawn(impedance_table(session, dict.fromkeys(IIWA, row)), width)
-    assert all(len(line) <= width for line in text.splitlines())
+    text = shown(width, impedance_table, SimpleNamespace(names=IIWA), dict.fromkeys(IIWA, row))
     for value in ("1000", "5000", "114.8", "1088", "-33.12"):
         assert text.split().count(value) == 7
     assert text.split().count("max") == 2
 
 
-def test_a_continuous_joint_is_endless() -> None:
+def test_a_continuous_joint_is_endless(shown: Shown) -> None:
     """Its parameters hold limits that no joint has: they are not shown as numbers."""
     wheel = JOINT | {"kind": "continuous", "lower": -1e6, "upper": 1e6}
     wheel |= {"hard_lower": float("-inf"), "hard_upper": float("inf")}
-    text = drawn(joints_table("/b", {"wheel": wheel}, 120), 120)
+    text = shown(120, joints_table, "/b", {"wheel": wheel})
     assert text.split().count("endless") == 2
     unknown = JOINT | {"lower": None, "upper": None}
-    text = drawn(joints_table("/b", {"a": unknown}, 120), 120)
+    text = shown(120, joints_table, "/b", {"a": unknown})
     assert "revolute       -  -170.0…170.0°" in text
 
 
-def test_a_name_wider_than_the_terminal_takes_more_lines() -> None:
+def test_a_name_wider_than_the_terminal_takes_more_lines(shown: Shown) -> None:
     """Broken, not cut: all characters are there."""
     name = "a_joint_of_a_very_long_name"
-    text = drawn(grid({"joint": [name], "position": ["-168.0°"]}, width=20), 20)
-    assert all(len(line) <= 20 for line in text.splitlines())
+    text = shown(20, grid, {"joint": [name], "position": ["-168.0°"]})
     assert text.count("-168.0°") == 1
     assert "".join(line[:11].strip() for line in text.splitlines()[2:]) == name
 
@@ -129,6 +126,10 @@ def test_short_names() -> None:
     """Names lose what all of the board begin with, but one word of it; also a joint alone."""
     assert list(short_names(IIWA[:2]).values()) == ["joint_1", "joint_2"]
     assert short_names(IIWA[:1], IIWA) == {IIWA[0]: "joint_1"}
-    names = ["l_elbow", "l_arm", "l"]
-    assert short_names(names) == dict(zip(names, names, strict=True))
-    assert short_names(["only_one"]) == {"only_one": "only_one"}
+    for names in (
+        ["l_elbow", "l_arm", "l"],
+        ["a", "b"],
+        ["panda_joint1", "panda_finger_joint1"],
+        ["only_one"],
+    ):
+        assert short_names(names) == dict(zip(names, names, strict=True))

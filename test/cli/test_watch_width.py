@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of cbctl watch in terminals of many widths."""
 
-import io
 from types import SimpleNamespace
 from typing import Any
 
+import cbctl_terminal
 import pytest
-from rich.console import Console
 
 from control_board_ros.cli.line.words import short_names
 from control_board_ros.cli.verbs.watch import TITLES, watch_table
@@ -33,9 +32,8 @@ def drawn(names: list[str], width: int, fault: str = "", **more: Any) -> list[st
     session: Any = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=names)
     limits: Any = dict.fromkeys(names, JointLimits(-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0, 100.0))
     rows = dict.fromkeys(names, row | more)
-    out = io.StringIO()
-    Console(file=out, width=width).print(watch_table(session, rows, limits, width))
-    return [line for line in out.getvalue().splitlines() if line.strip()]
+    text = cbctl_terminal.drawn(watch_table(session, rows, limits, width), width)
+    return [line for line in text.splitlines() if line.strip()]
 
 
 @pytest.mark.parametrize("names", [IIWA, ICUB, ["only"]], ids=["iiwa", "icub", "one"])
@@ -66,22 +64,6 @@ def test_eighty_columns_drop_the_least_important_first() -> None:
     assert "output" not in lines[0]
     assert {"joint", "mode", "int.", "position", "torque", "fault"} <= set(lines[0].split())
     assert any(line.split()[0] == "joint_1" for line in lines[2:])
-
-
-@pytest.mark.parametrize(
-    ("names", "short"),
-    [
-        (["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"], ["joint_1", "joint_2"]),
-        (["l_elbow", "l_wrist_yaw"], ["l_elbow", "l_wrist_yaw"]),
-        (["a", "b"], ["a", "b"]),
-        (["panda_joint1", "panda_finger_joint1"], ["panda_joint1", "panda_finger_joint1"]),
-        (["lbr_iiwa_joint_1"], ["lbr_iiwa_joint_1"]),
-    ],
-)
-def test_names_lose_the_words_all_begin_with_but_the_last(
-    names: list[str], short: list[str]
-) -> None:
-    assert list(short_names(names).values()) == short
 
 
 def test_who_is_not_calibrated_is_marked() -> None:

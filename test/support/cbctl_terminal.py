@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pty
 import select
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from cbctl_process import GUARD
+from rich.console import Console
 
 
 class Terminal:
@@ -77,3 +79,10 @@ def terminal(cbctl: Any, *words: str, **environment: str) -> Iterator[Terminal]:
         at.end()
         raise
     assert at.end() == 0
+
+
+def drawn(table: Any, width: int) -> str:
+    """What a terminal of this width shows of something that rich draws."""
+    out = io.StringIO()
+    Console(file=out, width=width).print(table)
+    return out.getvalue()

@@ -29,9 +29,8 @@ def grid(
     fold: Sequence[str] = (),
     title: str = "",
     caption: str = "",
-    width: int | None = None,
 ) -> Any:
-    """A table; where it is too wide: short names, then stacked titles, then several tables.
+    """A table; wider than the terminal: short names, then stacked titles, then several tables.
 
     Args:
         columns: cells by title, text or rich's Text; the joints are in the last of the keys.
@@ -41,11 +40,10 @@ def grid(
         fold: titles of columns of words, that may have several lines.
         title: a line above.
         caption: a line below.
-        width: characters; None: that of the terminal.
     """
     from rich.console import Group
 
-    room = console().width if width is None else width
+    room = console().width
     made = {head: [text_of(cell) for cell in cells] for head, cells in columns.items()}
     joint = list(made)[keys - 1]
     if needed(made, fold) > room:

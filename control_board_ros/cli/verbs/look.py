@@ -124,7 +124,7 @@ def info(session: Session) -> None:
     show(session, {"board": board, "joints": rows}, lambda: joints_table(board, rows))
 
 
-def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
+def joints_table(board: str, rows: Rows) -> Any:
     columns = {
         "": [str(row["index"]) for row in rows.values()],
         "joint": list(rows),
@@ -145,7 +145,6 @@ def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
         right=("", "limits", "stops"),
         fold=("modes", "drive: laws", "moves"),
         title=board,
-        width=width,
     )
 
 
