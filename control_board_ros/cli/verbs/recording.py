@@ -111,19 +111,15 @@ def black_box(folder: Path, back: float, after: float) -> Any:
     from control_board_ros.recording.errors import library
 
     library("rosbags.rosbag2")  # what is missing is reported now, not at the first fault
-    make_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refused(f"cannot make {folder}: {error.strerror}") from None
 
     def make(path: Path, why: str) -> Bag:
         return Bag(path, custom={"recorder": "cbctl record --last", "fault": why})
 
     return BlackBox(folder, back, after, make)
-
-
-def make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise Refused(f"cannot make {folder}: {error.strerror}") from None
 
 
 def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> str:
@@ -259,7 +255,10 @@ def write_pictures(folder: Path, boards: list[Any]) -> list[Path]:
     from control_board_ros.recording.page import joint_charts
     from control_board_ros.recording.png import write_png
 
-    make_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refused(f"cannot make {folder}: {error.strerror}") from None
     paths: list[Path] = []
     for board in boards:
         for joint in joint_charts(board):
