@@ -26,7 +26,7 @@ from control_board_ros.client.references import as_given
 from control_board_ros.client.services import Services, reply_of
 from control_board_ros.client.state import CalibrationView, StateView
 from control_board_ros.client.waiting import Wait
-from control_board_ros.core.terms.reply import Answer, accepted, refused, sent
+from control_board_ros.core.terms.reply import Answer, accepted, refused
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
     parse_control_mode,
@@ -246,15 +246,6 @@ def test_malformed_values_are_sent_as_far_as_they_go() -> None:
     assert as_given({"positions": [1, 2], "speeds": None}) == {"positions": [1.0, 2.0]}
     assert as_given({"positions": "x"}) == {"positions": []}
     assert as_given({"positions": 3}) == {"positions": [3.0]}
-
-
-def test_a_stream_that_is_published_says_so() -> None:
-    """A: nobody has answered; it is true, and prints what became of it."""
-    reply = sent(("a", "b"))
-    assert reply
-    assert reply.answers == (Answer.SENT, Answer.SENT)
-    assert str(reply) == "sent"
-    assert reply != accepted(("a", "b"))
 
 
 def test_a_condition_that_fails_ends_its_wait_only() -> None:

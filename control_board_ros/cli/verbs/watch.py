@@ -140,7 +140,8 @@ class View:
         self.rows = read_state(self.session, self._names)
 
     def table(self, width: int) -> Any:
-        return watch_table(self.session, self.rows, self._limits, width)
+        columns = columns_of(self.session, self.rows, self._limits)
+        return drawn(fitted(columns, self.session.names, width), RIGHT)
 
     def columns(self) -> dict[str, list[Text]]:
         """All columns of the rows, with short names."""
@@ -221,12 +222,6 @@ def on_screen(views: Sequence[View], width: int, height: int) -> Any:
         text = f"… {rest} lines more: a larger terminal, or cbctl watch JOINT…"
         notes.append(Text(text, no_wrap=True, overflow="ellipsis"))
     return Group(table, *notes)
-
-
-def watch_table(session: Session, rows: Rows, limits: Limits, width: int) -> Any:
-    """The table, with the columns that fit the width."""
-    columns = fitted(columns_of(session, rows, limits), session.names, width)
-    return drawn(columns, RIGHT)
 
 
 def columns_of(session: Session, rows: Rows, limits: Limits) -> dict[str, list[Text]]:
