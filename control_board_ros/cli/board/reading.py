@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...joint_limits import FIELDS
@@ -15,13 +15,25 @@ Rows = dict[str, dict[str, Any]]
 #: Shown for a joint that requires a calibration.
 UNCALIBRATED = "not calibrated"
 
+#: Fields of the state that are shown.
+SHOWN = (
+    "position",
+    "velocity",
+    "position_reference",
+    "torque",
+    "output",
+    "current",
+    "motion_done",
+    "rejected_commands",
+)
 #: Modes before and during a calibration.
 BEFORE_CALIBRATION = ("cal", "cfgn")
 
 
-def by_joint(names: Sequence[str], values: Any) -> dict[str, float]:
-    """The values of an array, shape (n,), by joint."""
-    return dict(zip(names, values.tolist(), strict=True))
+def rows_of(names: Sequence[str], columns: Mapping[str, Any]) -> Rows:
+    """Rows of arrays of shape (n,)."""
+    lists = {field: values.tolist() for field, values in columns.items()}
+    return {name: {field: lists[field][k] for field in lists} for k, name in enumerate(names)}
 
 
 def lacks_calibration(row: dict[str, Any]) -> bool:
@@ -65,21 +77,14 @@ def read_state(session: Session, names: list[str]) -> Rows:
     state = session.client.get_state()
     modes = read_modes(session, names)
     faults = read_faults(session, names)
-    rows = {}
-    for name in names:
-        j = state.names.index(name)
-        rows[name] = modes[name] | {
-            "position": float(state.position[j]),
-            "velocity": float(state.velocity[j]),
-            "position_reference": float(state.position_reference[j]),
-            "torque": float(state.torque[j]),
-            "output": float(state.output[j]),
-            "current": float(state.current[j]),
-            "motion_done": bool(state.motion_done[j]),
-            "rejected_commands": int(state.rejected_commands[j]),
-            "fault": faults[name]["text"] if faults[name]["active"] else "",
-        }
-    return rows
+    chosen = [state.names.index(name) for name in names]
+    shown = rows_of(names, {field: getattr(state, field)[chosen] for field in SHOWN})
+    return {
+        name: modes[name]
+        | shown[name]
+        | {"fault": faults[name]["text"] if faults[name]["active"] else ""}
+        for name in names
+    }
 
 
 def read_faults(session: Session, names: list[str]) -> Rows:
@@ -108,25 +113,21 @@ def read_references(session: Session, names: list[str]) -> Rows:
         "speed": client.get_ref_speed,
         "acceleration": client.get_ref_acceleration,
     }
-    columns = {kind: by_joint(names, get(names)) for kind, get in read.items()}
-    return {name: {kind: column[name] for kind, column in columns.items()} for name in names}
+    return rows_of(names, {kind: get(names) for kind, get in read.items()})
 
 
 def read_impedance(session: Session, names: list[str]) -> Rows:
     client = session.client
-    stiffness, damping = (by_joint(names, v) for v in client.get_impedance(names))
-    max_stiffness, max_damping = (by_joint(names, v) for v in client.get_max_impedance(names))
-    offset = by_joint(names, client.get_torque_offset(names))
-    return {
-        name: {
-            "stiffness": stiffness[name],
-            "damping": damping[name],
-            "max_stiffness": max_stiffness[name],
-            "max_damping": max_damping[name],
-            "torque_offset": offset[name],
-        }
-        for name in names
+    stiffness, damping = client.get_impedance(names)
+    max_stiffness, max_damping = client.get_max_impedance(names)
+    columns = {
+        "stiffness": stiffness,
+        "damping": damping,
+        "max_stiffness": max_stiffness,
+        "max_damping": max_damping,
+        "torque_offset": client.get_torque_offset(names),
     }
+    return rows_of(names, columns)
 
 
 def read_brakes(session: Session, names: list[str]) -> Rows:

@@ -40,12 +40,12 @@ def followed(session: Session, names: list[str]) -> Iterator[None]:
 def approach(
     session: Session, names: list[str], starts: dict[str, float], speeds: Sequence[float]
 ) -> Reply:
-    """Move to the start of a trajectory, in POSITION and STIFF."""
+    """Move to the start of a trajectory, in POSITION and STIFF; then POSITION_DIRECT."""
     client = session.client
     reply = client.set_control_mode(names, ControlMode.POSITION)
     if reply:
-        return client.move(names, list(starts.values()), [APPROACH * one for one in speeds])
-    return reply
+        reply = client.move(names, list(starts.values()), [APPROACH * one for one in speeds])
+    return client.set_control_mode(names, ControlMode.POSITION_DIRECT) if reply else reply
 
 
 def check_asking(yes: bool) -> None:

@@ -204,8 +204,6 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
         with followed(session, names), Bar(session, "replay") as bar:
             reply = approach(session, names, starts, [one.velocity for one in known])
             if reply:
-                reply = session.client.set_control_mode(names, ControlMode.POSITION_DIRECT)
-            if reply:
                 reply = session.client.follow_trajectory(
                     names,
                     way.times,

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.identification.shares import (
     ACCELERATION,
     LAG,
@@ -172,8 +172,6 @@ def play(
         speeds = [limit.velocity for limit in session.limits(names).values() if limit]
         centres = {one.joint: one.centre for one in bounds}
         reply = approach(session, names, centres, speeds)
-        if reply:
-            reply = session.client.set_control_mode(names, ControlMode.POSITION_DIRECT)
         if not reply:
             raise Refused(reply.message)
         with Bar(session, "identify") as bar:
