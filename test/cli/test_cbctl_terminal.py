@@ -45,14 +45,6 @@ def test_plot(cbctl: Any) -> None:
         at.process.send_signal(signal.SIGINT)
 
 
-def test_narrow_watch(cbctl: Any) -> None:
-    """80 columns are enough for the position and the fault."""
-    with terminal(cbctl, "watch", "--once", COLUMNS="80") as at:
-        at.see("position")
-        at.see("fault")
-        at.see("joint_7")
-
-
 def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
     """Verbs at a prompt; Tab completes, Ctrl-C drops a line, quit ends; lines are kept."""
     with terminal(cbctl, "shell", XDG_STATE_HOME=str(tmp_path)) as at:
