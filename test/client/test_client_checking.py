@@ -13,7 +13,7 @@ from control_board_ros.client.errors import BoardError
 from control_board_ros.client.services import reply_of, whole
 from control_board_ros.client.state import joint_names
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.terms.reply import Reason
+from control_board_ros.core.terms.reply import Answer, Reason, accepted, refused
 
 pytestmark = pytest.mark.ros
 MANY = interface.MOST_JOINTS + 1
@@ -76,10 +76,21 @@ def test_answers_keep_their_codes_and_show_their_texts() -> None:
         message="b\u202e" + "x" * 1_000_000,
     )
     reply = reply_of(response, ("a", "b"))
+    assert (reply.joints, reply.answers) == (("a", "b"), (Answer.ACCEPTED, Answer.REFUSED))
     assert list(reply.codes) == [Reason.NONE, Reason.IN_FAULT]
     assert reply.reasons[1] == "too\N{REPLACEMENT CHARACTER}hot"
     assert reply.message.isprintable()
     assert len(reply.message) < 10_000
+
+
+def test_an_answer_without_reasons_and_one_of_the_whole_request() -> None:
+    """M7: where the request was wrong as a whole, no joint has an answer."""
+    both = ("a", "b")
+    empty = {"reasons": ["", ""], "codes": ["", ""]}
+    fine = response_of(interface.SET_CONTROL_MODE, answers=["accepted"] * 2, **empty)
+    assert reply_of(fine, both) == accepted(both)
+    wrong = response_of(interface.SET_CONTROL_MODE, message="named twice")
+    assert reply_of(wrong, both) == refused("named twice")
 
 
 def test_a_code_of_a_whole_that_is_none() -> None:

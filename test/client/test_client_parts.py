@@ -23,10 +23,9 @@ from control_board_ros.client.operations import (
     run,
 )
 from control_board_ros.client.references import as_given
-from control_board_ros.client.services import Services, reply_of
+from control_board_ros.client.services import Services
 from control_board_ros.client.state import CalibrationView, StateView
 from control_board_ros.client.waiting import Wait
-from control_board_ros.core.terms.reply import Answer, accepted, refused
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
     parse_control_mode,
@@ -209,26 +208,6 @@ def test_other_joints_on_another_board() -> None:
     assert before.names == ("x", "y")
     services.on_modes(SimpleNamespace(names=["x", "y"]))
     assert services.selector is before
-
-
-def test_answers_are_the_boards() -> None:
-    """M5, M7: one for each joint with its reason; none where the request was wrong as a whole."""
-    both = ("a", "b")
-    response = SimpleNamespace(
-        answers=["accepted", "unsupported"],
-        reasons=["", "no such mode"],
-        codes=["", "unsupported"],
-        message="no such mode",
-    )
-    reply = reply_of(response, both)
-    assert reply.joints == ("a", "b")
-    assert reply.answers == (Answer.ACCEPTED, Answer.UNSUPPORTED)
-    assert reply.reasons == ("", "no such mode")
-    assert reply.codes == ("", "unsupported")
-    fine = SimpleNamespace(answers=["accepted"] * 2, reasons=["", ""], codes=["", ""], message="")
-    assert reply_of(fine, both) == accepted(both)
-    wrong = SimpleNamespace(answers=[], reasons=[], codes=[], message="named twice")
-    assert reply_of(wrong, both) == refused("named twice")
 
 
 def test_modes_of_a_request() -> None:
