@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import signal
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -78,23 +79,22 @@ def test_a_prompt_in_a_home_that_cannot_be_written(cbctl: Any) -> None:
         at.type("quit\r")
 
 
-def test_a_move_on_a_paused_board(cbctl: Any) -> None:
-    """It says why nothing moves, and goes on with the simulation."""
+@pytest.mark.parametrize(
+    ("mode", "line", "end"),
+    [
+        ("pos", "move joint_7=2deg", lambda at: at.see("lbr_iiwa_joint_7 at 2.0°")),
+        ("vel", "velocity joint_7=1deg", lambda at: at.process.send_signal(signal.SIGINT)),
+        ("vel", "jog joint_7", lambda at: at.type("q")),
+    ],
+)
+def test_a_paused_board(cbctl: Any, mode: str, line: str, end: Callable[[Any], Any]) -> None:
+    """A motion says why nothing moves, and goes on with the simulation."""
+    assert cbctl("mode", "joint_7", mode).code == 0
     assert cbctl("pause").code == 0
-    with terminal(cbctl, "move", "joint_1=2deg") as at:
+    with terminal(cbctl, *line.split()) as at:
         at.see("paused? resume with: cbctl resume")
         assert cbctl("resume").code == 0
-        at.see("lbr_iiwa_joint_1 at 2.0°")
-
-
-def test_a_stream_on_a_paused_board(cbctl: Any) -> None:
-    """It says so, too, and stops with Ctrl-C."""
-    assert cbctl("mode", "joint_1", "vel").code == 0
-    assert cbctl("pause").code == 0
-    with terminal(cbctl, "velocity", "joint_1=1deg") as at:
-        at.see("paused? resume with: cbctl resume")
-        assert cbctl("resume").code == 0
-        at.process.send_signal(signal.SIGINT)
+        end(at)
 
 
 def test_jog(cbctl: Any) -> None:
@@ -113,16 +113,6 @@ def test_jog(cbctl: Any) -> None:
     asked = cbctl("watch", "joint_7", "--once", "--json")
     assert asked.code == 0, asked
     assert asked.json["lbr_iiwa_joint_7"]["position"] > 0.005
-
-
-def test_jogging_on_a_paused_board(cbctl: Any) -> None:
-    """It says why nothing moves."""
-    assert cbctl("mode", "joint_7", "vel").code == 0
-    assert cbctl("pause").code == 0
-    with terminal(cbctl, "jog", "joint_7") as at:
-        at.see("q ends; paused? resume with: cbctl resume")
-        assert cbctl("resume").code == 0
-        at.type("q")
 
 
 def test_jog_says_what_it_needs(cbctl: Any) -> None:
