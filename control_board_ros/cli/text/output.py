@@ -168,8 +168,7 @@ def conclude(
         mode: control mode that the request requires.
         more: further fields of the JSON.
     """
-    next_step = advice(reply, session.names, session.line, mode) if any(reply.codes) else ""
-    message = "; ".join(filter(None, (reply.message, next_step)))
+    message = "; ".join(filter(None, (reply.message, advice(session, reply, mode))))
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
         answer(session, {"success": bool(reply), "message": message, "joints": joints} | more)
