@@ -34,7 +34,7 @@ from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.reply import Answer, Reply
 from control_board_ros.core.terms.vocabs import parse_control_mode
 from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
-from control_board_ros.urdf_xml import heard_joints
+from control_board_ros.urdf_xml import DescribedJoint
 
 NAMES = ("l_shoulder_pitch", "l_shoulder_roll", "l_elbow", "slide", "3")
 
@@ -166,11 +166,10 @@ def test_time_that_stands_still() -> None:
     assert standstill.hint(0.0, 30.0) == ""
 
 
-@pytest.mark.parametrize("module", ["control_board_msgs", "rich"])
-def test_what_is_not_installed_is_no_refusal(module: str) -> None:
+def test_what_is_not_installed_is_no_refusal() -> None:
     """Errors that nobody expects keep their traceback."""
-    with pytest.raises(ModuleNotFoundError, match=module):
-        explain(ModuleNotFoundError(f"No module named {module!r}"))
+    with pytest.raises(ModuleNotFoundError, match="rich"):
+        explain(ModuleNotFoundError("No module named 'rich'"))
 
 
 def test_amounts() -> None:
@@ -229,20 +228,9 @@ def test_options_that_are_none(words: list[str], text: str) -> None:
         Parser("cbctl move", arguments_of(move)).read(words)
 
 
-def test_limits_from_a_urdf() -> None:
-    """Kinds and stops; a continuous joint has none; what is no URDF has no joints."""
-    joints = heard_joints(
-        """<robot name="r">
-        <joint name="a" type="revolute"><limit lower="-1" upper="2"/></joint>
-        <joint name="b" type="continuous"><limit velocity="1"/></joint>
-        <joint name="c" type="prismatic"><limit lower="0" upper="0.1"/></joint>
-        <joint name="d" type="fixed"/>
-        </robot>"""
-    )
-    assert (joints["a"].lower, joints["a"].upper, joints["a"].dimension) == (-1.0, 2.0, "angle")
-    assert joints["b"].upper == math.inf
-    assert joints["c"].dimension == "length"
-    assert heard_joints("no xml") == {}
+def test_units_of_positions_by_the_kind_of_joint() -> None:
+    kinds = ("revolute", "continuous", "prismatic")
+    assert [DescribedJoint(kind).dimension for kind in kinds] == ["angle", "angle", "length"]
 
 
 def test_bars() -> None:
