@@ -8,10 +8,8 @@ import math
 import subprocess
 import sys
 from collections.abc import Sequence
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -44,44 +42,63 @@ FIGURES = {
     "B20": 3 if find_spec("moteus") and find_spec("msgpack") else 0,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14")
-QUICK = tuple(name for name in FIGURES if name not in LONG)
+QUICK = [name for name in FIGURES if name not in LONG]
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 
-@cache
-def figures_of(names: Sequence[str]) -> list[Any]:
+def figures_of(names: Sequence[str], folder: Path) -> list[Any]:
     """The figures of a tiny run of some benchmarks, in one process, which must end well."""
-    with TemporaryDirectory() as folder, free_domain() as domain:
-        found = Path(folder, "figures.json")
-        command = [sys.executable, str(RUN), *names, "--tiny", "--json", str(found)]
-        with subprocess.Popen(
+    found = folder / "figures.json"
+    command = [sys.executable, str(RUN), *names, "--tiny", "--json", str(found)]
+    with (
+        free_domain() as domain,
+        subprocess.Popen(
             command,
             env=child_environment(domain),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-        ) as process:
-            try:
-                printed, complaints = process.communicate()
-            finally:
-                process.terminate()  # which ends its boards too
-        assert process.returncode == 0, complaints
-        figures = json.loads(found.read_text(encoding="utf-8"))["figures"]
+        ) as process,
+    ):
+        try:
+            printed, complaints = process.communicate()
+        finally:
+            process.terminate()  # which ends its boards too
+    assert process.returncode == 0, complaints
+    figures = json.loads(found.read_text(encoding="utf-8"))["figures"]
     assert all(figure["number"] in printed for figure in figures)
     return list(figures)
 
 
-@pytest.mark.parametrize(
-    ("name", "run"),
-    [
-        *(pytest.param(name, QUICK, id=name, marks=pytest.mark.slow) for name in QUICK),
-        *(pytest.param(name, LONG, id=name, marks=pytest.mark.soak) for name in LONG),
-    ],
-)
-def test_yields_numbers(name: str, run: tuple[str, ...]) -> None:
-    """As many figures as a benchmark has, finite and not negative, in a tiny run."""
-    figures = [figure for figure in figures_of(run) if figure["number"] == name]
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+    """One run of the benchmarks that need no long measurement."""
+    return figures_of(QUICK, tmp_path_factory.mktemp("quick"))
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+    """One run of the others."""
+    return figures_of(LONG, tmp_path_factory.mktemp("long"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", QUICK)
+def test_yields_numbers(name: str, quick: list[Any]) -> None:
+    """The figures of a tiny run are finite, of the right number, and not negative."""
+    are_numbers([figure for figure in quick if figure["number"] == name], name)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", LONG)
+def test_a_long_one_yields_numbers(name: str, long: list[Any]) -> None:
+    """The same of those that measure for seconds even in a tiny run."""
+    are_numbers([figure for figure in long if figure["number"] == name], name)
+
+
+def are_numbers(figures: Sequence[Any], name: str) -> None:
+    """So many figures as the benchmark has, finite, and not negative."""
     assert len(figures) == FIGURES[name]
     for figure in figures:
         assert math.isfinite(figure["value"]), figure
