@@ -97,9 +97,9 @@ class Arms:
     def _made_body(self, one: BoardConfig, simulation: Any) -> Body:
         if self.count == 1:
             return make_body(one, simulation)
-        from ..sim.bodies.mujoco_fleet import MujocoFleet
+        from ..sim.bodies.mujoco import MujocoBody
 
-        return MujocoFleet(one, simulation, self.count)
+        return MujocoBody(one, simulation, self.count)
 
     def begin(self, positions: Floats) -> None:
         """Reset all arms: board, motors, sensors; at rest at positions, shape (arms, n)."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...core.config.config import BoardConfig
 from ...core.terms.measurement import Array
 from ..config import SimulationConfig
-from ..errors import PlantGone
+from ..errors import PlantError, PlantGone
 from .mujoco_spec import FOLLOWER_ARMATURE, GEAR, Builder
 from .prepare import Fitted, fit
 from .transmission import Followers, Transmission
@@ -37,17 +37,30 @@ def _let_pass(_warning: str) -> None:
 
 
 class MujocoBody:
-    """A robot in a separate world; see ``plant.Body``.
+    """One robot, or several of one kind, in a separate world; see ``plant.Body``.
+
+    Several share one place and do not touch: one step of all costs a third of a step for each.
+
+    Args:
+        board: Of one robot.
+        simulation: Likewise.
+        count: Of robots, joint after joint, robot after robot; obstacles and pictures are those
+            of one.
 
     Raises:
         ConfigError: there is no URDF, or it lacks a joint of the board.
-        PlantError: MuJoCo cannot load the URDF.
+        PlantError: MuJoCo cannot load the URDF, or has several robots of coupled joints.
     """
 
-    def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
+    def __init__(self, board: BoardConfig, simulation: SimulationConfig, count: int = 1) -> None:
         mujoco.set_mju_user_warning(_let_pass)
         self._simulation = simulation
         self._fitted = fitted = fit(board, simulation)
+        if count > 1 and fitted.mimics:
+            raise PlantError(f"{fitted.mimics[0].follower} follows another joint; use one arm")
+        if count > 1 and fitted.coupling is not None:
+            raise PlantError("the arm has coupled joints; use one arm")
+        self._prefixes = ["", *(f"{k}/" for k in range(1, count))]
         self._transmission = Transmission(fitted.coupling, board.names)
         self._followers = Followers(fitted.mimics, fitted.names)
         self._curved = [gear for gear in fitted.gears if gear.function is not None]
@@ -57,7 +70,7 @@ class MujocoBody:
         self._boxes_ever = 0
         self._advance: Callable[..., None] = mujoco.mj_step
         self._load()
-        self.attach(np.zeros((2, len(board.joints))))
+        self.attach(np.zeros((2, count * len(board.joints))))
 
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
@@ -146,12 +159,15 @@ class MujocoBody:
         builder = Builder(self._fitted, self._simulation, shapes)
         for box in self._boxes.values():
             builder.add_box(*box)
+        for prefix in self._prefixes[1:]:
+            builder.attach(prefix, Builder(self._fitted, self._simulation, shapes))
         self._model = model = builder.build()
         self._data = data = mujoco.MjData(model)
         # Views of MuJoCo's arrays: each attribute access would create one.
         self._positions, self._velocities = data.qpos, data.qvel
         self._force = data.qfrc_applied
-        names, joints = self._fitted.names, self._followers.joints
+        names = [prefix + name for prefix in self._prefixes for name in self._fitted.names]
+        joints = self._followers.joints
         self._coordinates = _as_slice([model.joint(name).qposadr[0] for name in names])
         self._dofs = _as_slice([model.joint(name).dofadr[0] for name in names])
         self._following = [model.joint(name).qposadr[0] for name in joints]

@@ -126,9 +126,14 @@ class Builder:
                 f"urdf: MuJoCo cannot load it ({reason}); check the robot's URDF"
             ) from None
         for name, moments in self._moments.items():
-            model.body_inertia[model.body(LINK + name).id] = moments
+            model.body_inertia[model.body(name).id] = moments
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
+
+    def attach(self, prefix: str, other: Builder) -> None:
+        """Add another robot at the same place, its names after a prefix."""
+        self.spec.attach(other.spec, prefix=prefix, frame=self.spec.worldbody.add_frame())
+        self._moments |= {prefix + name: moments for name, moments in other._moments.items()}
 
     def add_box(self, centre: tuple[float, ...], half_extents: tuple[float, ...]) -> None:
         """Add a fixed box, m, that collides with the robot."""
@@ -172,7 +177,7 @@ class Builder:
         mass = float(numbers_of(link.find("inertial/mass"), "value", (0.0,))[0])
         moments, axes = np.linalg.eigh(inertia_of(link))
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        self._moments[name] = np.maximum(moments, 0.0)
+        self._moments[LINK + name] = np.maximum(moments, 0.0)
         body = parent.add_body(
             name=LINK + name,
             pos=position,
