@@ -16,9 +16,13 @@ from typing import Protocol
 import numpy as np
 
 from ...core.terms.measurement import Array
+from ...sim.bodies.ideal import FreeBody
+from ...sim.plant import Body
 from ..drives.axes import Axis
 
 STEP = 1e-3
+#: Of a joint of a free world, kg·m².
+INERTIA = 0.05
 #: Most simulated time, s, and most real time, s, of one ``advance``: on a slow machine the world
 #: is slower than real time.
 LARGEST_GAP, LONGEST = 0.02, 2e-3
@@ -54,48 +58,6 @@ class VirtualDrive(Protocol):
             velocity: Of the output, rad/s.
         """
         ...
-
-
-class Body(Protocol):
-    """As in ``sim.plant``."""
-
-    def attach(self, state: Array) -> None: ...
-    def step(self, torque: Array) -> bool: ...
-    def restore(self, state: Array) -> None: ...
-    def close(self) -> None: ...
-
-
-class FreeBody:
-    """Joints of a given inertia between two stops; no gravity.
-
-    Args:
-        inertia: kg·m², shape (n,).
-        lower, upper: rad, shape (n,).
-    """
-
-    def __init__(self, inertia: Array, lower: Array, upper: Array) -> None:
-        self._gain, self._lower, self._upper = STEP / inertia, lower, upper
-
-    def attach(self, state: Array) -> None:
-        """Refresh ``state``, shape (2, n), position and velocity, from now on."""
-        self._state = state
-
-    def step(self, torque: Array) -> bool:
-        """Apply torques, shape (n,), for one step."""
-        position, velocity = self._state
-        velocity += self._gain * torque
-        position += STEP * velocity
-        beyond = (position < self._lower) | (position > self._upper)
-        velocity[beyond] = 0.0
-        np.clip(position, self._lower, self._upper, out=position)
-        return True
-
-    def restore(self, state: Array) -> None:
-        """Set positions and velocities, shape (2, n)."""
-        self._state[:] = state
-
-    def close(self) -> None:
-        """Holds nothing to release."""
 
 
 class World:
@@ -171,9 +133,12 @@ class World:
         return (position - self._offset[drive]) * factor, velocity * factor
 
 
-def free_world(axes: Sequence[Axis], drives: Sequence[VirtualDrive], inertia: float = 0.05,
-               clock: Callable[[], float] = time.monotonic) -> World:  # fmt: skip
-    """A world of free joints, each of an inertia (kg·m²), with a little friction."""
+def free_world(
+    axes: Sequence[Axis],
+    drives: Sequence[VirtualDrive],
+    clock: Callable[[], float] = time.monotonic,
+) -> World:
+    """A world of free joints, each of INERTIA, with a little friction and no gravity."""
     n = len(axes)
-    body = FreeBody(np.full(n, inertia), np.full(n, -20.0), np.full(n, 20.0))
+    body = FreeBody(STEP, np.full(n, INERTIA), np.full(n, -20.0), np.full(n, 20.0))
     return World(axes, drives, body, np.full((3, n), [[0.01], [0.01], [0.05]]), clock=clock)

@@ -13,29 +13,28 @@ from ..config import SimulationConfig
 from ..motor import rotors_at_axes
 
 
-class IdealBody:
+class FreeBody:
     """Independent joints; semi-implicit Euler, exact at constant torque in dq.
 
-    At a hard stop a joint has zero velocity until driven away.
+    At a hard stop a joint has zero velocity until driven away. See ``plant.Body``.
+
+    Args:
+        step: s.
+        inertia: kg·m² or kg, shape (n,).
+        lower, upper: Hard stops, rad or m, shape (n,).
     """
 
-    def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
-        inertia = np.array([joint.inertia for joint in simulation.joints])
-        self._step = simulation.physics_step
-        self._gain = self._step / (inertia + rotors_at_axes(board, simulation))
-        self._lower = np.array([joint.limits.hard_lower for joint in board.joints])
-        self._upper = np.array([joint.limits.hard_upper for joint in board.joints])
+    def __init__(self, step: float, inertia: Array, lower: Array, upper: Array) -> None:
+        self._step, self._gain = step, step / inertia
+        self._lower, self._upper = lower, upper
         self._change = np.zeros(len(inertia))
-        self._state = np.zeros((2, len(inertia)))
-        self._position, self._velocity = self._state
+        self.attach(np.zeros((2, len(inertia))))
 
     def attach(self, state: Array) -> None:
-        """Refresh ``state``, shape (2, n), position and velocity, from now on."""
         self._state = state
         self._position, self._velocity = state
 
     def step(self, torque: Array) -> bool:
-        """Apply torques, shape (n,), for one physics step; false if the state diverged."""
         position, velocity, change = self._position, self._velocity, self._change
         np.multiply(torque, self._gain, change)
         np.add(velocity, change, velocity)
@@ -48,8 +47,20 @@ class IdealBody:
         return math.isfinite(position.dot(position))
 
     def restore(self, state: Array) -> None:
-        """Set positions and velocities, shape (2, n)."""
         self._state[:] = state
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+class IdealBody(FreeBody):
+    """The joints of a board, between their hard limits."""
+
+    def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
+        inertia = np.array([joint.inertia for joint in simulation.joints])
+        super().__init__(
+            simulation.physics_step,
+            inertia + rotors_at_axes(board, simulation),
+            np.array([joint.limits.hard_lower for joint in board.joints]),
+            np.array([joint.limits.hard_upper for joint in board.joints]),
+        )
