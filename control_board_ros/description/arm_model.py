@@ -12,7 +12,7 @@ import numpy as np
 from ..core.model.arm_model import ArmModel, Link
 from ..core.terms.measurement import Array
 from .geometry import axis_of, origin_of, rotations_about
-from .merge import Inertial, inertial_of
+from .merge import NOTHING, Inertial, inertial_of
 from .urdf import Urdf
 from .urdf_tree import Tree
 
@@ -69,7 +69,7 @@ def arm_model(
     frames: dict[str, tuple[int, Array, Array]] = {tree.base: (BASE, np.zeros(3), np.eye(3))}
     placed: dict[int, tuple[int, Array, Array]] = {}
     axes: dict[str, Array] = {}
-    bodies = {j: Inertial(0.0, np.zeros(3), np.zeros((3, 3))) for j in range(len(names))}
+    bodies = dict.fromkeys(range(len(names)), NOTHING)
     for joint in tree.walk(tree.base):
         carrier, position, rotation = frames[tree.parent(joint)]
         offset, turn = origin_of(joint)
@@ -100,9 +100,8 @@ def arm_model(
 def _axis(name: str, motors: Motors, *, slides: bool) -> Link:
     """A coupled axis: an inertia of its own, without weight."""
     rotor = motors.rotors.get(name, 0.0) + motors.moved.get(name, 0.0)
-    nothing = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     alone = replace(motors, rotors={name: rotor}, in_links=False)
-    return _link(BASE, np.zeros(3), np.eye(3), nothing, name, alone, slides=slides)
+    return _link(BASE, np.zeros(3), np.eye(3), NOTHING, name, alone, slides=slides)
 
 
 def _link(

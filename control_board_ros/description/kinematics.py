@@ -26,7 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.terms.measurement import Array
-from .geometry import axis_of, inertia_of, numbers_of, origin_of, rotations_about
+from .geometry import axis_of, origin_of, rotations_about
+from .merge import NOTHING, inertial_of
 from .urdf_tree import Tree
 
 NONE = -1
@@ -158,12 +159,9 @@ def _momentum(joint: MovedJoint) -> tuple[Array, Array]:
 
 def _body(link: ET.Element, position: Array, rotation: Array) -> Body:
     """A link whose frame has this origin, shape (P, 3), and these axes, shape (P, 3, 3)."""
-    inertial = link.find("inertial")
-    if inertial is None:
-        return Body(0.0, np.zeros_like(position), np.zeros_like(rotation))
-    mass = float(numbers_of(inertial.find("mass"), "value", (0.0,))[0])
-    centre = position + rotation @ numbers_of(inertial.find("origin"), "xyz")
-    tensor = rotation @ inertia_of(link) @ rotation.transpose(0, 2, 1)
+    own = inertial_of(link) or NOTHING
+    mass, centre = own.mass, position + rotation @ own.centre
+    tensor = rotation @ own.tensor @ rotation.transpose(0, 2, 1)
     square = np.einsum("pi,pi->p", centre, centre)[:, None, None] * np.eye(3)
     tensor += mass * (square - centre[:, :, None] * centre[:, None, :])
     return Body(mass, mass * centre, tensor)

@@ -47,6 +47,9 @@ class Inertial:
         return self.tensor + self.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
 
 
+NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
 def merge_fixed(tree: Tree) -> Tree:
     """The robot without fixed joints; the tree is changed.
 

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from ...core.model.coupling import Gear
 from ...core.terms.measurement import Array
-from ...description.geometry import axis_of, inertia_of, numbers_of, origin_of
+from ...description.geometry import axis_of, numbers_of, origin_of
+from ...description.merge import NOTHING, inertial_of
 from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
 from ..errors import PlantError
@@ -174,16 +175,16 @@ class Builder:
 
     def _add_link(self, parent: Any, name: str, position: Array, rotation: Array) -> Any:
         link = self._tree.links[name]
-        mass = float(numbers_of(link.find("inertial/mass"), "value", (0.0,))[0])
-        moments, axes = np.linalg.eigh(inertia_of(link))
+        own = inertial_of(link) or NOTHING
+        moments, axes = np.linalg.eigh(own.tensor)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         self._moments[LINK + name] = np.maximum(moments, 0.0)
         body = parent.add_body(
             name=LINK + name,
             pos=position,
             quat=quaternion(rotation),
-            mass=max(mass, 1e-12),
-            ipos=numbers_of(link.find("inertial/origin"), "xyz"),
+            mass=max(own.mass, 1e-12),
+            ipos=own.centre,
             iquat=quaternion(axes),
             inertia=[HARMLESS] * 3,
             explicitinertial=True,
