@@ -271,7 +271,6 @@ def _moved(values: dict[str, Any], moved: MotorLoad, gravity: float) -> None:
 
 
 def _start_values(values: dict[str, Any], kind: JointKind) -> None:
-    """Initial speeds, home, and the calibration's start."""
     give = values.setdefault
     slow = kind.choose(10.0 * DEGREE, 0.05)
     give("reference_speed", min(slow, 0.5 * values["limits.velocity"]))

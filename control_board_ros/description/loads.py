@@ -89,7 +89,6 @@ class Loads:
 
     @property
     def by_name(self) -> dict[str, Load]:
-        """The load of each joint."""
         return {
             name: Load(float(row.min()), float(row.mean()), float(row.max()), float(torque))
             for name, row, torque in zip(

@@ -78,7 +78,6 @@ def merge_fixed(tree: Tree) -> Tree:
 
 
 def inertial_of(link: ET.Element) -> Inertial | None:
-    """The <inertial> of a link in its own axes."""
     inertial = link.find("inertial")
     if inertial is None:
         return None

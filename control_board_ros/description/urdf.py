@@ -183,7 +183,6 @@ class Urdf:
         return {joint.name: joint.mimic for joint in self.joints if joint.mimic is not None}
 
     def with_prefix(self, prefix: str) -> Urdf:
-        """The same robot with prefixed joint names."""
         if not prefix:
             return self
         root = copy.deepcopy(self.tree.root)

@@ -69,7 +69,6 @@ class Tree:
         return link
 
     def copy(self) -> Tree:
-        """A modifiable copy."""
         return Tree(copy.deepcopy(self.root), self.source)
 
     def attach(self, joint: ET.Element, link: str) -> None:

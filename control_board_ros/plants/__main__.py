@@ -64,7 +64,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def put_scan(plant: str, bus: str) -> int:
-    """Print what answers on a bus."""
     found = import_module(f".{plant}.driver", __package__).scan(bus)
     if not found:
         print(f"nothing answers on {bus}; look at power, wiring, bit rate and termination")
@@ -143,14 +142,12 @@ def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
 
 
 def report(moved: Moved) -> str:
-    """The line that reports a move."""
     commanded, read = math.degrees(moved.commanded), math.degrees(moved.read)
     end = "" if moved.follows else ": its drive does not follow; is it free, and its gain enough?"
     return f"{moved.joint}: commanded {commanded:+.2f}°, read {read:+.2f}°{end}"
 
 
 def agreed(question: str) -> bool:
-    """Whether the user agrees."""
     return input(f"{question} [y/N] ").strip().lower() in ("y", "yes")
 
 

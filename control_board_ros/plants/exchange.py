@@ -73,7 +73,6 @@ class Exchange:
         self._turned: Array | None = None
 
     def connect(self) -> None:
-        """Connect to the hardware, or reconnect."""
         self.forget()
         self._plant.connect(self._setup)
 
@@ -104,7 +103,6 @@ class Exchange:
         self._plant.let_go()
 
     def _in_order(self, wanted: SetPoints) -> SetPoints:
-        """Set-points in the plant's order."""
         if self.numbers == [*range(self._count)]:
             return wanted
         kinds = np.zeros(self._count, dtype=np.int8)

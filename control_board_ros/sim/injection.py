@@ -50,7 +50,6 @@ class Injection:
     driven: bool
 
     def hold(self, values: Array, *rows: Row) -> None:
-        """Hold these rows at their initial sample."""
         for row in rows:
             values[row, self.joint] = self.sample[row]
 
@@ -214,7 +213,6 @@ class Injector:
         return kind in SILENT and bool(self._powered[fault.joint])
 
     def having(self, kind: str) -> set[int]:
-        """Joints that have a fault of a kind."""
         return {joint for joint, its in self._faults if its == kind}
 
     def diverged(self, cycle: int) -> list[int]:

@@ -191,7 +191,6 @@ class Cia402Drives:
         )
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
-        """The two PDOs of a drive."""
         line, number, drive = self._line, self._axes[k].id, self._drives[k]
         scale, on = drive.scale, kind is not SetPoint.OFF and drive.left is None
         if on is not drive.powered:
@@ -254,7 +253,6 @@ class Cia402Drives:
 
 
 def judge(drive: Drive) -> DriveFault | None:
-    """The fault of a drive, by its state and error code."""
     if drive.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         if drive.idle and drive.error == o.HEARTBEAT_LOST:  # from its set-up to the first cycle
             drive.reset = True
@@ -274,10 +272,9 @@ def whole(value: float, bits: int) -> int:
     return round(max(-most, min(most, value)))
 
 
-def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
-    """What answers on a bus, of CiA 402."""
+def scan(bus: str) -> list[Found]:
     with CanLine(bus) as line:
-        for drive in ids:
+        for drive in IDS:
             line.send(o.SDO_REQUEST | drive, struct.pack("<BHBI", 0x40, o.DEVICE_TYPE, 0, 0))
         answers = {m.arbitration_id & 0x7F: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
                  if m.arbitration_id & 0x780 == o.SDO_ANSWER}  # fmt: skip

@@ -68,7 +68,6 @@ def limits_of(sdo: Sdo, scale: Scale) -> DriveLimits:
 
 
 def found_of(sdo: Sdo, drive: int, limits: DriveLimits | None = None) -> Found:
-    """What a drive is."""
     state = state_of(sdo.get(o.STATUS, 0, "<H"))
     code = sdo.maybe(o.ERROR_CODE, 0, "<H") or 0
     volts = sdo.maybe(o.SUPPLY, 0, "<I")

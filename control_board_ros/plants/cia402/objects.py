@@ -109,5 +109,4 @@ GROUPS = {
 
 
 def error_name(code: int) -> str:
-    """An error code in words."""
     return ERRORS.get(code) or f"{GROUPS.get(code >> 12, 'of no group')}; see its manual"

@@ -75,7 +75,6 @@ TOWARDS_POWER = {
 
 
 def state_of(status: int) -> State:
-    """The state that a status word reports."""
     for state in State:
         mask, value = state.value
         if status & mask == value:
@@ -84,7 +83,6 @@ def state_of(status: int) -> State:
 
 
 def command_of(control: int) -> Command:
-    """The request of a control word."""
     for command in Command:
         mask, value = command.value
         if control & mask == value:

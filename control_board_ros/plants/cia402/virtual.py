@@ -236,7 +236,6 @@ class VirtualCia402:
         return round(1e3 * self.torque / self.rated) if index == o.TORQUE else None
 
     def _value(self, index: int, subindex: int = 0) -> int:
-        """A number among its objects."""
         found = self.node.object_dictionary[index]
         item = found if isinstance(found, ODVariable) else found[subindex]
         return int(item.decode_raw(self.node.get_data(index, subindex)))
@@ -285,7 +284,6 @@ class VirtualCia402:
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualCia402:
-    """A drive that fits a joint, tuned by the joint's own gains."""
     if joint is None:
         return VirtualCia402(axis.id)
     limits, ratio, gains = joint.limits, axis.ratio, joint.position_pid

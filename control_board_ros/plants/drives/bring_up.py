@@ -40,7 +40,6 @@ class Moved:
 
     @property
     def follows(self) -> bool:
-        """Whether the drive followed the command."""
         return abs(self.read - self.commanded) <= TOLERANCE * abs(self.commanded)
 
 

@@ -133,7 +133,6 @@ class CanLine:
         self.close()
 
     def send(self, frame_id: int, data: bytes) -> None:
-        """Send a frame; see ``message``."""
         bus = self.bus
         try:
             bus.send(message(frame_id, data, fd=self._fd))

@@ -69,7 +69,6 @@ class Answers:
         self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
 
     def came(self, drive: int, data: bytes) -> None:
-        """Note an answer of a drive, whose values are stored."""
         self.times[drive] = self._clock()
         self.raw[drive][bytes(data)] = None
 

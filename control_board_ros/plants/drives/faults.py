@@ -14,7 +14,6 @@ UNNAMED = "see its manual"
 
 
 def coded(number: int, names: Mapping[int, str]) -> DriveFault:
-    """The fault with this code."""
     return DriveFault(number, names.get(number, UNNAMED))
 
 

@@ -114,7 +114,7 @@ class ServoBus:
         protocol: Of the library.
     """
 
-    def __init__(self, library: Library, device: str, baudrate: int) -> None:
+    def __init__(self, library: Library, device: str, baudrate: int = 1_000_000) -> None:
         self._library, self._device, self._baudrate = library, device, baudrate
         self._port: Any = None
 

@@ -134,7 +134,6 @@ class DynamixelDrives:
             bus.put(axis, t.WATCHDOG, self._watch)
 
     def close(self) -> None:
-        """Torque off, and leave the port."""
         self._bus.close(self._axes)
 
     def _mode(self, kind: SetPoint) -> int:
@@ -156,7 +155,6 @@ class DynamixelDrives:
         return round(value[Value.POSITION] / t.COUNT) + t.CENTRE
 
     def _sync(self, item: Item, values: Mapping[int, int]) -> None:
-        """The same item of several servos at once."""
         half = 1 << 8 * item.length
         self._bus.sync(
             item,
@@ -213,7 +211,6 @@ def watchdog_steps(timeout: float) -> int:
 
 
 def identity(bus: ServoBus, drive: int) -> Found:
-    """What a servo is, and its fault."""
     number, error = bus.get(drive, t.MODEL), bus.get(drive, t.ERROR)
     return Found(
         id=drive,
@@ -224,9 +221,8 @@ def identity(bus: ServoBus, drive: int) -> Found:
     )
 
 
-def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
-    """What answers on a port."""
-    with ServoBus(t.LIBRARY, device, baudrate) as bus:
+def scan(device: str) -> list[Found]:
+    with ServoBus(t.LIBRARY, device) as bus:
         answered, _ = bus.protocol.broadcastPing(bus.port)
         return [identity(bus, drive) for drive in sorted(answered)]
 

@@ -37,14 +37,12 @@ def checksum(data: bytes) -> int:
 
 
 def packed(drive: int, instruction: int, parameters: bytes) -> bytes:
-    """A packet as it goes over the wire."""
     body = (bytes([instruction]) + parameters).replace(HEADER, STUFFED)
     whole = HEADER + bytes([0, drive]) + (len(body) + 2).to_bytes(2, "little") + body
     return whole + checksum(whole).to_bytes(2, "little")
 
 
 def length_of(head: bytes) -> int:
-    """Bytes of a packet."""
     return 7 + int.from_bytes(head[5:7], "little")
 
 
@@ -163,7 +161,6 @@ class VirtualDynamixel:
         return 0
 
     def _refresh(self) -> None:
-        """Readings into the table."""
         if not self._model.ampere:
             current = round(self.torque / self.motor.constant * 100.0)
         else:
@@ -213,7 +210,6 @@ def _places(data: bytes) -> tuple[int, int]:
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualDynamixel:
-    """A servo that fits a joint, tuned by the joint's own gains."""
     made = VirtualDynamixel(axis.id)
     if joint is not None:
         made.motor.fit(joint, axis.ratio)
@@ -224,5 +220,4 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualDynamixel:
 
 
 def virtual_bus(world: World, drives: Sequence[VirtualDynamixel]) -> VirtualSerialBus:
-    """The servos on a pseudo terminal."""
     return VirtualSerialBus(world, drives, Framer(HEADER, 7, length_of, unpacked))

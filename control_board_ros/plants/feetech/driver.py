@@ -125,7 +125,6 @@ class FeetechDrives:
         self._bus.put(self._axes[k].id, t.TORQUE, 0)
 
     def close(self) -> None:
-        """Torque off, and leave the port."""
         self._bus.close(self._axes)
 
     def _take(self, drive: int, data: bytes) -> None:
@@ -176,7 +175,6 @@ def goals(kind: SetPoint, value: Sequence[float]) -> bytes:
 
 
 def identity(bus: ServoBus, drive: int) -> Found:
-    """What a servo is, and its fault."""
     number, status = bus.get(drive, t.MODEL), bus.get(drive, t.STATUS)
     firmware = bus.get(drive, t.FIRMWARE)
     return Found(
@@ -188,9 +186,8 @@ def identity(bus: ServoBus, drive: int) -> Found:
     )
 
 
-def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
-    """What answers on a port."""
-    with ServoBus(t.LIBRARY, device, baudrate) as bus:
+def scan(device: str) -> list[Found]:
+    with ServoBus(t.LIBRARY, device) as bus:
         bus.port.wait = 5e-3
         return [identity(bus, drive) for drive in IDS if bus.models(drive, attempts=1)]
 

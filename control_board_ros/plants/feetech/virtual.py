@@ -21,13 +21,11 @@ STORED = 40
 
 
 def packed(drive: int, code: int, parameters: bytes) -> bytes:
-    """A packet as it goes over the wire."""
     body = bytes([drive, len(parameters) + 2, code]) + parameters
     return HEADER + body + bytes([~sum(body) & 0xFF])
 
 
 def length_of(head: bytes) -> int:
-    """Bytes of a packet."""
     return 4 + head[3]
 
 
@@ -142,7 +140,6 @@ class VirtualFeetech:
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualFeetech:
-    """A servo that fits a joint, tuned by the joint's own gains."""
     made = VirtualFeetech(axis.id)
     if joint is not None:
         made.motor.fit(joint, axis.ratio)
@@ -154,5 +151,4 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualFeetech:
 
 
 def virtual_bus(world: World, drives: Sequence[VirtualFeetech]) -> VirtualSerialBus:
-    """The servos on a pseudo terminal."""
     return VirtualSerialBus(world, drives, Framer(HEADER, 4, length_of, unpacked))

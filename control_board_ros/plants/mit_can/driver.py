@@ -156,7 +156,6 @@ class MitDrives:
         line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, k: int) -> None:
-        """Clear faults; see ``drives.driver.Driver``."""
         line, drive, motor = self._line, self._axes[k].id, self._motors[k]
         line.send(drive, f.CLEAR)
         if motor.faults is not None:
@@ -166,7 +165,6 @@ class MitDrives:
             motor.powered = False
 
     def close(self) -> None:
-        """Power off, and leave the bus."""
         self._line.close((axis.id, f.DISABLE) for axis in self._axes)
 
     def _take(self, message: Any) -> int | None:
@@ -207,7 +205,6 @@ class MitDrives:
 
 
 def command(motor: Motor, kind: SetPoint, value: Sequence[float]) -> bytes:
-    """The frame of a set-point."""
     springs = kind is SetPoint.IMPEDANCE
     values = (
         value[Value.POSITION],
@@ -221,11 +218,10 @@ def command(motor: Motor, kind: SetPoint, value: Sequence[float]) -> bytes:
     return f.packed(motor.ranges, *values)
 
 
-def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
-    """What answers on a bus."""
+def scan(bus: str) -> list[Found]:
     found = []
     with CanLine(bus) as line:
-        for drive in ids:
+        for drive in SHORT_IDS:
             for _ in d.masters(line, drive):
                 line.send(drive, f.DISABLE)
                 states = [m.data[0] >> 4 for m in line.collect(PATIENCE / 10) if len(m.data) == 8]

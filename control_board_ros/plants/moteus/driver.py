@@ -30,6 +30,7 @@ from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
 
+IDS = range(1, 128)
 WATCHED = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY, SetPoint.TORQUE)
 UNWATCHED = (SetPoint.CURRENT, SetPoint.PWM)
 #: What it does after its watchdog (servo.timeout_mode).
@@ -121,7 +122,6 @@ class MoteusDrives:
         self._line.send(self._axes[k].id, f.padded(self._drives[k].controller.make_stop().data))
 
     def close(self) -> None:
-        """Stop all drives, and leave the bus."""
         self._line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
@@ -160,7 +160,6 @@ class MoteusDrives:
         return packed + query
 
     def _take(self, message: Any) -> int | None:
-        """Read an answer."""
         answers = self._answers
         k = answers.places.get(message.arbitration_id >> 8 & 0x7F)
         if k is None or message.arbitration_id & 0xFF != 0:
@@ -189,7 +188,6 @@ class MoteusDrives:
 
 
 def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]:
-    """What answers as a drive: none, one, or two."""
     import moteus
     from moteus.protocol import Register
 
@@ -260,8 +258,7 @@ def ask(line: CanLine, drive: int, words: str) -> str:
     raise ConnectionError(f"id {drive} does not answer to {words!r}")
 
 
-def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
-    """What answers on a bus."""
+def scan(bus: str) -> list[Found]:
     import moteus
     from moteus.protocol import Register
 
@@ -269,10 +266,10 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
         query = (
             moteus.Controller(id=1).make_custom_query({Register.MODEL_NUMBER: moteus.INT32}).data
         )
-        for drive in ids:
+        for drive in IDS:
             line.send(0x8000 | drive, f.padded(query))
         drives = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
         return [found for drive in sorted(drives) for found in identify(line, drive)]
 
 
-make = maker(MoteusDrives, bus="socketcan:can0", ids=range(1, 128), whole={"unwatched": 0.0})
+make = maker(MoteusDrives, bus="socketcan:can0", ids=IDS, whole={"unwatched": 0.0})

@@ -139,7 +139,6 @@ class VirtualMoteus:
             self._control = self._position
 
     def _registers(self) -> dict[int, float]:
-        """What can be read of it."""
         return {
             v.R_MODE: self.mode,
             v.R_POSITION: self._position,
@@ -155,7 +154,6 @@ class VirtualMoteus:
         }
 
     def _read_line(self, data: bytes) -> None:
-        """A line of the diagnostic protocol."""
         words = data.decode("latin1").split()
         answer = "ERR unknown command"
         if words[:2] == ["conf", "get"] and len(words) == 3 and words[2] in self.conf:
@@ -231,7 +229,6 @@ class VirtualMoteus:
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMoteus:
-    """A drive that fits a joint, tuned by the joint's own gains."""
     if joint is None:
         return VirtualMoteus(axis.id)
     motor, ratio, gains = joint.motor, axis.ratio, joint.position_pid

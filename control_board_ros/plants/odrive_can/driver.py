@@ -140,11 +140,9 @@ class OdriveDrives:
             line.send(frame(number, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
 
     def clear_fault(self, k: int) -> None:
-        """Errors are cleared by a command."""
         self._line.send(frame(self._axes[k].id, f.CLEAR), b"\0")
 
     def close(self) -> None:
-        """Power off, and leave the bus."""
         off = struct.pack("<I", f.IDLE)
         self._line.close((frame(axis.id, f.STATE), off) for axis in self._axes)
 
@@ -178,7 +176,6 @@ class OdriveDrives:
         return flagged(errors, f.ERRORS)
 
     def _get(self, k: int, name: str) -> float:
-        """A parameter."""
         line, drive, endpoint = self._line, self._axes[k].id, self._drives[k].parameters[name]
 
         def pick(message: Any) -> bytes | None:
@@ -203,7 +200,6 @@ class OdriveDrives:
 
 
 def frame(drive: int, command: int) -> int:
-    """The id of a frame."""
     return drive << 5 | command
 
 
@@ -224,7 +220,6 @@ def ask(line: CanLine, drive: int, command: int, attempts: int) -> list[bytes]:
 
 
 def found_of(line: CanLine, drive: int, version: f.Version) -> Found:
-    """What a drive is."""
     supply, beat = (ask(line, drive, command, ATTEMPTS) for command in (f.SUPPLY, f.BEAT))
     errors = struct.unpack("<IBBBB", beat[0])[0] if beat else 0
     return Found(
@@ -236,10 +231,9 @@ def found_of(line: CanLine, drive: int, version: f.Version) -> Found:
     )
 
 
-def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
-    """What answers on a bus."""
+def scan(bus: str) -> list[Found]:
     with CanLine(bus) as line:
-        for drive in ids:
+        for drive in IDS:
             line.send(frame(drive, f.VERSION) | REMOTE, b"")
         versions = {m.arbitration_id >> 5: f.Version.parse(bytes(m.data))
                  for m in line.collect(2.0 * PATIENCE)

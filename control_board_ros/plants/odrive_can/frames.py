@@ -134,7 +134,6 @@ def endpoints(version: Version, file: str) -> Mapping[str, Endpoint]:
 
 
 def mode(control: int) -> bytes:
-    """Data of Set_Controller_Mode."""
     return struct.pack("<II", control, PASSTHROUGH)
 
 

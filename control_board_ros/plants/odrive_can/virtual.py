@@ -161,7 +161,6 @@ class VirtualOdrive:
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualOdrive:
-    """An axis that fits a joint, tuned by the joint's own gains."""
     if joint is None:
         return VirtualOdrive(axis.id)
     motor, ratio, gains, limits = joint.motor, axis.ratio, joint.position_pid, joint.limits

@@ -71,7 +71,6 @@ class Table:
         self.bytes = bytearray(size)
 
     def get(self, item: Item, *, signed: bool = False) -> int:
-        """The number at an item."""
         data = self.bytes[item.address : item.address + item.length]
         return int.from_bytes(data, "little", signed=signed)
 

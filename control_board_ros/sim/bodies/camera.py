@@ -66,7 +66,6 @@ class Camera:
             bullet.disconnect(client)
 
     def _extent(self, count: int) -> tuple[list[float], float]:
-        """Centre and size of the robot, m."""
         corners = np.array(
             [bullet.getAABB(self._body, link, self._client) for link in range(-1, count)]
         )

@@ -41,7 +41,6 @@ class Fitted:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints."""
         return tuple(joint.name for joint in self.joints)
 
     @property

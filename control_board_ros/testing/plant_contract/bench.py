@@ -114,7 +114,6 @@ def expect(good: bool, text: str) -> None:
 
 
 def setup_for(plant: DrivePlant) -> Setup:
-    """A board's setup of a plant."""
     board = board_for(plant.describe())
     return Setup(period=board.period, timeout=TIMEOUT, joints=board.joints)
 
@@ -130,7 +129,6 @@ def set_points(kinds: Sequence[SetPoint], **values: Array) -> SetPoints:
 
 
 def off(plant: DrivePlant) -> SetPoints:
-    """No joint of a plant has power."""
     return SetPoints.off(len(plant.describe().joints))
 
 

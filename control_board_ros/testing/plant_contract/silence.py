@@ -95,11 +95,9 @@ class Loop:
         expect(False, f"{what}; {_words(alarms) or 'no alarm'}")
 
     def without_alarm(self, wanted: Actuation, what: str) -> None:
-        """Run cycles until no joint has an alarm."""
         self.until(lambda alarms: not alarms, wanted, what)
 
     def drive(self, wanted: Actuation) -> None:
-        """Run cycles until the plant was given power."""
         self.until(lambda _: self._noted.driven.is_set(), wanted, "it never gets power")
 
 
