@@ -33,11 +33,11 @@ def test_the_usual_command_is_read_as_the_library_reads_it() -> None:
     assert virtual_frames.read(data) == virtual_frames.parse(data)
     nowhere = bytes(drive.make_position(**NUMBERS | {"position": math.nan}, query=True).data)
     found = virtual_frames.read(nowhere).writes
-    assert math.isnan(found.pop(virtual_frames.R_COMMAND_POSITION))
+    assert math.isnan(found.pop(virtual_frames.R.COMMAND_POSITION))
     assert found == {
         register: value
         for register, value in virtual_frames.parse(data).writes.items()
-        if register != virtual_frames.R_COMMAND_POSITION
+        if register != virtual_frames.R.COMMAND_POSITION
     }
 
 

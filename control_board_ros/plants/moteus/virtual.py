@@ -16,24 +16,25 @@ from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from . import frames as f
 from . import virtual_frames as v
+from .virtual_frames import R
 
 ENABLING, CURRENT, POSITION, ZERO_VELOCITY, BRAKE = 2, 9, 10, 12, 15
 #: s that a drive prepares its bridge after it was stopped.
 ENABLE_TIME = 5e-3
 #: What a command that does not name a register means.
 UNNAMED = {
-    v.R_COMMAND_POSITION: 0.0,
-    v.R_COMMAND_VELOCITY: 0.0,
-    v.R_COMMAND_FEEDFORWARD_TORQUE: 0.0,
-    v.R_COMMAND_KP_SCALE: 1.0,
-    v.R_COMMAND_KD_SCALE: 1.0,
-    v.R_COMMAND_POSITION_MAX_TORQUE: math.nan,
-    v.R_COMMAND_TIMEOUT: 0.0,
-    v.R_COMMAND_ILIMIT_SCALE: 1.0,
-    v.R_COMMAND_Q_CURRENT: 0.0,
-    v.R_COMMAND_D_CURRENT: 0.0,
-    v.R_VOLTAGEDQ_Q: 0.0,
-    v.R_VOLTAGEDQ_D: 0.0,
+    R.COMMAND_POSITION: 0.0,
+    R.COMMAND_VELOCITY: 0.0,
+    R.COMMAND_FEEDFORWARD_TORQUE: 0.0,
+    R.COMMAND_KP_SCALE: 1.0,
+    R.COMMAND_KD_SCALE: 1.0,
+    R.COMMAND_POSITION_MAX_TORQUE: math.nan,
+    R.COMMAND_TIMEOUT: 0.0,
+    R.COMMAND_ILIMIT_SCALE: 1.0,
+    R.COMMAND_Q_CURRENT: 0.0,
+    R.COMMAND_D_CURRENT: 0.0,
+    R.VOLTAGEDQ_Q: 0.0,
+    R.VOLTAGEDQ_D: 0.0,
 }
 
 
@@ -93,8 +94,8 @@ class VirtualMoteus:
             found = v.read(data)
             for line in found.said:
                 self._read_line(line)
-            if v.R_MODE in found.writes:
-                self._order(int(found.writes[v.R_MODE]), found.writes)
+            if R.MODE in found.writes:
+                self._order(int(found.writes[R.MODE]), found.writes)
             reply = v.answer(found.reads, self._registers()) if found.reads else b""
             for channel, most in found.wanted:
                 piece, self._stream = self._stream[:most], self._stream[most:]
@@ -112,10 +113,10 @@ class VirtualMoteus:
         if self.mode in (f.FAULT, f.TIMEOUT):  # left by a stop only
             return
         self._command = UNNAMED | {key: value for key, value in writes.items() if key in UNNAMED}
-        timeout = self._command[v.R_COMMAND_TIMEOUT]
+        timeout = self._command[R.COMMAND_TIMEOUT]
         self._left = timeout if timeout != 0.0 else self.conf["servo.default_timeout_s"]
         if self.mode == mode:
-            self._place(self._command[v.R_COMMAND_POSITION])
+            self._place(self._command[R.COMMAND_POSITION])
             return
         if self.mode == f.STOPPED:
             self.mode, self._enabling = ENABLING, ENABLE_TIME
@@ -130,7 +131,7 @@ class VirtualMoteus:
             return
         self.mode, self._integral, self._control = mode, 0.0, math.nan
         if mode == POSITION:
-            self._place(self._command[v.R_COMMAND_POSITION])
+            self._place(self._command[R.COMMAND_POSITION])
 
     def _place(self, position: float) -> None:
         if not math.isnan(position):
@@ -140,17 +141,17 @@ class VirtualMoteus:
 
     def _registers(self) -> dict[int, float]:
         return {
-            v.R_MODE: self.mode,
-            v.R_POSITION: self._position,
-            v.R_VELOCITY: self._velocity,
-            v.R_TORQUE: self.torque,
-            v.R_Q_CURRENT: self.current,
-            v.R_VOLTAGE: self.supply,
-            v.R_TEMPERATURE: 30.0,
-            v.R_FAULT: self.fault,
-            v.R_FIRMWARE_VERSION: self.version,
-            v.R_REGISTER_MAP_VERSION: self.register_map,
-            v.R_MULTIPLEX_ID: self.id,
+            R.MODE: self.mode,
+            R.POSITION: self._position,
+            R.VELOCITY: self._velocity,
+            R.TORQUE: self.torque,
+            R.Q_CURRENT: self.current,
+            R.VOLTAGE: self.supply,
+            R.TEMPERATURE: 30.0,
+            R.FAULT: self.fault,
+            R.FIRMWARE_VERSION: self.version,
+            R.REGISTER_MAP_VERSION: self.register_map,
+            R.MULTIPLEX_ID: self.id,
         }
 
     def _read_line(self, data: bytes) -> None:
@@ -183,13 +184,13 @@ class VirtualMoteus:
     def _torque(self, seconds: float) -> float:
         command, most = self._command, self.conf["servo.max_current_A"] * self._constant
         if self.mode == POSITION:
-            bound = command[v.R_COMMAND_POSITION_MAX_TORQUE]
+            bound = command[R.COMMAND_POSITION_MAX_TORQUE]
             most = most if math.isnan(bound) else min(most, bound)
-            torque = self._position_loop(seconds) + command[v.R_COMMAND_FEEDFORWARD_TORQUE]
+            torque = self._position_loop(seconds) + command[R.COMMAND_FEEDFORWARD_TORQUE]
         elif self.mode == CURRENT:
-            torque = command[v.R_COMMAND_Q_CURRENT] * self._constant
+            torque = command[R.COMMAND_Q_CURRENT] * self._constant
         elif self.mode == f.VOLTAGE_DQ:
-            torque = self._shorted(command[v.R_VOLTAGEDQ_Q])
+            torque = self._shorted(command[R.VOLTAGEDQ_Q])
         elif self.mode == BRAKE or (
             self.mode == f.TIMEOUT and self.conf["servo.timeout_mode"] == BRAKE
         ):
@@ -212,7 +213,7 @@ class VirtualMoteus:
     def _position_loop(self, seconds: float) -> float:
         command, conf = self._command, self.conf
         low, high = conf["servopos.position_min"], conf["servopos.position_max"]
-        rate = command[v.R_COMMAND_VELOCITY]
+        rate = command[R.COMMAND_VELOCITY]
         rate = 0.0 if math.isnan(rate) else rate
         self._control += rate * seconds
         if not (low <= self._control or math.isnan(low)):
@@ -220,11 +221,11 @@ class VirtualMoteus:
         if not (self._control <= high or math.isnan(high)):
             self._control, rate = high, 0.0
         error = self._control - self._position
-        scale, limit = command[v.R_COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
+        scale, limit = command[R.COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
         self._integral += conf["servo.pid_position.ki"] * error * seconds
         self._integral = scale * max(-limit, min(limit, self._integral))
-        stiffness = conf["servo.pid_position.kp"] * command[v.R_COMMAND_KP_SCALE]
-        damping = conf["servo.pid_position.kd"] * command[v.R_COMMAND_KD_SCALE]
+        stiffness = conf["servo.pid_position.kp"] * command[R.COMMAND_KP_SCALE]
+        damping = conf["servo.pid_position.kd"] * command[R.COMMAND_KD_SCALE]
         return stiffness * error + damping * (rate - self._velocity) + self._integral
 
 

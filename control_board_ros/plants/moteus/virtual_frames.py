@@ -12,6 +12,7 @@ import struct
 from collections.abc import Mapping
 from functools import lru_cache
 from itertools import groupby
+from types import SimpleNamespace
 from typing import NamedTuple
 
 from moteus import multiplex as mp
@@ -19,52 +20,28 @@ from moteus.protocol import Register, Writer, scale_register
 
 from .frames import POSITIONS
 
-#: Registers, as plain numbers: they are looked up in every step.
-R_COMMAND_D_CURRENT = int(Register.COMMAND_D_CURRENT)
-R_COMMAND_FEEDFORWARD_TORQUE = int(Register.COMMAND_FEEDFORWARD_TORQUE)
-R_COMMAND_ILIMIT_SCALE = int(Register.COMMAND_ILIMIT_SCALE)
-R_COMMAND_KD_SCALE = int(Register.COMMAND_KD_SCALE)
-R_COMMAND_KP_SCALE = int(Register.COMMAND_KP_SCALE)
-R_COMMAND_POSITION = int(Register.COMMAND_POSITION)
-R_COMMAND_POSITION_MAX_TORQUE = int(Register.COMMAND_POSITION_MAX_TORQUE)
-R_COMMAND_Q_CURRENT = int(Register.COMMAND_Q_CURRENT)
-R_COMMAND_TIMEOUT = int(Register.COMMAND_TIMEOUT)
-R_COMMAND_VELOCITY = int(Register.COMMAND_VELOCITY)
-R_D_CURRENT = int(Register.D_CURRENT)
-R_FAULT = int(Register.FAULT)
-R_FIRMWARE_VERSION = int(Register.FIRMWARE_VERSION)
-R_MODE = int(Register.MODE)
-R_MOTOR_TEMPERATURE = int(Register.MOTOR_TEMPERATURE)
-R_MULTIPLEX_ID = int(Register.MULTIPLEX_ID)
-R_POSITION = int(Register.POSITION)
-R_Q_CURRENT = int(Register.Q_CURRENT)
-R_REGISTER_MAP_VERSION = int(Register.REGISTER_MAP_VERSION)
-R_TEMPERATURE = int(Register.TEMPERATURE)
-R_TORQUE = int(Register.TORQUE)
-R_VELOCITY = int(Register.VELOCITY)
-R_VOLTAGE = int(Register.VOLTAGE)
-R_VOLTAGEDQ_D = int(Register.VOLTAGEDQ_D)
-R_VOLTAGEDQ_Q = int(Register.VOLTAGEDQ_Q)
+#: Registers by name, as plain numbers: they are looked up in every step.
+R = SimpleNamespace(**{register.name: int(register) for register in Register})
 #: What each int8, int16 and int32 means, by register.
 SCALES = {
-    R_POSITION: (0.01, 1e-4, 1e-5),
-    R_VELOCITY: (0.1, 2.5e-4, 1e-5),
-    R_TORQUE: (0.5, 0.01, 1e-3),
-    R_Q_CURRENT: (1.0, 0.1, 1e-3),
-    R_D_CURRENT: (1.0, 0.1, 1e-3),
-    R_VOLTAGE: (0.5, 0.1, 1e-3),
-    R_TEMPERATURE: (1.0, 0.1, 1e-3),
-    R_MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
+    R.POSITION: (0.01, 1e-4, 1e-5),
+    R.VELOCITY: (0.1, 2.5e-4, 1e-5),
+    R.TORQUE: (0.5, 0.01, 1e-3),
+    R.Q_CURRENT: (1.0, 0.1, 1e-3),
+    R.D_CURRENT: (1.0, 0.1, 1e-3),
+    R.VOLTAGE: (0.5, 0.1, 1e-3),
+    R.TEMPERATURE: (1.0, 0.1, 1e-3),
+    R.MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
 }
 #: The bytes before each row of floats of the usual command, which is that of mode 10.
 HEADS = (b"\x01\x00\x0a\x0c\x06\x20", b"\x0d\x27", b"\x0d\x2b")
 COMMANDED = (
-    R_COMMAND_POSITION,
-    R_COMMAND_VELOCITY,
-    R_COMMAND_FEEDFORWARD_TORQUE,
-    R_COMMAND_KP_SCALE,
-    R_COMMAND_KD_SCALE,
-    R_COMMAND_POSITION_MAX_TORQUE,
+    R.COMMAND_POSITION,
+    R.COMMAND_VELOCITY,
+    R.COMMAND_FEEDFORWARD_TORQUE,
+    R.COMMAND_KP_SCALE,
+    R.COMMAND_KD_SCALE,
+    R.COMMAND_POSITION_MAX_TORQUE,
 )
 F32, FLOAT = int(mp.F32), struct.Struct("<f")
 
@@ -94,8 +71,8 @@ def read(data: bytes) -> Read:
             rest = question(data[POSITIONS.size :])
             if not (rest.writes or rest.said or rest.wanted):
                 writes = dict(zip(COMMANDED, (q, dq, torque, kp, kd, most), strict=True))
-                writes[R_MODE] = 10
-                writes[R_COMMAND_TIMEOUT], writes[R_COMMAND_ILIMIT_SCALE] = timeout, integral
+                writes[R.MODE] = 10
+                writes[R.COMMAND_TIMEOUT], writes[R.COMMAND_ILIMIT_SCALE] = timeout, integral
                 return Read(writes, rest.reads)
     return parse(data)
 
