@@ -63,11 +63,6 @@ class Wanted:
     time: float
     set_points: SetPoints
 
-    @property
-    def drives(self) -> bool:
-        """Whether any joint has power."""
-        return bool(self.set_points.powered.any())
-
 
 class GuardedPlant:
     """A ``core.measurement.Plant`` around a third party's.
@@ -216,13 +211,15 @@ class GuardedPlant:
     def _notice_silence(self) -> None:
         """Detect in the loop's own thread that it was silent for too long (B5)."""
         wanted, now = self._wanted, self._clock()
-        if self._silence or not (wanted.drives and self._is_old(wanted, now)):
+        if self._silence or not self._is_old(wanted, now):
+            return
+        if not (driven := np.flatnonzero(wanted.set_points.powered).tolist()):
             return
         reason = (
             f"the control loop was silent for {1e3 * (now - wanted.time):.0f} ms "
             f"> {1e3 * self._patience:.0f} ms; the motors lost their power"
         )
-        self._silence = {int(j): reason for j in np.flatnonzero(wanted.set_points.powered)}
+        self._silence = dict.fromkeys(driven, reason)
         self._reported = False
 
     def _is_old(self, wanted: Wanted, now: float) -> bool:

@@ -19,7 +19,7 @@ from drive_bench import LIBRARIES, TIMEOUT, Bench
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.plants.cia402.objects import MAX_SPEED
-from control_board_ros.plants.drives.can_line import PATIENCE
+from control_board_ros.plants.drives import can_line
 from control_board_ros.plants.dynamixel.virtual import checksum
 from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
@@ -75,7 +75,7 @@ class Slow:
         for frame in self._wire.carry(frames):
             self._count += 1
             if self._count in SLOW_ONES:
-                time.sleep(1.2 * PATIENCE)
+                time.sleep(1.2 * can_line.PATIENCE)
             yield frame
 
 
@@ -521,7 +521,9 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
         pytest.skip("it is on no CAN bus")
     bench.connect()
     bench.follow(bench.accepts[0], 20)
-    bench.bus.go_off()
+    bench.bus.to_drives.cut = bench.bus.from_drives.cut = True
+    off = can_line.frame()(arbitration_id=can_line.BUS_OFF, is_error_frame=True)
+    bench.bus.bus.send(off)  # as socketcan reports it
     with pytest.raises(OSError, match=r"bus virtual:.* is off: .* restart-ms"):
         bench.until(lambda _: False, bench.accepts[0], cycles=50)
     bench.pass_time(25 * TIMEOUT)

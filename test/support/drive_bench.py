@@ -65,7 +65,7 @@ class Bench:
         self.world.longest = math.inf
         self.bus = self._virtual.virtual_bus(self.world, self.drives)
         self.plant: DrivesPlant = self.driver.make(names, options | {"bus": self.bus.address})
-        self.plant.time_by(lambda: self.time)
+        self.plant.clock = lambda: self.time
         self.joints: tuple[Any, ...] = (None,) * len(names)
 
     def __enter__(self) -> Self:

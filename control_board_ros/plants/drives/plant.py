@@ -44,13 +44,13 @@ class DrivesPlant:
         driver: That talks to the drives, in the same order.
 
     Attributes: axes, driver; answers (the last of each drive); far_end (virtual drives that are
-        closed with it, or None).
+        closed with it, or None); clock (of the times of answers, s; set before ``connect``).
     """
 
     def __init__(self, axes: Sequence[Axis], driver: Driver) -> None:
         self.axes, self.driver = tuple(axes), driver
         self.far_end: FarEnd | None = None
-        self._clock: Callable[[], float] = time.monotonic
+        self.clock: Callable[[], float] = time.monotonic
         self._axes = Axes(axes)
         self._shafts = any(axis.motor_turns for axis in axes)
         self.answers = Answers(axes)
@@ -65,10 +65,6 @@ class DrivesPlant:
         """Counts of surplus answers, counts of pending answers, last answers."""
         n = len(self.axes)
         return [0.0] * n, [0] * n, [b""] * n
-
-    def time_by(self, clock: Callable[[], float]) -> None:
-        """Use another clock for the times of answers, s; for tests, before ``connect``."""
-        self._clock = clock
 
     def describe(self) -> Description:
         """What the drives have; with type, firmware and limits of each once it is connected."""
@@ -99,7 +95,7 @@ class DrivesPlant:
             ValueError: a drive is none that this driver supports.
         """
         self.driver.close()
-        self.answers = Answers(self.axes, self._clock)
+        self.answers = Answers(self.axes, self.clock)
         self._clashes, self._owed, self._last = self._no_clashes()
         self._asked.fill(math.inf)
         self._timeout, self._period = setup.timeout, setup.period
@@ -111,7 +107,7 @@ class DrivesPlant:
     def exchange(self, wanted: SetPoints) -> Readings:
         """Send set-points and read; a silent drive keeps its last reading."""
         axes, answers, traits = self._axes, self.answers, self.driver.traits
-        begin, sent = self._clock(), self._at_drives(wanted)
+        begin, sent = self.clock(), self._at_drives(wanted)
         for raw in answers.raw:
             raw.clear()
         self.driver.exchange(sent)
@@ -125,7 +121,7 @@ class DrivesPlant:
             if count >= CLASHES:
                 faults[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
         if late.any():
-            now = self._clock()
+            now = self.clock()
             self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
             owed = np.where(late, now - self._asked, 0.0)  # a loop that pauses is no silence
             for k in np.flatnonzero(owed > self._timeout).tolist():

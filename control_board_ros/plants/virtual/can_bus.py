@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_line import BUS_OFF, REMOTE, SHORT, frame, message, open_bus
+from ..drives.can_line import REMOTE, SHORT, message, open_bus
 from .wire import Wire
 from .world import World
 
@@ -63,11 +63,6 @@ class VirtualCanBus:
         self._thread.join(2.0)
         with contextlib.suppress(Exception):
             self.bus.shutdown()
-
-    def go_off(self) -> None:
-        """The driver's interface leaves the bus after errors, and reports it as socketcan does."""
-        self.to_drives.cut = self.from_drives.cut = True
-        self.bus.send(frame()(arbitration_id=BUS_OFF, is_error_frame=True))
 
     def _run(self) -> None:
         while not self._ending.is_set():
