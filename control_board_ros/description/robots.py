@@ -41,7 +41,7 @@ class Piece:
     rpy: Vector = (0.0, 0.0, 0.0)
 
 
-def assemble(name: str, pieces: Sequence[Piece], load: Callable[[str], Urdf]) -> Urdf:
+def assemble(name: str, pieces: Sequence[Piece]) -> Urdf:
     """One description of all pieces, each fixed to its supporting link.
 
     Raises:
@@ -49,7 +49,7 @@ def assemble(name: str, pieces: Sequence[Piece], load: Callable[[str], Urdf]) ->
     """
     root = ET.Element("robot", name=name)
     ET.SubElement(root, "link", name=WORLD)
-    loaded = [load(piece.robot) for piece in pieces]
+    loaded = [load_robot(piece.robot) for piece in pieces]
     for piece, urdf in zip(pieces, loaded, strict=True):
         root.extend(renamed(element, piece.prefix) for element in urdf.tree.root)
         base = piece.prefix + urdf.tree.base
@@ -155,7 +155,7 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
         named = ROBOTS[robot]
         return load(named.path(), named.chain)
     if robot in ASSEMBLIES:
-        return assemble(robot, ASSEMBLIES[robot], load_robot)
+        return assemble(robot, ASSEMBLIES[robot])
     name, arguments = split_arguments(robot)
     if looks_like_path(name):
         return load(_find(name, folder), arguments=arguments)

@@ -44,12 +44,7 @@ def find(name: str) -> Maker:
 
 
 def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPlant | DrivePlant:
-    """The plant of that name for the joints of a board.
-
-    Args:
-        name: Of its entry point.
-        joints: Names, in the board's order.
-        arguments: Of the user, ``name=value`` each.
+    """The plant of that name for the joints of a board, by the user's ``name=value``.
 
     Raises:
         PlantSettingsError: it is unknown, or refuses these joints or arguments.

@@ -77,10 +77,10 @@ class Exchange:
         self._plant.connect(self._setup)
 
     def run(self, wanted: SetPoints, faulty: dict[int, str]) -> Sample:
-        """Exchange set-points and readings.
+        """Exchange set-points and readings, in the board's order.
 
         Args:
-            wanted: Of the board's joints, in its order.
+            wanted: The set-points.
             faulty: Joints whose drive reported a fault in the last exchange.
 
         Raises:

@@ -22,12 +22,7 @@ STEP = 1e-2
 
 
 def within(settings: Settings, name: str, description: Description) -> Settings:
-    """Settings within what a plant has.
-
-    Args:
-        settings: Of the board.
-        name: Of the plant, for messages.
-        description: Of the plant.
+    """Settings of a board within what a plant of this name has.
 
     Raises:
         PlantSettingsError: it lacks a joint of the board, or its rate.
@@ -169,12 +164,7 @@ def _bounded(limits: Limits, drive: DriveLimits) -> Limits:
 
 
 def limit_differences(joint: JointConfig, has: JointDescription) -> list[str]:
-    """One line where a drive allows more than the board, or less, by over 1 % (S4); else none.
-
-    Args:
-        joint: Its configuration.
-        has: What its drive has.
-    """
+    """One line where a drive allows more than the board, or less, by over 1 % (S4); else none."""
     limits, drive, kind = joint.limits, has.limits, joint.kind
     pairs = [
         ("lower", limits.lower, drive.lower, kind.position, -1.0),

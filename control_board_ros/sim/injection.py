@@ -27,8 +27,8 @@ SILENCE = 0.1
 SPIKE = 0.5
 DIVERGED = "diverged"
 
-#: Sensors that can stop sampling, and the board's timeout for the fault.
-SILENT = {"encoder": "encoder", "torque_sensor": "torque_sensor"}
+#: Sensors that can stop sampling, as their timeouts are called.
+SILENT = ("encoder", "torque_sensor")
 #: Faults that appear only in driven joints: pending in an unpowered one.
 TRAVEL = frozenset({"encoder_frozen", "encoder_reversed"})
 
@@ -182,7 +182,7 @@ class Injector:
             return 1
         seconds = TRANSIENT
         if kind in SILENT:
-            seconds = max(SILENCE, getattr(joint.timeouts, SILENT[kind]) + 2.0 * self._period)
+            seconds = max(SILENCE, getattr(joint.timeouts, kind) + 2.0 * self._period)
         return max(1, math.ceil(seconds / self._period - 1e-9))
 
     def switch(self, powered: Array) -> None:

@@ -58,6 +58,6 @@ def test_shipped_robots_of_parts() -> None:
 def test_names_that_clash() -> None:
     """One line: which, and what to do."""
     with pytest.raises(UrdfError, match="'lbr_iiwa_link_0' is there twice"):
-        assemble("two", [Piece("iiwa"), Piece("iiwa")], load_robot)
+        assemble("two", [Piece("iiwa"), Piece("iiwa")])
     with pytest.raises(UrdfError, match="parent link 'table' is not in the URDF"):
-        assemble("one", [Piece("iiwa", on="table")], load_robot)
+        assemble("one", [Piece("iiwa", on="table")])

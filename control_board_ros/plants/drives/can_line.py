@@ -206,13 +206,10 @@ class CanLine:
     def answers(
         self, frame_id: int, data: bytes, pick: Callable[[Any], bytes | None], attempts: int = 1
     ) -> list[bytes]:
-        """What drives answer to a question: none, one, or several.
+        """What drives answer to a question, id and data of a frame: none, one, or several.
 
-        Args:
-            frame_id: Of the question.
-            data: Of the question.
-            pick: Returns the data of an answer, or None for other frames.
-            attempts: Number of requests until there is one, each with twice the timeout.
+        It is repeated until there is one, each time with twice the timeout. ``pick`` returns the
+        data of an answer, None for other frames.
         """
         found: list[bytes] = []
         several = False
@@ -227,16 +224,7 @@ class CanLine:
         return found
 
     def ask(self, frame_id: int, data: bytes, pick: Callable[[Any], bytes | None]) -> bytes | None:
-        """The first answer to a question, which is repeated with twice the timeout each time.
-
-        Args:
-            frame_id: Of the question.
-            data: Of the question.
-            pick: Returns the data of an answer, or None for other frames.
-
-        Returns:
-            The data, or None without an answer.
-        """
+        """The first answer to a question, or None; see ``answers``."""
         found: list[bytes] = []
 
         def take(received: Any) -> int | None:

@@ -108,10 +108,6 @@ class Driver(Protocol):
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """Check a drive by its place, and set its watchdog; it has no power afterwards.
 
-        Args:
-            k: Its place.
-            attempts: To find it.
-
         Raises:
             ConnectionError: it does not answer, or two drives answer as one.
         """

@@ -11,7 +11,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -30,12 +30,6 @@ LATEST = 100
 Make = Callable[[Sequence[str], Mapping[str, str]], "DrivesPlant"]
 
 
-class FarEnd(Protocol):
-    """Virtual drives, and what they move."""
-
-    def close(self) -> None: ...
-
-
 class DrivesPlant:
     """A DrivePlant over the drives of one bus.
 
@@ -49,7 +43,7 @@ class DrivesPlant:
 
     def __init__(self, axes: Sequence[Axis], driver: Driver) -> None:
         self.axes, self.driver = tuple(axes), driver
-        self.far_end: FarEnd | None = None
+        self.far_end: Any = None
         self.clock: Callable[[], float] = time.monotonic
         self._axes = Axes(axes)
         self._shafts = any(axis.motor_turns for axis in axes)
