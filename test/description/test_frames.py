@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from plants import described
 
 from control_board_ros.description.frames import Frames
 from control_board_ros.description.geometry import (
@@ -15,7 +14,7 @@ from control_board_ros.description.geometry import (
     rotations_about,
 )
 from control_board_ros.description.robots import load_robot
-from control_board_ros.description.urdf import Urdf, parse
+from control_board_ros.description.urdf import Urdf
 from control_board_ros.settings.loading import load
 from control_board_ros.sim.bodies.world import bullet, connect
 from control_board_ros.sim.bodies.world import load as load_body
@@ -53,10 +52,6 @@ SLANTED = """
 """
 
 
-def slanted(text: str = SLANTED) -> Urdf:
-    return parse(text.encode(), "slanted", Path())
-
-
 def in_the_world(urdf: Urdf, frames: Frames, q: np.ndarray) -> dict[str, tuple]:
     """Position and rotation of each link, edge by edge, as tf2 makes them."""
     edges = [*zip(frames.moving, frames.poses(q), strict=True)]
@@ -80,7 +75,7 @@ def matrix(quaternion: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", ["iiwa", "panda", "slanted"])
 def test_frames_are_those_of_pybullet(name: str) -> None:
     """Every link, in ten random poses, to 0.01 mm and 0.01 mrad: pybullet has single precision."""
-    urdf = slanted() if name == "slanted" else load_robot(name)
+    urdf = described(SLANTED) if name == "slanted" else load_robot(name)
     names = tuple(one for one in urdf.independent if one != "spare")
     frames, random = Frames(urdf, names), np.random.default_rng(5)
     client = connect(gui=False)
@@ -106,7 +101,7 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
 
 def test_what_moves_and_what_stands() -> None:
     """Followers move with their leaders; a joint of nobody stands; axes have any length."""
-    frames = Frames(slanted(SLANTED.replace("0 0.6 0.8", "0 3 4")), ["rail", "shoulder"])
+    frames = Frames(described(SLANTED.replace("0 0.6 0.8", "0 3 4")), ["rail", "shoulder"])
     assert [edge.child for edge in frames.moving] == ["arm", "slide", "finger"]
     assert [edge.child for edge in frames.standing] == ["plate", "thumb"]
     assert frames.standing[0].parent == "arm"
@@ -117,7 +112,7 @@ def test_what_moves_and_what_stands() -> None:
 
 def test_a_joint_that_follows_and_is_driven_is_its_own() -> None:
     """As in the plant: what the board drives follows none."""
-    frames = Frames(slanted(), ["rail", "claw"])
+    frames = Frames(described(SLANTED), ["rail", "claw"])
     pose = frames.poses(np.array([0.7, 0.0]))[1]
     assert pose[3:] == pytest.approx(quaternion_of_rpy(np.array([0.0, 0.0, 3.0])), abs=1e-12)
 

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pybullet_data
 import pytest
-from plants import GRIPPER, PENDULUM, SLIDER, joint, link, robot
+from plants import GRIPPER, PENDULUM, SLIDER, described, joint, link, robot
 
 from control_board_ros.description.loads import POSES, Loads, loads, sample_poses
 from control_board_ros.description.robots import load_robot
-from control_board_ros.description.urdf import Urdf, parse
+from control_board_ros.description.urdf import Urdf
 from control_board_ros.settings.loading import load
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.world import bullet, connect
@@ -28,7 +26,7 @@ def ranges(urdf: Urdf) -> dict[str, tuple[float, float]]:
 
 
 def tiny(text: str) -> Loads:
-    return loads(parse(text.encode(), "tiny", Path()))
+    return loads(described(text))
 
 
 def physics(urdf: Urdf) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -116,7 +114,7 @@ def test_a_distal_rotor_counts_as_far_as_axes_are_parallel() -> None:
 
 
 def test_joints_that_do_not_move_stand_at_zero_and_followers_follow() -> None:
-    urdf = parse(GRIPPER.encode(), "tiny", Path())
+    urdf = described(GRIPPER)
     found = loads(urdf, {"left_finger": (0.0, 1.0)})
     assert found.names == ("left_finger",)
     sampled = sample_poses(urdf, {"left_finger": (0.0, 1.0)})

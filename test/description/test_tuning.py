@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.parts import DEGREE
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
-from control_board_ros.description.robots import ROBOTS
 from control_board_ros.settings.loading import load
 from control_board_ros.simulation import Simulation
 
@@ -225,19 +224,3 @@ def test_a_torque_into_a_limit_ends_there_without_fault(rig: Rig) -> None:
         assert board.set_control_mode(j, "pos")
         rig.simulation.run(0.2)
     assert rig.all_in(M.POSITION)
-
-
-def test_a_robot_nobody_tuned_stands_and_moves() -> None:
-    """Gains derived from the URDF alone hold the iiwa and move it within 2 deg."""
-    settings = load(None, {"robot": str(ROBOTS["iiwa"].path())})
-    with Simulation(settings.board, settings.simulation) as simulation:
-        simulation.run(2.0)
-        board = simulation.board
-        assert board.position_move(1, 0.5)
-        rows = []
-        for _ in range(4000):
-            simulation.step()
-            rows.append(np.abs(board.state.position_reference - board.state.position).max())
-        assert max(rows) < 2.0 * DEGREE
-        assert max(rows[-200:]) < 0.2 * DEGREE
-        assert set(board.get_control_mode()) == {M.POSITION}

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time and faults on demand belong to simulations: any other plant refuses them (B4)."""
+"""A node on a third-party plant, as users start it: what it refuses (B2, B4).
+
+Time and faults on demand belong to simulations.
+"""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -15,7 +20,13 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from talk import Talker, patient, talking_to, until
 
-from control_board_ros.testing import BoardProcess, board_process, ros_node
+from control_board_ros.testing import (
+    BoardProcess,
+    board_process,
+    child_environment,
+    free_domain,
+    ros_node,
+)
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -83,6 +94,13 @@ def test_a_service_is_refused_and_changes_nothing(talker: Talker, name: str) -> 
     still_moves(talker)
 
 
+def test_the_board_offers_no_more_than_the_plant_has(talker: Talker) -> None:
+    """B2, M5: levers have no torque sensor."""
+    refused = talker.set_mode([IIWA[1]], "torq")
+    assert not refused.success
+    assert "torq" in refused.message
+
+
 def test_a_pause_that_is_taken_back_is_refused_too(talker: Talker) -> None:
     assert REASON in talker.call("pause", SetBool, data=False).message
 
@@ -131,3 +149,18 @@ def test_cbctl_says_why(board: BoardProcess, line: str) -> None:
     assert done.code == 1
     assert REASON in done.err
     assert done.err.count("\n") == 1
+
+
+def test_an_unknown_plant_is_one_line() -> None:
+    command = [sys.executable, "-m", "control_board_ros.node.main", "--ros-args", "-p"]
+    with free_domain() as domain:
+        done = subprocess.run(
+            [*command, "plant:=nothing"],
+            env=child_environment(domain),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert "plant: 'nothing' unknown; " in done.stderr
+    assert done.stderr.count("\n") == 1
