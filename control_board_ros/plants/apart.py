@@ -26,9 +26,7 @@ class PlantApart:
     """A DrivePlant whose methods run in a process of its own, which ``connect`` restarts.
 
     Args:
-        name: Of the plant's entry point.
-        joints: Names, in the board's order.
-        arguments: Of the user, ``name=value`` each.
+        name, joints, arguments: See ``entry_points.make``.
         silence: Time without a request after which it disables its motors, s.
 
     Attributes:

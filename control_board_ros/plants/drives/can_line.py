@@ -78,14 +78,9 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
 
 
 class CanLine:
-    """A bus of python-can, open within ``with`` or from ``open`` to ``close``.
+    """A bus of python-can, open within ``with`` or from ``open`` to ``close``; see ``open_bus``.
 
     A failure is an OSError of one line.
-
-    Args:
-        text: Interface and channel, as ``socketcan:can0``, ``virtual:bench``.
-        fd: With CAN FD frames.
-        bitrate: Of interfaces that set it themselves, bit/s; 0: theirs.
     """
 
     def __init__(self, text: str, *, fd: bool = False, bitrate: int = 0) -> None:
@@ -163,27 +158,23 @@ class CanLine:
 
     def gather(
         self, take: Callable[[Any], int | None], missing: Iterable[int], seconds: float
-    ) -> set[int]:
-        """Read frames until every drive answered or the time is up.
+    ) -> None:
+        """Read frames until every missing drive answered or the time, s, is up.
 
         Args:
             take: Reads a frame; returns the drive whose answer it is, or None.
             missing: Drives whose answers are awaited.
             seconds: Timeout.
-
-        Returns:
-            The drives that have not answered.
         """
         left = set(missing)
         end, frames = time.monotonic() + seconds, FLOOD * (len(left) + 1)
         while left and frames:
             received = self._receive(max(0.0, end - time.monotonic()))
             if received is None:
-                break
+                return
             frames -= 1
             if not received.is_error_frame and (found := take(received)) is not None:
                 left.discard(found)
-        return left
 
     def drain(self, take: Callable[[Any], int | None]) -> None:
         """Read pending frames, which are late answers."""

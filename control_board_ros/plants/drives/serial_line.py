@@ -103,15 +103,9 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
 class ServoBus:
     """The servos of one serial bus, by the packet handler of their maker's library.
 
-    It is open within ``with`` or from ``open`` to ``close``.
+    It is open within ``with`` or from ``open`` to ``close``; see ``open_port``.
 
-    Args:
-        library: Of the maker.
-        device: As ``/dev/ttyUSB0``.
-        baudrate: bit/s.
-
-    Attributes:
-        protocol: Of the library.
+    Attributes: protocol (of the library).
     """
 
     def __init__(self, library: Library, device: str, baudrate: int = 1_000_000) -> None:

@@ -57,13 +57,7 @@ def unpacked(data: bytes) -> Packet | None:
 class VirtualDynamixel:
     """One servo; see ``virtual.world.VirtualDrive``.
 
-    Args:
-        drive: Its id.
-        model: Its number.
-
-    Attributes:
-        table: Its control table.
-        motor: Its motor and its loops.
+    Attributes: table (its control table), motor (with its loops).
     """
 
     SOME_FAULT = 32

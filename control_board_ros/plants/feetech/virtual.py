@@ -39,12 +39,7 @@ def unpacked(data: bytes) -> Packet | None:
 class VirtualFeetech:
     """One servo; see ``virtual.world.VirtualDrive``.
 
-    Args:
-        drive: Its id.
-
-    Attributes:
-        table: Its memory table.
-        motor: Its motor and its loops.
+    Attributes: table (its memory), motor (with its loops).
     """
 
     SOME_FAULT = 32

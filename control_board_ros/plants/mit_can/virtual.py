@@ -29,12 +29,7 @@ def given(ranges: f.Ranges, command: Sequence[float], position: float, velocity:
 class VirtualMit:
     """A Damiao motor; see ``virtual.world.VirtualDrive``.
 
-    Args:
-        drive: Its id.
-        ranges: What its numbers mean.
-
-    Attributes:
-        state: As in its answers: disabled, enabled, or a fault.
+    Attributes: state (as in its answers: disabled, enabled, or a fault).
     """
 
     SOME_FAULT = 0xE
@@ -112,13 +107,7 @@ class VirtualMit:
 class VirtualRobStride:
     """A RobStride motor; see ``virtual.world.VirtualDrive``.
 
-    Args:
-        drive: Its id.
-        ranges: What its numbers mean.
-
-    Attributes:
-        state: 1 with power, else 0.
-        faults: Its word of faults.
+    Attributes: state (1 with power, else 0), faults (its word of faults).
     """
 
     SOME_FAULT = 1 << 14

@@ -38,10 +38,7 @@ ON_SILENCE = {OnSilence.FREE: 0, OnSilence.DAMPED: 15, OnSilence.BRAKED: 10}
 
 
 class Drive:
-    """One drive.
-
-    Args:
-        drive: Its id.
+    """One drive, by its id.
 
     Attributes:
         controller: Of the library.
