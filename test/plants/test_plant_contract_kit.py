@@ -85,16 +85,6 @@ class Drifting(Servos):
         return Readings(position=self.position.copy())
 
 
-class Restless(Servos):
-    """Its output stays when the power goes."""
-
-    pwm = np.zeros(2)
-
-    def exchange(self, wanted):
-        self.pwm = np.where(wanted.powered, wanted.pwm, self.pwm)
-        return replace(super().exchange(wanted), applied=self.pwm.copy())
-
-
 class Forgetful(Servos):
     """It does not answer after it was let go."""
 
