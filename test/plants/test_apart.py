@@ -121,9 +121,7 @@ test_a_watched_plant_keeps_the_contract = plant_contract(
 
 
 @contextlib.contextmanager
-def running(
-    folder: Path, *, apart: bool, exit_code: int = 0
-) -> Iterator[tuple[BoardProcess, Path]]:
+def running(folder: Path, *, apart: bool) -> Iterator[tuple[BoardProcess, Path]]:
     """A board, and the file in which its plant notes what it applies."""
     offer(folder, "levers:make_logged")
     path = os.pathsep.join([str(folder), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
@@ -134,7 +132,7 @@ def running(
         "plant_process": apart,
         "joint_defaults.startup_mode": "idl",
     }
-    with board_process(params, env={"PYTHONPATH": path}, exit_code=exit_code) as board:
+    with board_process(params, env={"PYTHONPATH": path}) as board:
         yield board, folder / "log"
 
 
@@ -176,15 +174,3 @@ def test_a_stopped_board_has_no_power(tmp_path: Path, apart: bool) -> None:
         after = log.read_text().splitlines()[before:]
         powered = [line for line in after if line.startswith("1")]
         assert len(powered) <= (0 if apart else 1), "an exchange that was under way ends"
-
-
-@pytest.mark.ros
-@pytest.mark.slow
-def test_a_killed_board_has_no_power(tmp_path: Path) -> None:
-    """B5: in a thread that is for the drive's own watchdog (S5)."""
-    with running(tmp_path, apart=True, exit_code=-signal.SIGKILL) as (board, log):
-        with talking_to(board) as talker:
-            drive(talker, log)
-        board.process.kill()
-        until(lambda: last(log) == "closed")
-        assert log.read_text().splitlines()[-2:] == ["0 0", "closed"]
