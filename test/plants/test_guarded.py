@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -57,14 +58,23 @@ class Bench:
         return self.board.get_faults([joint])[0].text
 
 
+@contextlib.contextmanager
+def benched(plant: Levers) -> Iterator[Bench]:
+    """A bench of a plant, which does not hang in the end."""
+    made = Bench(plant)
+    try:
+        yield made
+    finally:
+        plant.trouble, plant.answer = None, None
+        plant.gate.set()
+        made.guarded.close()
+
+
 @pytest.fixture
 def bench() -> Iterator[Bench]:
-    made = Bench(Levers("left", "right"))
-    made.until(lambda: made.modes() == [M.IDLE, M.IDLE])
-    yield made
-    made.plant.trouble, made.plant.answer = None, None
-    made.plant.gate.set()
-    made.guarded.close()
+    with benched(Levers("left", "right")) as made:
+        made.until(lambda: made.modes() == [M.IDLE, M.IDLE])
+        yield made
 
 
 def driven(bench: Bench) -> None:
@@ -293,8 +303,7 @@ def test_a_loop_that_is_late_within_the_timeout_keeps_its_power(bench: Bench, ga
 
 def test_a_plant_with_its_own_clock_gets_no_power_from_a_silent_loop() -> None:
     """B5: its thread continues by itself."""
-    bench = Bench(OwnClock("left"))
-    try:
+    with benched(OwnClock("left")) as bench:
         bench.until(lambda: bench.modes() == [M.IDLE])
         assert bench.board.set_control_mode("left", "open")
         assert bench.board.set_output("left", 0.01)  # it moves between two cycles
@@ -303,8 +312,6 @@ def test_a_plant_with_its_own_clock_gets_no_power_from_a_silent_loop() -> None:
         until(lambda: bench.plant.on == [False])
         bench.until(lambda: bench.modes() == [M.HW_FAULT])
         assert "the control loop was silent for" in bench.text(0)
-    finally:
-        bench.guarded.close()
 
 
 @pytest.fixture
@@ -373,33 +380,26 @@ def test_a_loop_that_cannot_be_stopped_leaves_no_power(
 
 def test_a_plant_with_a_clock_of_its_own_is_read_without_being_asked() -> None:
     """B2: its silence is a fault all the same."""
-    bench = Bench(OwnClock("left"))
-    try:
+    with benched(OwnClock("left")) as bench:
         bench.until(lambda: bench.modes() == [M.IDLE])
         for _ in range(5):
             assert bench.plant.reads.acquire(timeout=30.0)
         bench.plant.gate.clear()
         bench.until(lambda: bench.modes() == [M.HW_FAULT], step=0.003)
         assert "no answer for" in bench.text(0)
-    finally:
-        bench.plant.gate.set()
-        bench.guarded.close()
 
 
 def test_a_plant_that_is_not_there_at_start_is_a_fault_and_no_end() -> None:
     """B3: the joints wait in HW_FAULT until it is connected."""
     plant = Levers("left")
     plant.trouble = ConnectionError("no such interface: can0")
-    bench = Bench(plant)
-    try:
+    with benched(plant) as bench:
         bench.until(lambda: bench.modes() == [M.HW_FAULT])
         assert bench.text(0) == "plant, ConnectionError: no such interface: can0"
         plant.trouble = None
         bench.until(lambda: not bench.guarded.read().reasons)
         bench.cycle()
         assert bench.board.set_control_mode(None, "fidl")
-    finally:
-        bench.guarded.close()
 
 
 class Telling(Levers):
@@ -417,8 +417,7 @@ class Telling(Levers):
 def test_limits_are_compared_when_a_drive_comes_back() -> None:
     """S4: a line for each joint that differs, and none twice."""
     plant = Telling("left")
-    bench = Bench(plant)
-    try:
+    with benched(plant) as bench:
         for lines in (
             [],
             ["velocity 57.3°/s, less than 171.9°/s"],
@@ -433,26 +432,22 @@ def test_limits_are_compared_when_a_drive_comes_back() -> None:
             plant.trouble = OSError("the cable is out")
             bench.until(lambda: bool(bench.guarded.read().reasons))
             plant.trouble = None
-    finally:
-        plant.allowed = iter(())
-        bench.guarded.close()
 
 
 def test_the_smaller_limits_act_when_a_drive_comes_back() -> None:
     """S4: references are bounded by those of the drive that is there, whatever is configured."""
     plant = Telling("left")
     plant.allowed = repeat(None)
-    bench = Bench(plant)
+    with benched(plant) as bench:
 
-    def back(allowed: float) -> float:
-        plant.trouble = OSError("the cable is out")
-        bench.until(lambda: bool(bench.guarded.read().reasons))
-        plant.trouble, plant.allowed = None, repeat(allowed)
-        bench.until(lambda: not bench.guarded.read().reasons)
-        bench.guarded.keep_within(bench.board, 0.0)
-        return bench.board.config.joints[0].limits.velocity
+        def back(allowed: float) -> float:
+            plant.trouble = OSError("the cable is out")
+            bench.until(lambda: bool(bench.guarded.read().reasons))
+            plant.trouble, plant.allowed = None, repeat(allowed)
+            bench.until(lambda: not bench.guarded.read().reasons)
+            bench.guarded.keep_within(bench.board, 0.0)
+            return bench.board.config.joints[0].limits.velocity
 
-    try:
         bench.until(lambda: not bench.guarded.read().reasons)
         assert bench.guarded.keep_within in ControlLoop(bench.board, bench.guarded).hooks
         assert bench.board.config.joints[0].limits.velocity == 3.0
@@ -463,36 +458,28 @@ def test_the_smaller_limits_act_when_a_drive_comes_back() -> None:
         assert bench.board.config.joints[0].limits.velocity == 1.0
         assert back(0.5) == 0.5
         assert bench.board.engine.limits.velocity[0] == 0.5
-    finally:
-        bench.guarded.close()
 
 
 def test_a_drive_that_leaves_a_joint_no_room_is_a_fault() -> None:
     """S4, B3: the joint gets no power, and the reason is reported."""
     plant = Telling("left")
     plant.allowed = repeat(None)
-    bench = Bench(plant)
-    try:
+    with benched(plant) as bench:
         bench.until(lambda: not bench.guarded.read().reasons)
         plant.trouble = OSError("the cable is out")
         bench.until(lambda: bool(bench.guarded.read().reasons))
         plant.trouble, plant.allowed = None, repeat(-1.0)
         bench.until(lambda: "left.limits.velocity" in str(bench.guarded.read().reasons))
-    finally:
-        bench.guarded.close()
 
 
 def test_late_answers_are_counted_and_shown() -> None:
     """S4: of each joint, in /diagnostics."""
     plant = Levers("left", "right")
     plant.answer = Readings(position=np.zeros(2), ages=np.array([0.0, 0.004]))
-    bench = Bench(plant)
-    try:
+    with benched(plant) as bench:
         bench.until(lambda: bench.guarded.late[1] >= 2)
         loop = ControlLoop(bench.board, bench.guarded)
         statuses = Diagnostics(loop, ["left", "right"], "levers", 500.0).joint_statuses()
         shown = [{one.key: one.value for one in status.values} for status in statuses]
         assert shown[0]["late answers"] == "0"
         assert int(shown[1]["late answers"]) >= 2
-    finally:
-        bench.guarded.close()
