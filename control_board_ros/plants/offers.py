@@ -45,7 +45,8 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
             f"plant {name!r} is no simulation, its time is real: 1.0"
         )
     try:
-        board = _patient(cut(settings.board, has), settings)
+        joints = [_patient(_cut(one, has[one.name]), settings) for one in settings.board.joints]
+        board = replace(settings.board, joints=tuple(joints))
     except ConfigError as error:
         raise PlantSettingsError(f"plant {name!r} lacks what is configured: {error}") from None
     values = dict(settings.values)
@@ -60,48 +61,31 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
         values[f"{made.name}.on_silence"] = str(made.on_silence)
         for sensor in SENSORS:
             values[f"{made.name}.timeouts.{sensor}"] = getattr(made.timeouts, sensor)
-    notes = (
-        *settings.notes,
-        *(
-            note
-            for joint in settings.board.joints
-            for note in limit_differences(joint, has[joint.name])
-        ),
-    )
-    return replace(settings, board=board, values=values, notes=notes)
+    notes = list(settings.notes)
+    for one in settings.board.joints:
+        notes += limit_differences(one, has[one.name])
+    return replace(settings, board=board, values=values, notes=tuple(notes))
 
 
-def cut(board: BoardConfig, has: dict[str, JointDescription]) -> BoardConfig:
-    """A board without what its joints lack.
-
-    Raises:
-        ConfigError: a joint lacks its startup mode, set-point or ``on_silence``.
-    """
-    return replace(board, joints=tuple(_cut(joint, has[joint.name]) for joint in board.joints))
-
-
-def _patient(board: BoardConfig, settings: Settings) -> BoardConfig:
+def _patient(joint: JointConfig, settings: Settings) -> JointConfig:
     """A sensor behind a bus may be as silent as the plant itself, where the user gave no limit.
 
     A simulated sensor answers in each cycle; an answer of a drive may be late or lost (B3).
     """
-    least, joints = settings.values["plant_timeout"], []
-    for joint in board.joints:
-        longer = {
-            sensor: max(getattr(joint.timeouts, sensor), least)
-            for sensor in SENSORS
-            if f"{joint.name}.timeouts.{sensor}" not in settings.where
-        }
-        joints.append(replace(joint, timeouts=replace(joint.timeouts, **longer)))
-    return replace(board, joints=tuple(joints))
-
-
-def follows_current(has: JointDescription) -> bool:
-    """Whether a drive accepts currents, or reports its own to a loop of the board."""
-    return has.current_sensor or SetPoint.CURRENT in has.set_points
+    longer = {
+        sensor: max(getattr(joint.timeouts, sensor), settings.values["plant_timeout"])
+        for sensor in SENSORS
+        if f"{joint.name}.timeouts.{sensor}" not in settings.where
+    }
+    return replace(joint, timeouts=replace(joint.timeouts, **longer))
 
 
 def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
+    """A joint without what its drive lacks.
+
+    Raises:
+        ConfigError: it lacks its startup mode, set-point or ``on_silence``.
+    """
     drive = tuple(kind for kind in has.set_points if kind in (joint.drive or has.set_points))
     if not drive:
         codes = ", ".join(kind.code for kind in has.set_points)
@@ -112,12 +96,13 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
     closes = {SetPoint.TORQUE, SetPoint.IMPEDANCE}.intersection(drive)
     senses = has.torque_sensor or (has.torque_estimate and bool(closes))
     senses = joint.torque_sensor and senses
+    current = has.current_sensor or SetPoint.CURRENT in has.set_points
     control = tuple(
         mode
         for mode in joint.control_modes
         if (mode in has.control_modes or mode is UNPOWERED)
         and (senses or mode not in SENSE_TORQUE)
-        and (mode is not ControlMode.CURRENT or follows_current(has))  # Y2
+        and (current or mode is not ControlMode.CURRENT)  # Y2
     )
     interaction = tuple(
         mode for mode in joint.interaction_modes if senses or mode not in SENSE_TORQUE

@@ -74,7 +74,7 @@ class DynamixelDrives:
     def open(self, setup: Setup, answers: Answers) -> None:
         self._bus.open()
         self._answers, self._wait = answers, budget(setup.period)
-        self._watch = watchdog_steps(setup.timeout)
+        self._watch = max(1, min(127, int(setup.timeout / t.WATCHDOG_STEP)))  # never longer
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """Torque off, what is read, watchdog; returns what it is."""
@@ -203,11 +203,6 @@ class DynamixelDrives:
 def angle(count: int) -> float:
     """Rad at the output for counts; 0 in the middle of the first turn."""
     return (count - t.CENTRE) * t.COUNT
-
-
-def watchdog_steps(timeout: float) -> int:
-    """The watchdog for a silence, s: never longer."""
-    return max(1, min(127, int(timeout / t.WATCHDOG_STEP)))
 
 
 def identity(bus: ServoBus, drive: int) -> Found:
