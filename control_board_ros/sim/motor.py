@@ -119,7 +119,6 @@ class Motors:
             self._step_drives, self.step = drives.step, self._step_coupled
         self.has_brakes = any(joint.brake.present for joint in board.joints)
         self._stuck: set[int] = set()
-        self._worn: set[int] = set()
         self._slip_torques = [drive.slip_torque for drive in self._drives]
 
         capacity = np.array([m.thermal_capacitance for m in models])
@@ -154,7 +153,7 @@ class Motors:
 
     def damage(self, stuck: set[int], worn: set[int]) -> None:
         """Keep some brakes from opening, and some from holding more than WORN of their torque."""
-        self._stuck, self._worn = stuck, worn
+        self._stuck = stuck
         for j, (drive, torque) in enumerate(zip(self._drives, self._slip_torques, strict=True)):
             drive.slip_torque = torque * (WORN if j in worn else 1.0)
 

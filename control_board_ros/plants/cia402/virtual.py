@@ -150,7 +150,6 @@ class VirtualCia402:
         self.node.add_read_callback(self._reading)
         self._wires.sent = [(o.HEARTBEAT | self.id, bytes([o.BOOT_UP]))]
         self._fresh: list[Any] = []
-        self._started = False
         self._beat = self._since = math.nan
         self._rate = self._sum = self.torque = 0.0
         self._control, self.state = 0, State.SWITCH_ON_DISABLED

@@ -89,7 +89,7 @@ class World:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         n = len(axes)
-        self.drives, self.axes, self.body = list(drives), tuple(axes), body
+        self.drives, self.body = list(drives), body
         self.state = np.zeros((2, n))
         if home is not None:
             self.state[0] = home
@@ -125,12 +125,6 @@ class World:
             dry = self._dry[k] * math.tanh(velocity / self._slip[k])
             self._torque[k] = torque - dry - self._viscous[k] * velocity
         self.body.step(self._torque)
-
-    def output(self, drive: int) -> tuple[float, float]:
-        """Position and velocity of a drive's output, rad, rad/s."""
-        position, velocity = self.state[:, drive].tolist()
-        factor = self._factor[drive]
-        return (position - self._offset[drive]) * factor, velocity * factor
 
 
 def free_world(
