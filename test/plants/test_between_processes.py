@@ -8,12 +8,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES
-from drives_elsewhere import NAMES
+from levers import IIWA
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.can_line import open_bus
@@ -24,7 +23,6 @@ can = pytest.importorskip("can")
 #: Timeout of a frame, s.
 GUARD = 30.0
 GROUP = "239.74.163.2"
-ELSEWHERE = Path(__file__).parents[1] / "support" / "drives_elsewhere.py"
 DRIVERS = ("moteus", "mit_can", "cia402", "odrive_can")
 
 
@@ -42,13 +40,13 @@ def address() -> str:
 @pytest.fixture(params=DRIVERS)
 def driver(request: pytest.FixtureRequest, address: str) -> Iterator[str]:
     pytest.importorskip(LIBRARIES[request.param])
-    command = [sys.executable, str(ELSEWHERE), request.param, address]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
+    command = [sys.executable, "-m", "control_board_ros.plants.virtual", request.param]
+    command += ["--bus", address, "--physics", "ideal"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
+        assert process.stdout.readline() == f"{request.param} bus={address}\n"
         yield request.param
+        process.terminate()
         process.communicate()
     assert process.returncode == 0
 
@@ -58,16 +56,19 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
     driver: str, address: str
 ) -> None:
     """S1: every CAN driver, remote frames and CAN FD included."""
-    plant = import_module(f"control_board_ros.plants.{driver}.driver").make(
-        NAMES, {"bus": address}
-    )
+    plant = import_module(f"control_board_ros.plants.{driver}.driver").make(IIWA, {"bus": address})
     takes = plant.driver.traits.set_points
     kind = SetPoint.POSITION if SetPoint.POSITION in takes else SetPoint.IMPEDANCE
-    rows = {"position": np.full(2, 0.2), "stiffness": np.full(2, 8.0), "damping": np.full(2, 1.0)}
+    n = len(IIWA)
+    rows = {
+        "position": np.full(n, 0.2),
+        "stiffness": np.full(n, 400.0),
+        "damping": np.full(n, 5.0),
+    }
     try:
-        plant.connect(Setup(period=0.5, timeout=5.0, joints=(None, None)))
+        plant.connect(Setup(period=0.5, timeout=5.0, joints=(None,) * n))
         for _ in range(20_000):
-            found = plant.exchange(set_points([kind] * 2, **rows))
+            found = plant.exchange(set_points([kind] * n, **rows))
             assert not any(found.faults), found.faults
             if np.abs(found.position - 0.2).max() < 0.02:
                 break
