@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from levers import Levers, offer
-from simulated_drives import SimulatedDrives
 
 from control_board_ros.core.terms.drives import KINDS, SetPoint
 from control_board_ros.plants import Description, DriveLimits, JointDescription, Readings
@@ -22,35 +21,14 @@ from control_board_ros.testing.plant_contract import (
 )
 from control_board_ros.testing.plant_contract.__main__ import main
 
-
-def simulated(kind: SetPoint) -> Callable[..., None]:
-    """The contract on the simulated arm, as drives that take one kind of set-point (S7)."""
-    made: list[SimulatedDrives] = []
-
-    def make() -> SimulatedDrives:
-        made.append(SimulatedDrives(kind, physics="ideal"))
-        return made[-1]
-
-    def wait(seconds: float) -> None:
-        made[-1].pass_time(seconds)
-
-    def fail(joint: int) -> None:
-        made[-1].fail(joint)
-
-    return plant_contract(make, wait=wait, fail=fail)
-
-
-for _kind in KINDS:
-    globals()[f"test_the_simulated_arm_as_{_kind.code}_keeps_it"] = simulated(_kind)
-
 test_motors_of_pwm_keep_it = plant_contract(lambda: Levers("left", "right"))
 
 
 class Servos:
     """Joints that are at their set-points."""
 
-    def __init__(self, **has: object) -> None:
-        takes = (SetPoint.POSITION, SetPoint.PWM)
+    def __init__(self, *kinds: SetPoint, **has: object) -> None:
+        takes = kinds or (SetPoint.POSITION, SetPoint.PWM)
         self.joints = tuple(
             JointDescription(name=name, set_points=takes, **has) for name in ("left", "right")
         )
@@ -207,6 +185,13 @@ def test_what_cannot_be_seen_says_what_would_show_it(quick: None) -> None:
     assert {each.outcome for each in found.values()} == {Outcome.KEPT, Outcome.UNSEEN}
     assert "give fail=" in found["it names the fault of a drive"].text
     assert "set the drives' own in connect()" in found["its drives have a watchdog"].text
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_drives_of_one_set_point_keep_it(kind: SetPoint, quick: None) -> None:
+    """S1."""
+    found = [each for each in check(lambda: Servos(kind)) if each.outcome is Outcome.BROKEN]
+    assert not found
 
 
 def test_what_a_plant_has_not_is_reported() -> None:
