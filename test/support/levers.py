@@ -135,8 +135,8 @@ def offer(folder: Path, target: str) -> None:
     (info / "entry_points.txt").write_text(f"[control_board_ros.plants]\nlevers = {target}\n")
 
 
-def path_with(folder: Path) -> dict[str, str]:
+def path_with(folder: Path, target: str = "levers:make") -> dict[str, str]:
     """An environment in which the package that offers the levers is installed."""
-    offer(folder, "levers:make")
+    offer(folder, target)
     before = os.environ.get("PYTHONPATH", "")
     return {"PYTHONPATH": os.pathsep.join([str(folder), HERE, *([before] if before else [])])}
