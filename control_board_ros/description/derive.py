@@ -34,7 +34,7 @@ from ..core.model.coupling import Coupling, rotors_of_motors
 from ..core.terms.joint_kind import JointKind
 from .couplings import beyond_limits
 from .derive_gains import gains
-from .loads import Load, MotorLoad, loads
+from .loads import Load, loads
 from .urdf import Urdf, UrdfJoint
 
 MAX_VELOCITY = 20.0  # rad/s or m/s; more in a URDF is a placeholder
@@ -253,19 +253,19 @@ def complete(
         reflected |= dict(zip(motors.axes, felt.tolist(), strict=True))
     for name, moved in robot_loads.with_rotors(reflected).items():
         given = values[name]
-        _moved(given, moved, load_of[name].gravity)
+        _moved(given, moved)
         gains(given, 1.0 / control_rate, joints[name].kind)
         _start_values(given, joints[name].kind)
     return assumed
 
 
-def _moved(values: dict[str, Any], moved: MotorLoad, gravity: float) -> None:
-    """Moved inertia, rotors included, and acceleration; gravity: torque, N·m."""
+def _moved(values: dict[str, Any], moved: Load) -> None:
+    """Moved inertia, rotors included, and acceleration."""
     give = values.setdefault
     give("inertia_min", max(moved.inertia_min, LEAST_INERTIA))
     give("inertia_mean", max(moved.inertia_mean, values["inertia_min"]))
     give("inertia_max", max(moved.inertia_max, values["inertia_mean"]))
-    spare = max(values["limits.torque"] - gravity, 0.1 * values["limits.torque"])
+    spare = max(values["limits.torque"] - moved.gravity, 0.1 * values["limits.torque"])
     reached = ACCELERATION_SHARE * spare / values["inertia_max"]
     give("limits.acceleration", min(10.0 * values["limits.velocity"], reached))
 

@@ -37,7 +37,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Load of a joint without its rotor: least, mean and greatest over the poses.
+    """Load of a joint over the poses.
 
     Attributes: inertia_min, inertia_mean, inertia_max (kg·m²; kg for sliding joints), gravity
     (greatest torque, N·m; force, N).
@@ -47,19 +47,6 @@ class Load:
     inertia_mean: float
     inertia_max: float
     gravity: float
-
-
-@dataclass(frozen=True, slots=True)
-class MotorLoad:
-    """The inertia moved by a motor, rotors included, kg·m²; kg for sliding joints.
-
-    Attributes: inertia_min (over the poses, with the other joints free), inertia_mean and
-    inertia_max (middle and greatest, with the other joints at rest).
-    """
-
-    inertia_min: float
-    inertia_mean: float
-    inertia_max: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +76,11 @@ class Loads:
 
     @property
     def by_name(self) -> dict[str, Load]:
+        """Of each joint without rotors: least, mean and greatest inertia."""
+        rows = zip(self.names, self.inertia, self._most_torques(), strict=True)
         return {
-            name: Load(float(row.min()), float(row.mean()), float(row.max()), float(torque))
-            for name, row, torque in zip(
-                self.names, self.inertia, np.abs(self._torques()).max(axis=1), strict=True
-            )
+            name: Load(float(row.min()), float(row.mean()), float(row.max()), torque)
+            for name, row, torque in rows
         }
 
     def _of_axes(self, matrix: Array) -> Array:
@@ -103,14 +90,17 @@ class Loads:
         found: Array = self.shares.transpose(0, 2, 1) @ matrix @ self.shares
         return found
 
-    def _torques(self) -> Array:
-        """Jᵀ τ, shape (a, P)."""
-        if self.shares is None:
-            return self.gravity
-        return np.array(np.einsum("pna,np->ap", self.shares, self.gravity))
+    def _most_torques(self) -> list[float]:
+        """The greatest of Jᵀ τ over the poses, of each axis."""
+        torques = self.gravity
+        if self.shares is not None:
+            torques = np.einsum("pna,np->ap", self.shares, torques)
+        found: list[float] = np.abs(torques).max(axis=1).tolist()
+        return found
 
-    def with_rotors(self, reflected: Mapping[str, float]) -> dict[str, MotorLoad]:
-        """The inertia moved by each motor, rotors included.
+    def with_rotors(self, reflected: Mapping[str, float]) -> dict[str, Load]:
+        """Of each motor with rotors: least inertia, with the other joints free; its middle and
+        greatest, with them at rest.
 
         Args:
             reflected: J N² by joint name, kg·m² (kg where it slides); default none.
@@ -127,9 +117,10 @@ class Loads:
         few = matrix if len(self.names) <= MANY else matrix[::FEWER]
         inverse = np.linalg.inv(few + TINY * np.eye(len(self.names)))
         least = (1.0 / np.einsum("pnn->np", inverse)).min(axis=1)
+        rows = zip(self.names, least, standing, self._most_torques(), strict=True)
         return {
-            name: MotorLoad(float(free), 0.5 * float(row.min() + row.max()), float(row.max()))
-            for name, free, row in zip(self.names, least, standing, strict=True)
+            name: Load(float(free), 0.5 * float(row.min() + row.max()), float(row.max()), torque)
+            for name, free, row, torque in rows
         }
 
     def _rotor_coupling(self, k: int) -> Array:
