@@ -143,19 +143,21 @@ class CoupledAxes:
 class Urdf:
     """A checked robot description.
 
-    Attributes: name, source (the file), text (mesh paths are absolute), tree (the same, parsed;
-    read-only, modify ``tree.copy()``), joints (all movable ones, from the base outwards), warnings
-    (one line each), coupled (axes that move several joints, or parts of their motion; see
-    ``couplings``).
+    Attributes: name, source (the file), tree (read-only, modify ``tree.copy()``; mesh paths are
+    absolute), joints (all movable ones, from the base outwards), warnings (one line each),
+    coupled (axes that move several joints, or parts of their motion; see ``couplings``).
     """
 
     name: str
     source: str
-    text: str = field(repr=False)
-    tree: Tree = field(repr=False, compare=False)
+    tree: Tree = field(repr=False)
     joints: tuple[UrdfJoint, ...]
     warnings: tuple[str, ...] = ()
     coupled: tuple[CoupledAxes, ...] = ()
+
+    @property
+    def text(self) -> str:
+        return ET.tostring(self.tree.root, encoding="unicode")
 
     @property
     def axes(self) -> tuple[UrdfJoint, ...]:
@@ -255,9 +257,8 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
 def of_tree(name: str, tree: Tree, warnings: Sequence[str] = ()) -> Urdf:
     """The robot of a checked and prepared tree; raises UrdfError for an unusable joint."""
     ET.indent(tree.root)
-    text = ET.tostring(tree.root, encoding="unicode")
     joints = tuple(_joint(element, tree.source) for element in tree.moving())
-    return Urdf(name, tree.source, text, tree, joints, tuple(warnings))
+    return Urdf(name, tree.source, tree, joints, tuple(warnings))
 
 
 def _joint(element: ET.Element, source: str) -> UrdfJoint:

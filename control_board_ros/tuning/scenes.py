@@ -105,7 +105,7 @@ def with_mass(
     ET.SubElement(joint, "child", link=f"_payload{name}")
     if any(center):
         ET.SubElement(joint, "origin", xyz=" ".join(f"{x:.9g}" for x in center))
-    return replace(urdf, text=ET.tostring(root, encoding="unicode"), tree=Tree(root, urdf.source))
+    return replace(urdf, tree=Tree(root, urdf.source))
 
 
 def usual_payload(settings: Settings) -> float:
