@@ -61,22 +61,22 @@ class Stops(NamedTuple):
 class Model:
     """The description loaded by pybullet.
 
-    Attributes: root (of the URDF), fitted (the robot), moments (inertia to set afterwards, by
-    link, kg·m²; see ``rotor``).
+    Attributes: fitted (the robot), moments (inertia to set afterwards, by link, kg·m²; see
+    ``rotor``).
     """
 
-    root: ET.Element
     fitted: Fitted
     moments: Moments
 
     def text(self, *, shapes: bool) -> str:
         """The URDF with its shapes, possibly large meshes, or with masses and joints only."""
+        root = self.fitted.tree.root
         if shapes:
-            return ET.tostring(self.root, encoding="unicode")
-        links = [(link, list(link)) for link in self.root.iter("link")]
+            return ET.tostring(root, encoding="unicode")
+        links = [(link, list(link)) for link in root.iter("link")]
         for link, elements in links:
             link[:] = [element for element in elements if element.tag not in SHAPES]
-        text = ET.tostring(self.root, encoding="unicode")
+        text = ET.tostring(root, encoding="unicode")
         for link, elements in links:
             link[:] = elements
         return text
@@ -146,7 +146,6 @@ def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
         ConfigError: there is no description, or it does not fit the board.
     """
     fitted = fit(board, simulation)
-    root = fitted.tree.root
     moments = add_rotor_inertia(fitted.tree, fitted.rotors)
-    ET.indent(root)  # pybullet cannot read long lines
-    return Model(root, fitted, moments)
+    ET.indent(fitted.tree.root)  # pybullet cannot read long lines
+    return Model(fitted, moments)
