@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The graph of a running node, and each service of INTERFACE.md."""
+"""The graph of a running node, its parameters, and what it publishes."""
 
 from __future__ import annotations
 
 import itertools
-import math
 import time
 from statistics import median
 from typing import Any
 
 import pytest
-from control_board_msgs import msg, srv
+from control_board_msgs import srv
 from interface_table import (
     ACTIONS,
     CLOCK,
@@ -23,6 +22,8 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomi
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from talk import LATCHED, Talker, stamp_of, until
 
@@ -141,8 +142,6 @@ def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
 
 def test_the_urdf_is_latched(talker: Talker) -> None:
     """robot_description holds the URDF also for those who come late."""
-    from std_msgs.msg import String
-
     talker.hear("description", String, "/robot_description", LATCHED)
     text = talker.wait("description", lambda _: True).data
     assert all(f'"{name}"' in text for name in talker.names)
@@ -151,8 +150,6 @@ def test_the_urdf_is_latched(talker: Talker) -> None:
 
 def test_joint_states_are_stamped_with_system_time(talker: Talker) -> None:
     """At real time, joint_states carries the time of the reading as system time."""
-    from sensor_msgs.msg import JointState
-
     begun = time.time()
     talker.hear("joint_states", JointState, "/joint_states")
     message = talker.wait("joint_states", lambda _: True, fresh=True)
@@ -175,116 +172,6 @@ def test_modes_of_all_and_some(talker: Talker) -> None:
     assert list(shown.control_mode_vocabs[:2]) == [7103862, 1903325044]
     read = talker.call("get_control_mode", srv.GetControlMode, names=[names[1], names[0]])
     assert (list(read.modes), list(read.vocabs)) == (["torq", "vel"], [1903325044, 7103862])
-
-
-def test_interaction_modes(talker: Talker) -> None:
-    """I1: set, read back, shown on ~/modes."""
-    answer = talker.set_interaction(talker.names[:1], "comp")
-    assert (answer.success, list(answer.modes)) == (True, ["comp"])
-    talker.wait("modes", lambda m: list(m.interaction_modes) == ["comp"] + ["stif"] * 6)
-    read = talker.call("get_interaction_mode", srv.GetInteractionMode)
-    assert list(read.modes) == ["comp"] + ["stif"] * 6
-    assert list(read.vocabs[:2]) == [1886220131, 1718187123]
-
-
-def test_available_modes(talker: Talker) -> None:
-    """What each joint implements."""
-    answer = talker.call("get_available_modes", srv.GetAvailableModes, names=[talker.names[2]])
-    assert list(answer.control_modes) == ["pos,posd,vel,mix,torq,open,idl"]
-    assert list(answer.interaction_modes) == ["stif,comp"]
-
-
-def test_drives(talker: Talker) -> None:
-    """S1: which loop runs where."""
-    answer = talker.call("get_drives", srv.GetDrives, names=[talker.names[2]])
-    assert list(answer.set_points) == ["pwm"]
-    for law in (answer.position, answer.impedance, answer.torque, answer.output):
-        assert list(law) == ["pwm"]
-    assert list(answer.on_silence) == ["free"]
-
-
-def test_impedance(talker: Talker) -> None:
-    """I6: stiffness and damping are set and read per joint; bad values change nothing."""
-    name = talker.names[1]
-    before = talker.call("get_impedance", srv.GetImpedance, names=[name])
-    assert before.success
-    good = {"stiffness": [0.5 * before.max_stiffness[0]], "damping": [2.0]}
-    assert talker.call("set_impedance", srv.SetImpedance, names=[name], **good).success
-    for bad in (-1.0, math.nan, 2 * before.max_stiffness[0]):
-        answer = talker.call(
-            "set_impedance", srv.SetImpedance, names=[name], stiffness=[bad], damping=[1.0]
-        )
-        assert not answer.success
-        assert "stiffness" in answer.message
-    after = talker.call("get_impedance", srv.GetImpedance, names=[name])
-    assert (after.stiffness[0], after.damping[0]) == (good["stiffness"][0], 2.0)
-
-
-def test_references(talker: Talker) -> None:
-    """P2, M11: speeds are set; each kind's last accepted reference is read back."""
-    name = talker.names[4]
-    assert talker.call(
-        "set_reference_speed", srv.SetReferenceSpeed, names=[name], speeds=[0.7]
-    ).success
-    answer = talker.call("set_reference_speed", srv.SetReferenceSpeed, names=[name], speeds=[0.0])
-    assert not answer.success
-    assert "above 0" in answer.message
-    talker.command("command/position", msg.PositionCommand(names=[name], positions=[0.1]))
-    talker.state(lambda s: not s.motion_done[4])
-    read = talker.call("get_references", srv.GetReferences, names=[name])
-    assert read.success
-    assert list(read.positions) == [0.1]
-    assert list(read.speeds) == [0.7]
-    for field in ("direct_positions", "velocities", "torques", "outputs", "accelerations"):
-        assert len(getattr(read, field)) == 1
-
-
-@pytest.mark.parametrize(
-    ("joints", "modes", "told"),
-    [
-        (["lbr_iiwa_joint_33"], ["pos"], "did you mean 'lbr_iiwa_joint_3'"),
-        (["lbr_iiwa_joint_1"], ["positoin"], "unknown"),
-        (["lbr_iiwa_joint_1"], ["cal"], "cannot be set"),
-        (["lbr_iiwa_joint_1"] * 2, ["pos"], "named twice"),
-        ([], ["pos", "vel"], "2 modes for 7 joints"),
-        ([], [], "0 modes for 7 joints"),
-        ([], [""], "unknown"),
-        ([], ["🤖"], "unknown"),
-        ([], ["x" * 10_000], "unknown"),
-        (["lbr_iiwa_joint_1", "é" * 10_000], ["pos"], "unknown"),
-    ],
-)
-def test_refusals_change_nothing_and_say_why(
-    talker: Talker, joints: list[str], modes: list[str], told: str
-) -> None:
-    """M6, M7: a wrong request is refused whole, in one line that says why."""
-    before = talker.modes()
-    answer = talker.set_mode(joints, *modes)
-    assert not answer.success
-    assert told in answer.message
-    assert "\n" not in answer.message
-    assert len(answer.message) < 600
-    assert talker.modes() == before
-
-
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [
-        ("get_control_mode", srv.GetControlMode),
-        ("get_interaction_mode", srv.GetInteractionMode),
-        ("get_available_modes", srv.GetAvailableModes),
-        ("get_drives", srv.GetDrives),
-        ("get_impedance", srv.GetImpedance),
-        ("get_references", srv.GetReferences),
-        ("get_faults", srv.GetFaults),
-        ("stop", srv.Stop),
-    ],
-)
-def test_unknown_joints_are_refused_everywhere(talker: Talker, name: str, kind: Any) -> None:
-    """M7: an unknown joint is an answer, not an accident."""
-    answer = talker.call(name, kind, names=["elbow"])
-    assert not answer.success
-    assert "joint 'elbow' unknown" in answer.message
 
 
 def test_a_megabyte_of_names_is_refused_at_once(talker: Talker) -> None:
@@ -321,27 +208,3 @@ def test_faults_are_told_and_cleared(talker: Talker) -> None:
     assert (last.active, last.code, last.stamp) == (False, 0, told.stamp)
     none = talker.call("get_faults", srv.GetFaults, names=talker.names[:1]).faults[0]
     assert (none.code, none.text, none.stamp.sec) == (-1, "no fault", 0)
-
-
-def test_an_unknown_fault_is_refused(talker: Talker) -> None:
-    """The message lists what can be injected."""
-    answer = talker.call("inject_fault", srv.InjectFault, fault="gremlins")
-    assert not answer.success
-    assert "overcurrent" in answer.message
-
-
-def test_what_the_mode_does_not_take_is_counted(talker: Talker) -> None:
-    """M4: ignored, counted for its joint, and the others of the message are served."""
-    names = talker.names
-    before = talker.state()
-    message = msg.PositionDirectCommand(names=names, positions=[0.0] * 7)
-    talker.command("command/position_direct", message)
-    state = talker.state(
-        lambda s: all(
-            b == a + 1 for a, b in zip(before.rejected_commands, s.rejected_commands, strict=True)
-        )
-    )
-    assert list(state.position_reference) == pytest.approx(list(before.position_reference))
-    for values in ([math.nan], [math.inf], [], [0.1, 0.2]):
-        talker.command("command/position", msg.PositionCommand(names=names[:1], positions=values))
-    talker.state(lambda s: s.rejected_commands[0] == before.rejected_commands[0] + 5)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""~/send_reference: what the topic of a kind does, and answers (SPEC P, M4, M7)."""
+"""References by ~/send_reference and by the topic of their kind (SPEC P, M4, M7, Y1, Y2)."""
 
 from __future__ import annotations
 
@@ -7,10 +7,27 @@ import math
 from typing import Any
 
 import pytest
-from control_board_msgs import srv
-from talk import Talker
+from board_in_process import InProcess
 
-pytestmark = pytest.mark.ros
+from control_board_ros.core.machine.commands import COMMANDS
+from control_board_ros.interface import (
+    COMMAND_TOPICS,
+    EXTERNAL_TORQUE_SENSOR,
+    FEEDFORWARD_COMMAND,
+    GET_AVAILABLE_MODES,
+    GET_IMPEDANCE,
+    GET_REFERENCES,
+    JOINT_TRAJECTORY,
+    POSITION_COMMAND,
+    SEND_REFERENCE,
+    SET_IMPEDANCE,
+    SET_INTERACTION_MODE,
+    SET_REFERENCE_SPEED,
+    STOP,
+    VELOCITY_COMMAND,
+    Endpoint,
+)
+from control_board_ros.settings.loading import Settings, load
 
 #: A mode that takes each kind, the field of the last accepted one, and a value beyond its limit.
 KINDS = {
@@ -19,6 +36,8 @@ KINDS = {
     "velocity": ("vel", "velocities", 40.0),
     "torque": ("torq", "torques", -4000.0),
     "output": ("open", "outputs", 400.0),
+    "velocity_direct": ("veld", "direct_velocities", 40.0),
+    "current": ("icur", "currents", 4000.0),
 }
 CODES = {
     "in_fault",
@@ -38,13 +57,23 @@ CODES = {
     "invalid",
     "together",
 }
+MODES = [*(mode for mode, _, _ in KINDS.values()), "mix", "idl"]
 
 
-def send(talker: Talker, kind: str, names: list[str], values: list[float], **more: Any) -> Any:
+@pytest.fixture(scope="module")
+def settings() -> Settings:
+    return load("iiwa", {"joint_defaults.control_modes": MODES})
+
+
+@pytest.fixture
+def board(settings: Settings) -> InProcess:
+    """An iiwa that implements all modes, in POSITION."""
+    return InProcess(settings)
+
+
+def send(board: InProcess, kind: str, names: list[str], values: list[float], **more: Any) -> Any:
     """Call ~/send_reference; each joint has its answer, or none has."""
-    reply = talker.call(
-        "send_reference", srv.SendReference, kind=kind, names=names, values=values, **more
-    )
+    reply = board.call(SEND_REFERENCE, kind=kind, names=names, values=values, **more)
     count = len(reply.names)
     assert [len(reply.answers), len(reply.reasons), len(reply.codes), len(reply.values)] == (
         [count] * 4
@@ -57,63 +86,78 @@ def send(talker: Talker, kind: str, names: list[str], values: list[float], **mor
     return reply
 
 
-def last(talker: Talker, field: str, joints: list[str]) -> list[float]:
+def last(board: InProcess, field: str, joints: list[str]) -> list[float]:
     """The last accepted references of a kind."""
-    return list(getattr(talker.call("get_references", srv.GetReferences, names=joints), field))
+    return list(getattr(board.call(GET_REFERENCES, names=joints), field))
+
+
+def rejected(board: InProcess) -> list[int]:
+    return [int(count) for count in board.rig.board.rejected_commands]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_does_what_its_topic_does(talker: Talker, kind: str) -> None:
+def test_each_kind_does_what_its_topic_does(board: InProcess, kind: str) -> None:
     """P1 to P9, M3, M4, M11: bounded, in force, or ignored and counted, joint by joint."""
     mode, field, beyond = KINDS[kind]
-    first, second, third = talker.names[:3]
-    assert talker.set_mode([first, second], mode).success
-    assert talker.set_mode([third], "idl").success
-    before = list(talker.state().rejected_commands)
-    reply = send(talker, kind, [second, third, first], [0.01, 0.01, beyond])
+    first, second, third, *rest = board.names
+    assert board.set_mode([first, second], mode).success
+    assert board.set_mode([third], "idl").success
+    reply = send(board, kind, [second, third, first], [0.01, 0.01, beyond])
     assert list(reply.answers) == ["accepted", "ignored", "accepted"]
     assert list(reply.codes) == ["", "other_mode", ""]
     assert third in reply.reasons[1]
     assert "mode is IDLE; it is accepted in " in reply.reasons[1]
     assert "bounded to" in reply.reasons[2]
     assert math.isnan(reply.values[1])
-    assert [reply.values[0], reply.values[2]] == last(talker, field, [second, first])
+    assert [reply.values[0], reply.values[2]] == last(board, field, [second, first])
     assert reply.values[0] == 0.01
     assert 0.0 < abs(reply.values[2]) < abs(beyond)
-    assert [a - b for a, b in zip(talker.state().rejected_commands, before, strict=True)] == [
-        *(0, 0, 1),
-        *[0] * (len(before) - 3),
-    ]
+    assert rejected(board) == [0, 0, 1, *[0] * len(rest)]
+
+
+@pytest.mark.parametrize(
+    "topic",
+    [one for one in COMMAND_TOPICS if one.reference is not None and one is not JOINT_TRAJECTORY],
+    ids=lambda topic: topic.short,
+)
+def test_a_topic_does_the_same_and_warns(board: InProcess, topic: Endpoint) -> None:
+    """M4: of what is ignored, and of what is bounded, which is not called ignored."""
+    assert topic.reference is not None
+    mode, field, beyond = KINDS[topic.reference.name.lower()]
+    values = COMMANDS[topic.reference].field
+    first, second, *rest = board.names
+    assert board.set_mode([first, second], mode, "idl").success
+    board.send(topic, names=[first], **{values: [0.1]})
+    assert last(board, field, [first]) == [0.1]
+    assert board.warnings == []
+    board.send(topic, names=[first], **{values: [beyond]})
+    assert 0.1 < abs(last(board, field, [first])[0]) < abs(beyond)
+    board.send(topic, names=[second, first], **{values: [0.1, 0.2]})
+    assert last(board, field, [first]) == [0.2]
+    assert rejected(board) == [0, 1, *[0] * len(rest)]
+    (bounded, times), (ignored, what) = board.warnings
+    assert "bounded to" in bounded
+    assert f"for {second} ignored: mode is IDLE" in ignored
+    assert (times, what) == ("times", "ignored")
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "feedforward"])
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_what_is_not_finite(talker: Talker, kind: str, bad: float) -> None:
-    """P13: ignored, with the reason; the other joint is served."""
-    first, second = talker.names[:2]
-    assert talker.set_mode([first, second], KINDS.get(kind, ("pos",))[0]).success
-    reply = send(talker, kind, [first, second], [bad, 0.01])
-    assert list(reply.answers) == ["ignored", "accepted"]
-    assert list(reply.codes) == ["not_finite", ""]
-    assert f"{bad} is not a finite number" in reply.message
-    assert reply.values[1] == 0.01
-
-
-@pytest.mark.parametrize("kind", [*KINDS, "feedforward"])
-def test_together_all_or_none(talker: Talker, kind: str) -> None:
-    """R5, M7: where one joint cannot, no other one starts, and each says why."""
-    first, second = talker.names[:2]
+def test_together_all_or_none(board: InProcess, kind: str) -> None:
+    """R5, M7, P13: where one joint cannot, no other one starts, and each says why."""
+    first, second = board.names[:2]
     mode, field, _ = KINDS.get(kind, ("pos", "positions", 0.0))
-    assert talker.set_mode([first, second], mode).success
-    before = last(talker, field, [first, second])
-    reply = send(talker, kind, [first, second], [0.02, math.nan], together=True)
-    assert list(reply.answers) == ["refused", "ignored"]
-    assert list(reply.codes) == ["together", "not_finite"]
-    assert last(talker, field, [first, second]) == before
-    assert all(talker.state().motion_done)
-    reply = send(talker, kind, [first, second], [0.02, 0.03], together=True)
+    assert board.set_mode([first, second], mode).success
+    before = last(board, field, [first, second])
+    for bad in (math.nan, math.inf):
+        reply = send(board, kind, [first, second], [0.02, bad], together=True)
+        assert list(reply.answers) == ["refused", "ignored"]
+        assert list(reply.codes) == ["together", "not_finite"]
+        assert f"{bad} is not a finite number" in reply.message
+        assert last(board, field, [first, second]) == before
+        assert all(board.state().motion_done)
+    reply = send(board, kind, [first, second], [0.02, 0.03], together=True)
     assert list(reply.values) == [0.02, 0.03]
-    assert kind == "feedforward" or last(talker, field, [first, second]) == [0.02, 0.03]
+    assert kind == "feedforward" or last(board, field, [first, second]) == [0.02, 0.03]
 
 
 @pytest.mark.parametrize(
@@ -127,74 +171,100 @@ def test_together_all_or_none(talker: Talker, kind: str) -> None:
     ],
 )
 def test_a_request_that_is_wrong_in_itself(
-    talker: Talker, names: list[Any], values: list[float], text: str
+    board: InProcess, names: list[Any], values: list[float], text: str
 ) -> None:
     """M7, P13: nothing of it is done; the message says what would have been valid."""
-    asked = [talker.names[name] if isinstance(name, int) else name for name in names]
-    reply = send(talker, "position", asked, values)
+    asked = [board.names[name] if isinstance(name, int) else name for name in names]
+    reply = send(board, "position", asked, values)
     assert not reply.success
     assert text in reply.message
     assert set(reply.codes) <= {"invalid"}
-    assert all(talker.state().motion_done)
+    assert all(board.state().motion_done)
 
 
-def test_what_comes_along(talker: Talker) -> None:
+def test_what_comes_along(board: InProcess) -> None:
     """P1, P2, P5: speeds of moves, accelerations of velocities; torques take nothing along."""
-    first, second = talker.names[:2]
-    reply = send(talker, "position", [first, second], [0.1, 0.1], along=[0.2, 0.0])
+    first, second = board.names[:2]
+    reply = send(board, "position", [first, second], [0.1, 0.1], along=[0.2, 0.0])
     assert list(reply.codes) == ["", "out_of_range"]
     assert "speeds must be above 0 and up to " in reply.message
-    assert list(talker.state().motion_done)[:2] == [False, True]
-    assert (
-        "1 speeds for 2 joints"
-        in send(talker, "position", [first, second], [0.1, 0.1], along=[0.2]).message
-    )
-    assert talker.set_mode([first], "torq").success
-    reply = send(talker, "torque", [first], [1.0], along=[1.0])
+    assert board.rig.board.get_remaining_time(first)[0] == pytest.approx(0.1 / 0.2)
+    reply = send(board, "position", [first, second], [0.1, 0.1], along=[0.2])
+    assert "1 speeds for 2 joints" in reply.message
+    assert board.set_mode([first], "torq").success
+    reply = send(board, "torque", [first], [1.0], along=[1.0])
     assert list(reply.codes) == ["invalid"]
     assert "torque reference ignored: nothing comes along with it" in reply.message
-    assert talker.set_mode([first], "vel").success
-    assert send(talker, "velocity", [first], [0.1], along=[1.0]).success
+    assert board.set_mode([first], "vel").success
+    assert send(board, "velocity", [first], [0.1], along=[1.0]).success
 
 
-def test_feedforward_terms(talker: Talker) -> None:
-    """P11: outputs as values, torques along; either may be left empty."""
-    first = talker.names[0]
-    assert list(send(talker, "feedforward", [first], [250.0], along=[0.5]).values) == [100.0]
-    impedance = talker.call("get_impedance", srv.GetImpedance, names=[first])
-    assert list(impedance.torque_offset) == [0.5]
-    assert list(send(talker, "feedforward", [first], [], along=[0.25]).values) == [0.25]
-    assert "neither outputs nor torques given" in send(talker, "feedforward", [first], []).message
-    assert send(talker, "feedforward", [first], [0.0], along=[0.0]).success
+def test_what_comes_along_on_topics(board: InProcess) -> None:
+    """P1, P5: likewise; without it the set ones count."""
+    first, second = board.names[:2]
+    assert board.set_mode([second], "vel").success
+    board.send(POSITION_COMMAND, names=[first], positions=[0.1], speeds=[0.2])
+    assert board.rig.board.get_remaining_time(first)[0] == pytest.approx(0.1 / 0.2)
+    board.send(VELOCITY_COMMAND, names=[second], velocities=[0.5], accelerations=[0.2])
+    board.rig.run(0.1)
+    assert board.state().velocity_reference[1] == pytest.approx(0.2 * 0.1, rel=0.1)
 
 
-def test_kinds_that_are_none(talker: Talker) -> None:
+def test_feedforward_terms(board: InProcess) -> None:
+    """P11: outputs as values, torques along; either may be left empty; by topic likewise."""
+    first = board.names[0]
+    assert list(send(board, "feedforward", [first], [250.0], along=[0.5]).values) == [100.0]
+    assert list(board.call(GET_IMPEDANCE, names=[first]).torque_offset) == [0.5]
+    assert list(send(board, "feedforward", [first], [], along=[0.25]).values) == [0.25]
+    assert "neither outputs nor torques given" in send(board, "feedforward", [first], []).message
+    board.send(FEEDFORWARD_COMMAND, names=[first], outputs=[1.0], torques=[0.75])
+    assert list(board.call(GET_IMPEDANCE, names=[first]).torque_offset) == [0.75]
+    assert send(board, "feedforward", [first], [0.0], along=[0.0]).success
+
+
+def test_kinds_that_are_none() -> None:
     """M4, Y1, Y2: no joint of the iiwa implements two; nothing faults by a reference."""
-    first = talker.names[0]
+    board = InProcess(load("iiwa"))
+    first = board.names[0]
     for kind in ("velocity_direct", "current"):
-        reply = send(talker, kind, [first], [0.1])
+        reply = send(board, kind, [first], [0.1])
         assert list(reply.answers) == ["ignored"]
         assert list(reply.codes) == ["unsupported"]
         assert kind.replace("_", " ") in reply.message
-    reply = send(talker, "speed", [first], [0.1])
+    reply = send(board, "speed", [first], [0.1])
     assert "kind 'speed' unknown; one of position, position_direct, velocity" in reply.message
-    assert set(talker.modes()) == {"pos"}
+    assert {mode.code for mode in board.rig.modes()} == {"pos"}
 
 
-def test_codes_beside_reasons(talker: Talker) -> None:
+def test_codes_beside_reasons() -> None:
     """Wherever a response has answers and reasons, it has codes."""
-    first, second = talker.names[:2]
-    assert list(talker.set_mode([first, second], "icur", "torq").codes) == ["unsupported", ""]
-    assert list(talker.set_mode([first], "vel").codes) == ["in_fault"]
-    assert list(send(talker, "position", [first], [0.1]).codes) == ["in_fault"]
-    stopped = talker.call("stop", srv.Stop, names=[first, second])
+    board = InProcess(load("iiwa"))
+    first, second = board.names[:2]
+    assert list(board.set_mode([first, second], "icur", "torq").codes) == ["unsupported", ""]
+    assert list(board.set_mode([first], "vel").codes) == ["in_fault"]
+    assert list(send(board, "position", [first], [0.1]).codes) == ["in_fault"]
+    stopped = board.call(STOP, names=[first, second])
     assert list(stopped.codes) == ["", "nothing_to_stop"]
-    assert list(talker.set_mode([first, second], "hwfa").codes) == ["invalid"] * 2
-    assert list(talker.set_interaction([second], "comp").codes) == [""]
-    beyond = talker.call("set_impedance", srv.SetImpedance, names=[first], stiffness=[1e9])
+    assert list(board.set_mode([first, second], "hwfa").codes) == ["invalid"] * 2
+    compliant = board.call(SET_INTERACTION_MODE, names=[second], modes=["comp"])
+    assert list(compliant.codes) == [""]
+    beyond = board.call(SET_IMPEDANCE, names=[first], stiffness=[1e9])
     assert list(beyond.codes) == ["out_of_range"]
-    bad = talker.call(
-        "set_reference_speed", srv.SetReferenceSpeed, names=[first], speeds=[math.nan]
-    )
+    bad = board.call(SET_REFERENCE_SPEED, names=[first], speeds=[math.nan])
     assert list(bad.codes) == ["not_finite"]
-    assert talker.set_mode([first], "fidl").success
+    assert board.set_mode([first], "fidl").success
+
+
+def test_a_torque_from_elsewhere() -> None:
+    """Y5, I7: TORQUE is there once torques come."""
+    name = "lbr_iiwa_joint_6"
+    board = InProcess(load("iiwa", {f"{name}.torque_sensor": "external"}))
+
+    def modes() -> str:
+        return str(board.call(GET_AVAILABLE_MODES, names=[name]).control_modes[0])
+
+    assert "torq" not in modes()
+    board.send(EXTERNAL_TORQUE_SENSOR, names=[name], torques=[1.25])
+    board.pass_time()
+    assert board.state().torque[5] == 1.25
+    assert "torq" in modes()

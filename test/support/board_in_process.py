@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board in this process as a driver of the conformance rules: no ROS, no clock, no thread.
+"""The board in this process, for its wiring and for the conformance rules: no ROS, clock, thread.
 
 Requests and references pass through the node's own wiring, states and modes through its messages.
 Time passes where a rule waits.
@@ -29,7 +29,7 @@ from control_board_ros.conformance.rules import NotTestable, OutOfTime, in_order
 from control_board_ros.conformance.runner import Session, run, unread
 from control_board_ros.conformance.shapes import Malformed, check_modes, check_state
 from control_board_ros.core.terms.reply import accepted
-from control_board_ros.interface import Endpoint
+from control_board_ros.interface import SET_CONTROL_MODE, Endpoint
 from control_board_ros.node.loop.snapshots import Snapshots
 from control_board_ros.node.loop.timing import TimeBase
 from control_board_ros.node.wiring.messages import joint_modes
@@ -55,18 +55,20 @@ class InProcess:
     """A board with its plant behind the node's wiring; a channel, as the rules need one.
 
     Args:
-        robot: a shipped configuration; empty: the arm of arm.yaml.
+        made: its settings; None: of the arm of arm.yaml.
+
+    Attributes: names (of the joints), warnings (of the topics, each with the name of its count).
     """
 
     board, patience = "/in_process", 30.0
 
-    def __init__(self, robot: str = "") -> None:
-        self.settings = made = settings.load(robot) if robot else load()
+    def __init__(self, made: settings.Settings | None = None) -> None:
+        self.settings = made = made or load()
+        self.names = list(made.board.names)
+        self.warnings: list[tuple[str, str]] = []
         self.rig = Rig(made.board, SimulatedPlant(made.board, replace(made.simulation, urdf=None)))
         group = self.rig.board
-        self._message = prepared_state(
-            BoardState(names=list(group.names)), BOARD_STATE, group.count
-        )
+        self._message = prepared_state(BoardState(names=self.names), BOARD_STATE, group.count)
         self._snapshots = Snapshots(group, TimeBase(simulated=True, shrinkage=0))
         self._snapshots.note_changes()
         self.states: deque[State] = deque(maxlen=KEPT)
@@ -78,7 +80,10 @@ class InProcess:
         )
         self._services = Services(member, True, lambda later: later(), group.stop)
         self._topics = CommandTopics(
-            member, injection=True, joint_trajectory=_ignored, warn=_ignored
+            member,
+            injection=True,
+            joint_trajectory=lambda _: None,
+            warn=lambda *warning: self.warnings.append(warning),
         ).callbacks()
         self.allow(math.inf)
         self.pass_time()
@@ -121,6 +126,10 @@ class InProcess:
     def send(self, topic: Endpoint, **fields: Any) -> None:
         with contextlib.suppress(ValueError):  # the node warns of it
             self._topics[topic](topic.load()(**fields))
+
+    def set_mode(self, names: Sequence[str], *modes: str) -> Any:
+        """The response of ~/set_control_mode."""
+        return self.call(SET_CONTROL_MODE, names=names, modes=list(modes))
 
     def joint_positions(self, names: Sequence[str]) -> dict[str, float]:
         """As published: of the physical joints where a file couples them."""
@@ -181,10 +190,6 @@ class InProcess:
                 self._malformed = error
             self.modes.append(message)
             self.modes_received += 1
-
-
-def _ignored(*_: Any) -> None:
-    """Nothing listens."""
 
 
 class Client:
@@ -257,7 +262,7 @@ class Client:
 
 def session_of(robot: str = "", **options: Any) -> Session:
     """A session with a new board."""
-    channel: Any = InProcess(robot)
+    channel: Any = InProcess(settings.load(robot) if robot else None)
     client: Any = Client(channel)
     return Session(channel, client, **options)
 
