@@ -25,7 +25,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, stamp_of, until
+from talk import LATCHED, Talker, patient, stamp_of, until
 
 pytestmark = pytest.mark.ros
 
@@ -208,3 +208,5 @@ def test_faults_are_told_and_cleared(talker: Talker) -> None:
     assert (last.active, last.code, last.stamp) == (False, 0, told.stamp)
     none = talker.call("get_faults", srv.GetFaults, names=talker.names[:1]).faults[0]
     assert (none.code, none.text, none.stamp.sec) == (-1, "no fault", 0)
+    with patient(talker.node, talker.board) as client:
+        assert client.get_freeze_frame(talker.names[0]) is None
