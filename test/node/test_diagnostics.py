@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""config/diagnostics.yaml: what diagnostic_aggregator of Jazzy makes of the node's statuses."""
+"""/diagnostics, and what diagnostic_aggregator of Jazzy makes of it by config/diagnostics.yaml."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any
 import pytest
 import yaml
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
 from rig import Rig, board_config, joint
 
+from control_board_ros.compiled import describe
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.settings.layers import SettingsError, find_config
@@ -27,6 +30,73 @@ TYPES = {
 }
 
 
+class Watched:
+    """A board, whose cycles a test runs, and its diagnostics."""
+
+    def __init__(self, *names: str, **limits: float) -> None:
+        joints = (joint(name, limits=limits, startup_mode=ControlMode.POSITION) for name in names)
+        self.rig = Rig(board_config(*joints))
+        self.rig.tick(2)
+        self._loop = ControlLoop(self.rig.board, self.rig.plant)
+        self._told = Diagnostics(self._loop, "rig")
+
+    def statuses(self) -> list[DiagnosticStatus]:
+        self._loop.note_changes()
+        self._loop.snapshots.note_state()
+        return list(self._told.message(Time()).status)
+
+
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_a_status_of_the_loop_and_one_per_joint() -> None:
+    """REP 107: a fault is an ERROR, and OK again later."""
+    watched = Watched("a", "b")
+    board, plant = watched.rig.board, watched.rig.plant
+    loop, *joints = watched.statuses()
+    assert [one.name for one in joints] == ["control_board: a", "control_board: b"]
+    assert values_of(loop)["nominal rate (Hz)"] == "500.0"
+    assert values_of(loop)["laws"] == describe()
+    plant.inject("b", "overheating", persistent=True)
+    watched.rig.run(0.1)
+    _, good, bad = watched.statuses()
+    assert (good.level, bad.level) == (DiagnosticStatus.OK, DiagnosticStatus.ERROR)
+    assert "overheating" in bad.message
+    plant.clear_injected("b")
+    watched.rig.run(0.1)
+    assert board.set_control_mode("b", "fidl")
+    assert watched.statuses()[2].level == DiagnosticStatus.OK
+
+
+def test_rejected_commands_are_told_once() -> None:
+    """M4, P13: by their joint; by the loop where they name no joint of the board."""
+    watched = Watched("a", "b")
+    board = watched.rig.board
+    assert "joint 'nose' unknown" in board.velocity_move(["nose", "toe"], 1.0).message
+    board.velocity_move(["nose", "a"], 1.0)  # counted by the joint that it names
+    board.set_feedforward("nose", 1.0)
+    loop, joint_a, joint_b = watched.statuses()
+    assert values_of(loop)["rejected commands"] == "3"
+    assert values_of(loop)["commands for unknown joints"] == "2"
+    assert "2 commands for unknown joints rejected in the last second" in loop.message
+    assert "1 commands rejected in the last second" in joint_a.message
+    ok, warning = DiagnosticStatus.OK, DiagnosticStatus.WARN
+    assert [loop.level, joint_a.level, joint_b.level] == [warning, warning, ok]
+    assert {status.level for status in watched.statuses()} == {ok}
+
+
+@pytest.mark.parametrize(("left", "level"), [(11.0, b"\0"), (9.0, b"\1")])
+def test_heat_is_told_before_it_is_a_fault(left: float, level: bytes) -> None:
+    """F6: within 10 K of the limit, in the joint's status; its key tells the limit."""
+    limit = 25.0 + left
+    status = Watched("a", temperature=limit).statuses()[1]
+    assert status.level == level
+    assert ("near a fault by heat: reduce its load" in status.message) == (level > b"\0")
+    assert values_of(status)["temperature limit (°C)"] == f"{limit:.1f}"
+    assert values_of(status)["I2t (%)"] == "0"
+
+
 @pytest.fixture(scope="module")
 def analyzers() -> dict[str, dict[str, Any]]:
     """The analyzers of the file, by name; the aggregator's node is called `analyzers`."""
@@ -39,9 +109,7 @@ def analyzers() -> dict[str, dict[str, Any]]:
 @pytest.fixture(scope="module")
 def statuses() -> list[Any]:
     """What the node publishes of a board; one joint has a name like that of the loop."""
-    rig = Rig(board_config(joint("elbow"), joint("loop_joint"), joint("a: b")))
-    told = Diagnostics(ControlLoop(rig.board, rig.plant), rig.board.names, "rig", 500.0)
-    return list(told.message(Time()).status)
+    return Watched("elbow", "loop_joint", "a: b").statuses()
 
 
 def holders(analyzers: dict[str, dict[str, Any]], name: str) -> list[str]:

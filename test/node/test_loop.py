@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
 from rig import board_config, joint, simulation_config
 from talk import TIMEOUT
 
@@ -20,6 +22,7 @@ from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import timing
 from control_board_ros.node.loop.loop import ControlLoop, FairLock, Member
 from control_board_ros.node.loop.timing import MAX_LAG, Pacer
+from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.node.wiring.publishing import StateThread
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.sim.plant import SimulatedPlant
@@ -343,6 +346,18 @@ def test_steps_are_exact(fast: Rig) -> None:
         assert fast.board.cycle == before + count
 
 
+def test_steps_out_of_place_are_refused(fast: Rig) -> None:
+    """While time passes, of no cycles, and beside others; those left at the end are told."""
+    texts: list[str] = []
+    assert "~/pause" in fast.loop.step(5, texts.append)
+    fast.loop.pause(True)
+    assert "above 0" in fast.loop.step(0, texts.append)
+    assert fast.loop.step(40, texts.append) == ""
+    assert "40 cycles of the last one are still to run" in fast.loop.step(1, texts.append)
+    fast.loop.pause(False)
+    assert texts == ["the simulation was resumed before all steps had run"]
+
+
 @pytest.mark.parametrize("factor", [0.0, 1.0])
 def test_steps_are_answered_when_their_last_state_is_published(factor: float) -> None:
     """Who has the answer has the state of the last step, however slow publishing is."""
@@ -528,12 +543,7 @@ def test_reset_goes_home(fast: Rig) -> None:
 
 def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     """WARN in the second with the overruns, OK in the next one."""
-    from builtin_interfaces.msg import Time
-    from diagnostic_msgs.msg import DiagnosticStatus
-
-    from control_board_ros.node.wiring.diagnostics import Diagnostics
-
-    told = Diagnostics(rig.loop, rig.board.names, "rig", 1000.0)
+    told = Diagnostics(rig.loop, "rig")
     rig.loop.start()
     rig.run_to(20)
     told.message(Time())
@@ -547,57 +557,6 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     rig.loop.pause(True)  # on a busy machine, there are overruns in every second
     told.message(Time())
     assert told.message(Time()).status[0].level == DiagnosticStatus.OK
-    rig.loop.pause(False)
-    with rig.loop.exclusive() as board:
-        board.velocity_move("a", 1.0)  # in POSITION: rejected
-    rig.run_to(rig.board.cycle + 50)
-    status = told.message(Time()).status[1]
-    assert status.level == DiagnosticStatus.WARN
-    assert "1 commands rejected" in status.message
-
-
-def test_diagnostics_count_commands_for_unknown_joints(rig: Rig) -> None:
-    """M4, P13: what names no joint of the board is counted by the board as a whole."""
-    from builtin_interfaces.msg import Time
-    from diagnostic_msgs.msg import DiagnosticStatus
-
-    from control_board_ros.node.wiring.diagnostics import Diagnostics
-
-    told = Diagnostics(rig.loop, rig.board.names, "rig", 1000.0)
-    with rig.loop.exclusive() as board:
-        reply = board.velocity_move(["nose", "toe"], 1.0)
-        board.velocity_move(["nose", "a"], 1.0)  # counted by the joint that it names
-        board.set_feedforward("nose", 1.0)
-    assert "joint 'nose' unknown" in reply.message
-    rig.loop.snapshots.note_state()
-    status = told.message(Time()).status[0]
-    values = {one.key: one.value for one in status.values}
-    assert values["rejected commands"] == "3"
-    assert values["commands for unknown joints"] == "2"
-    assert status.level == DiagnosticStatus.WARN
-    assert "2 commands for unknown joints rejected in the last second" in status.message
-    assert told.message(Time()).status[0].level == DiagnosticStatus.OK
-
-
-def test_diagnostics_warn_of_heat_before_it_is_a_fault(rig: Rig) -> None:
-    """F6: within 10 K of the limit, in the joint's status; its key tells the limit."""
-    from builtin_interfaces.msg import Time
-    from diagnostic_msgs.msg import DiagnosticStatus
-
-    from control_board_ros.node.wiring.diagnostics import Diagnostics
-
-    rig.loop.start()
-    rig.run_to(20)
-    names, winding = rig.board.names, float(rig.board.snapshot().temperature[0])
-    good, warning = DiagnosticStatus.OK, DiagnosticStatus.WARN
-    for limit, level in ((winding + 11.0, good), (winding + 9.0, warning)):
-        told = Diagnostics(rig.loop, names, "rig", 1000.0, [limit] * len(names))
-        status = told.message(Time()).status[1]
-        assert status.level == level
-        values = {pair.key: pair.value for pair in status.values}
-        assert values["temperature limit (°C)"] == f"{limit:.1f}"
-        assert values["I2t (%)"] == "0"
-    assert "near a fault by heat: reduce its load" in status.message
 
 
 def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:

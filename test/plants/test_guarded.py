@@ -479,7 +479,7 @@ def test_late_answers_are_counted_and_shown() -> None:
     with benched(plant) as bench:
         bench.until(lambda: bench.guarded.late[1] >= 2)
         loop = ControlLoop(bench.board, bench.guarded)
-        statuses = Diagnostics(loop, ["left", "right"], "levers", 500.0).joint_statuses()
+        statuses = Diagnostics(loop, "levers").joint_statuses()
         shown = [{one.key: one.value for one in status.values} for status in statuses]
         assert shown[0]["late answers"] == "0"
         assert int(shown[1]["late answers"]) >= 2

@@ -261,23 +261,10 @@ class Boards:
         }
 
     def _make_diagnostics(self) -> Diagnostics:
-        settings = self.settings
-        return Diagnostics(
-            self.loop,
-            settings.board.names,
-            settings.urdf.name,
-            settings.board.control_rate,
-            [joint.limits.temperature for joint in settings.board.joints],
-            board=self._statuses_of,
-            parts={name: part.joints for name, part in self.loop.board.parts.items()},
-        )
-
-    @property
-    def _statuses_of(self) -> str:
-        """Prefix of the names of diagnostic statuses: the full name of the board, or robot."""
+        """Statuses have the full name of the board, or of the robot, in front."""
         node = self.main.node
         whole = node.get_namespace() if self.parts else node.get_fully_qualified_name()
-        return str(whole).strip("/")
+        return Diagnostics(self.loop, self.settings.urdf.name, str(whole).strip("/"))
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""

@@ -5,10 +5,8 @@ of several parts one per part.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterable, Sequence
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -27,30 +25,18 @@ class Diagnostics:
 
     Args:
         loop: of the diagnosed board.
-        names: of the joints.
         hardware_id: of the robot.
-        nominal_rate: control cycles per second of simulated time.
-        hottest: temperature limit of each winding, °C; none where it is not watched.
         board: prefix of the names of statuses, which are one list for all nodes of a domain.
-        parts: the joints of each part of a robot, by name, which then has one status each.
     """
 
-    def __init__(
-        self,
-        loop: ControlLoop,
-        names: Sequence[str],
-        hardware_id: str,
-        nominal_rate: float,
-        hottest: Sequence[float] = (),
-        board: str = "control_board",
-        parts: Mapping[str, range] = MappingProxyType({}),
-    ) -> None:
-        self._loop, self._names, self._board, self._parts = loop, names, board, parts
-        self._snapshots = loop.snapshots
-        self._hardware_id, self._nominal_rate = hardware_id, nominal_rate
-        self._hottest = list(hottest) or [math.inf] * len(names)
+    def __init__(self, loop: ControlLoop, hardware_id: str, board: str = "control_board") -> None:
+        self._loop, self._hardware_id, self._board = loop, hardware_id, board
+        self._snapshots, self._names = loop.snapshots, loop.board.names
+        config = loop.board.config
+        self._nominal_rate = config.control_rate
+        self._hottest = [joint.limits.temperature for joint in config.joints]
         self._overruns = self._skipped = self._unknown = 0
-        self._rejected = [0] * len(names)
+        self._rejected = [0] * len(self._names)
 
     def message(self, now: Time) -> DiagnosticArray:
         """The diagnostics of the time since the last call."""
@@ -58,10 +44,11 @@ class Diagnostics:
         array.header.stamp = now
         array.status = [self.loop_status()]
         joints = self.joint_statuses()
-        for name, own in self._parts.items():
-            part = joints[own.start : own.stop]
-            array.status.append(summary(f"{self._board}: {name}", part))
-        if not self._parts:
+        parts = self._loop.board.parts
+        for name, group in parts.items():
+            own = joints[group.joints.start : group.joints.stop]
+            array.status.append(summary(f"{self._board}: {name}", own))
+        if not parts:
             array.status += joints
         return array
 
