@@ -157,6 +157,8 @@ def test_unknown_joints_and_no_names(driven: Driven) -> None:
     (reply,) = joint_commands(driven.board, JointState(name=["a", "elbow"], position=[0.1, 0.2]))
     assert "'elbow' unknown" in reply.message
     assert driven.rejected == [1, 0, 0]
+    (reply,) = joint_commands(driven.board, JointState(position=[0.1] * 4))
+    assert "4 numbers in position for 3 joints" in reply.message
     (reply,) = joint_commands(driven.board, JointState(position=[0.1, 0.2, 0.3]))
     assert reply
     assert driven.board.get_ref_position().tolist() == [0.1, 0.2, 0.3]

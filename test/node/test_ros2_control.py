@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import pytest
-from sensor_msgs.msg import JointState
 from talk import TIMEOUT, Talker, minimum_jerk, until
 from topic_based_hardware import INTERFACES, Component, TopicBasedHardware
 
@@ -29,20 +27,6 @@ def component(talker: Talker) -> Component:
     return made
 
 
-def manage(
-    component: Component, update: Callable[[float], None], done: Callable[[], bool]
-) -> None:
-    """The controller manager's loop: read, update, write, until it is done."""
-    begun = time.monotonic()
-    while not done():
-        now = time.monotonic() - begun
-        assert now < TIMEOUT, component.hardware.states
-        component.read()
-        update(now)
-        component.write()
-        time.sleep(PERIOD)
-
-
 def test_a_trajectory_of_positions_arrives(talker: Talker, component: Component) -> None:
     """A trajectory controller that claims all positions, of joints in POSITION_DIRECT."""
     assert talker.set_mode([], "posd").success
@@ -50,47 +34,15 @@ def test_a_trajectory_of_positions_arrives(talker: Talker, component: Component)
     starts = {joint: hardware.states[f"{joint}/position"] for joint in talker.names}
     target = starts[name] + 0.3
 
-    def update(now: float) -> None:
+    begun = time.monotonic()
+    while abs(hardware.states[f"{name}/position"] - target) > 2e-3:
+        now = time.monotonic() - begun
+        assert now < TIMEOUT, hardware.states
+        component.read()
         for joint, start in starts.items():
             hardware.commands[f"{joint}/position"] = start
         at = minimum_jerk(starts[name], target, 0.3, now)
         hardware.commands[f"{name}/position"] = float(at)
-
-    def arrived() -> bool:
-        return abs(hardware.states[f"{name}/position"] - target) < 2e-3
-
-    manage(component, update, arrived)
+        component.write()
+        time.sleep(PERIOD)
     assert not any(talker.state().rejected_commands)
-
-
-def test_velocities_and_nothing_for_the_rest(talker: Talker, component: Component) -> None:
-    """A velocity controller of one joint: NaN for all others, which stay where they are."""
-    name = talker.names[6]
-    assert talker.set_mode([name], "vel").success
-    hardware = component.hardware
-    before = {joint: hardware.states[f"{joint}/position"] for joint in talker.names}
-    hardware.commands[f"{name}/velocity"] = 0.5
-    manage(
-        component,
-        lambda _: None,
-        lambda: hardware.states[f"{name}/position"] > before[name] + 0.2,
-    )
-    for joint in talker.names[:6]:
-        assert hardware.states[f"{joint}/position"] == pytest.approx(before[joint], abs=5e-3)
-    assert not any(talker.state().rejected_commands)
-
-
-def test_a_joint_without_power_ignores_them(talker: Talker, component: Component) -> None:
-    """M4: what a joint in IDLE gets is counted; a component that goes on does it no harm."""
-    name = talker.names[6]
-    assert talker.set_mode([name], "idl").success
-    component.hardware.commands[f"{name}/position"] = 0.3
-    manage(component, lambda _: None, lambda: talker.state().rejected_commands[6] > 0)
-    assert not any(talker.state().rejected_commands[:6])
-
-
-def test_arrays_that_are_too_long_are_told(talker: Talker) -> None:
-    """P13: eight positions for seven joints."""
-    message = JointState(name=talker.names, position=[0.0] * 8)
-    talker.command("joint_commands", message)
-    talker.state(lambda state: all(state.rejected_commands))

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from control_board_msgs.srv import GetReferences, InjectFault
+from control_board_msgs.srv import GetReferences
 from interface_table import (
     PUBLISHED,
     SERVICES,
@@ -39,7 +39,6 @@ def params() -> dict[str, Any]:
     return {
         "yarp_interface": True,
         "yarp_msgs_name": BASE.removeprefix("/"),
-        "allow_fault_injection": True,
     }
 
 
@@ -138,77 +137,6 @@ def test_it_is_driven_as_cb_hw_fw_pos_does(yarp: YarpClient, talker: Talker) -> 
     assert set(yarp.call("get_modes").modes) == {"POSITION"}
 
 
-def test_modes_are_set_and_read(yarp: YarpClient, talker: Talker) -> None:
-    """Also PWM, which is OPENLOOP here, and an impedance pair (I9)."""
-    names = talker.names[:3]
-    asked = ["PWM", "IMPEDANCE_POS", "IDLE"]
-    answer = yarp.call("set_modes", names=names, modes=asked)
-    assert (answer.response, answer.opt_descr) == ("OK", "")
-    assert list(yarp.call("get_modes", names=names).modes) == ["PWM", "POSITION", "IDLE"]
-    shown = talker.wait("modes", lambda m: m.control_modes[0] == "open")
-    assert list(shown.interaction_modes[:2]) == ["stif", "comp"]
-    listed = yarp.call("get_available_modes", only_implemented=True)
-    assert list(listed.modes) == [
-        "FORCE_IDLE",
-        "IDLE",
-        "IMPEDANCE_POS",
-        "IMPEDANCE_VEL",
-        "MIXED",
-        "OPENLOOP",
-        "POSITION",
-        "POSITION_DIRECT",
-        "PWM",
-        "TORQUE",
-        "VELOCITY",
-    ]
-    settable = yarp.call("get_available_modes", only_implemented=False)
-    assert set(settable.modes) == {*listed.modes, "CURRENT", "VELOCITY_DIRECT"}
-
-
-def test_a_fault_is_left_by_force_idle(yarp: YarpClient, talker: Talker) -> None:
-    """F2, and a group that cannot be set as a whole stays as it is."""
-    names = talker.names[:2]
-    request = {"names": names[1:], "fault": "external"}
-    assert talker.call("inject_fault", InjectFault, **request).success
-    until(lambda: list(yarp.call("get_modes", names=names).modes) == ["POSITION", "HW_FAULT"])
-    refused = yarp.call("set_modes", names=names, modes=["VELOCITY", "VELOCITY"])
-    assert refused.response == "SET_ERROR"
-    assert "send FORCE_IDLE first" in refused.opt_descr
-    assert list(yarp.call("get_modes", names=names).modes) == ["POSITION", "HW_FAULT"]
-
-    def cleared() -> bool:  # the cause lasts for 20 ms
-        return yarp.call("set_modes", names=names[1:], modes=["FORCE_IDLE"]).response == "OK"
-
-    until(cleared)
-    assert yarp.call("set_modes", names=names, modes=["VELOCITY"] * 2).response == "OK"
-    assert list(yarp.call("get_modes", names=names).modes) == ["VELOCITY"] * 2
-
-
-@pytest.mark.parametrize(
-    ("name", "request_", "word", "told"),
-    [
-        ("get_modes", {"names": ["elbow"]}, "NAMES_ERROR", "joint 'elbow' unknown"),
-        ("get_position", {"names": ["elbow"]}, "NAMES_ERROR", "joint 'elbow' unknown"),
-        ("get_velocity", {"names": ["x"] * 60_000}, "NAMES_ERROR", "joint 'x' unknown"),
-        ("set_modes", {"names": ["elbow"], "modes": ["IDLE"]}, "INVALID", "'elbow' unknown"),
-        ("set_modes", {"modes": ["IDLE"]}, "INVALID", "1 modes for 7 joints"),
-        ("set_modes", {"modes": ["SWIM"] * 7}, "SET_ERROR", "mode 'SWIM' cannot be set"),
-        ("set_modes", {"modes": ["HW_FAULT"] * 7}, "SET_ERROR", "'HW_FAULT' cannot be set"),
-        ("get_joints_names", {"joint_indexes": [-1]}, "GET_NAME_ERROR", "joints are 0 to 6"),
-        ("get_joints_names", {"joint_indexes": [7]}, "GET_NAME_ERROR", "index 7 out of range"),
-        ("get_joints_names", {"joint_indexes": [0] * 8}, "SIZE_ERROR", "8 indices for 7 joints"),
-    ],
-)
-def test_every_refusal_has_its_word_and_its_reason(
-    yarp: YarpClient, name: str, request_: dict[str, Any], word: str, told: str
-) -> None:
-    """And changes nothing."""
-    answer = yarp.call(name, **request_)
-    assert answer.response == word
-    assert told in answer.opt_descr
-    assert set(yarp.call("get_modes").modes) == {"POSITION"}
-
-
 def test_direct_positions_and_velocities(yarp: YarpClient, talker: Talker) -> None:
     """In their modes; what comes along with velocities stays set."""
     names = [talker.names[2], talker.names[4]]
@@ -236,31 +164,3 @@ def test_modes_are_published_with_the_states(yarp: YarpClient, talker: Talker) -
     for key, velocity, position in (("letters", ord("v"), ord("p")), ("vocabs", 7103862, 7565168)):
         told = talker.wait(key, lambda m, v=velocity: m.data[0] == v)
         assert list(told.data[1:]) == [position] * 6
-
-
-def test_no_message_ends_the_node(yarp: YarpClient, talker: Talker) -> None:
-    """M4, P13: ignored and counted for the joints that are named, or for all."""
-    nan, many = float("nan"), 50_000
-    wrong: list[tuple[str, Any]] = [
-        ("position", msg.Position(positions=[0.1])),
-        ("position", msg.Position(names=["elbow"], positions=[0.1])),
-        ("position", msg.Position(positions=[nan] * 7)),
-        ("position", msg.Position(positions=[0.1] * 7, ref_velocities=[-1.0] * 7)),
-        ("position", msg.Position(positions=[0.1] * 7, ref_velocities=[1.0])),
-        ("position", msg.Position(names=["x"] * many, positions=[0.1] * many)),
-        ("position_direct", msg.PositionDirect(positions=[0.1] * 7)),
-        ("velocity", msg.Velocity(velocities=[0.1] * 7)),
-    ]
-    rest = pytest.approx(list(yarp.call("get_position").positions), abs=2e-3)
-    before = talker.state(lambda s: list(s.position_reference) == rest)
-    for name, message in wrong:
-        yarp.send(name, message)
-    # Two of them name no joint of the board.
-    state = talker.state(
-        lambda s: all(
-            b - a == len(wrong) - 2
-            for a, b in zip(before.rejected_commands, s.rejected_commands, strict=True)
-        )
-    )
-    assert list(state.position_reference) == rest
-    assert set(yarp.call("get_modes").modes) == {"POSITION"}

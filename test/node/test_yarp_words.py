@@ -127,6 +127,34 @@ def test_modes_that_all_joints_implement(rig: Asked) -> None:
     assert text.startswith("some joints only: IMPEDANCE_POS (a); IMPEDANCE_VEL (a); OPENLOOP (a)")
     assert "CURRENT" not in text
     assert available(rig.board.config.joints[1:]) == (modes, "")
+    listed = rig.call("get_available_modes", srv.GetAvailableControlModes, only_implemented=True)
+    assert (listed.response, list(listed.modes), listed.opt_descr) == ("OK", modes, text)
+    settable = rig.call("get_available_modes", srv.GetAvailableControlModes)
+    assert set(settable.modes) == set(SETTABLE)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "request_", "word", "told"),
+    [
+        ("get_modes", srv.GetControlModes, {"names": ["c"]}, "NAMES_ERROR", "joint 'c' unknown"),
+        ("get_position", srv.GetPosition, {"names": ["c"]}, "NAMES_ERROR", "joint 'c' unknown"),
+        ("get_velocity", srv.GetVelocity, {"names": ["c"] * 60_000}, "NAMES_ERROR", "'c' unknown"),
+        *(
+            ("get_joints_names", srv.GetJointsNames, {"joint_indexes": indices}, word, told)
+            for indices, word, told in (
+                ([-1], "GET_NAME_ERROR", "joints are 0 to 1"),
+                ([2], "GET_NAME_ERROR", "index 2 out of range"),
+                ([0] * 3, "SIZE_ERROR", "3 indices for 2 joints"),
+            )
+        ),
+    ],
+)
+def test_every_refusal_of_a_reading_has_its_word_and_its_reason(
+    rig: Asked, name: str, kind: Any, request_: dict[str, Any], word: str, told: str
+) -> None:
+    answer = rig.call(name, kind, **request_)
+    assert answer.response == word
+    assert told in answer.opt_descr
 
 
 @pytest.mark.parametrize(
