@@ -27,6 +27,7 @@ def params() -> dict[str, Any]:
         "allow_fault_injection": True,
         "real_time_factor": 4.0,
         "control_rate": 250.0,
+        "state_rate": 25.0,
         CALIBRATED: {"calibration": calibration},
         UNCALIBRATED: {"calibration": {"type": 0}},
     }

@@ -22,7 +22,8 @@ M = ControlMode
 
 @pytest.fixture(scope="module")
 def params() -> dict[str, Any]:
-    return {"allow_fault_injection": True, "real_time_factor": 4.0, "control_rate": 250.0}
+    rates = {"real_time_factor": 4.0, "control_rate": 250.0, "state_rate": 25.0}
+    return {"allow_fault_injection": True, **rates}
 
 
 def stop(talker: Talker, hold: bool) -> None:
