@@ -127,18 +127,24 @@ def test_a_goal_of_a_trajectory_names_its_joints() -> None:
 
 
 @pytest.mark.ros
-def test_a_node_tells_what_it_was_asked_also_to_who_comes_late() -> None:
-    with board_process({"physics": "ideal"}) as board:
-        with talking_to(board) as talker:
-            name = talker.names[3]
-            assert talker.set_mode([name], "pos").success
-            assert not talker.set_mode([name], "no").success
-            assert talker.call("get_control_mode", srv.GetControlMode).success
-            goal = talker.goal("move", action.Move, names=[name], positions=[-1.3], speeds=[1.0])
-            assert talker.result(goal).result.success
-            goal = talker.goal("move", action.Move, names=["no"], positions=[0.0])
-            assert not talker.result(goal).result.success
-            assert talker.call("stop", srv.Stop, names=[name]).success
+def test_each_node_of_a_robot_tells_what_it_was_asked_also_to_who_comes_late() -> None:
+    names = ["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"]
+    parts = {"one": names[:1], "two": names[1:]}
+    params = {"robot": "iiwa", "robot_name": "pair", "parts": parts, "physics": "ideal"}
+    with board_process(params, robot="pair") as board:
+        with talking_to(board) as robot, talking_to(board, "part", "/pair/one") as part:
+            assert part.call("power_cycle", Trigger).success
+            robot.wait("modes", lambda m: set(m.control_modes) == {"pos"})
+            assert robot.set_mode(names, "pos").success
+            assert not robot.set_mode(names[1:], "no").success
+            assert robot.call("get_control_mode", srv.GetControlMode).success
+            goal = robot.goal("move", action.Move, names=names[:1], positions=[0.1], speeds=[1.0])
+            assert robot.result(goal).result.success
+            goal = robot.goal("move", action.Move, names=["no"], positions=[0.0])
+            assert not robot.result(goal).result.success
+            assert robot.call("stop", srv.Stop, names=names).success
+            part.hear("requests", msg.Request, f"{part.board}/requests", HISTORY.profile())
+            part.wait("requests", lambda m: m.name == "power_cycle")
         with talking_to(board, "late") as late:
             late.hear("requests", msg.Request, f"{board.name}/requests", HISTORY.profile())
             late.wait("requests", lambda m: m.name == "stop")
@@ -153,27 +159,9 @@ def test_a_node_tells_what_it_was_asked_also_to_who_comes_late() -> None:
         ("stop", "answered", True),
     ]
     assert "no" in events[1].message
-    assert json.loads(events[2].request)["positions"] == [-1.3]
+    assert list(events[1].names) == names[1:]
+    assert json.loads(events[2].request)["positions"] == [0.1]
     assert events[2].goal == events[3].goal != events[4].goal
     assert events[3].duration > 0.05
     stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for m in events]
     assert stamps == sorted(stamps)
-
-
-@pytest.mark.ros
-def test_the_robot_s_own_node_tells_of_its_own_requests() -> None:
-    parts = {"one": ["lbr_iiwa_joint_1"], "two": ["lbr_iiwa_joint_2"]}
-    params = {"robot": "iiwa", "robot_name": "pair", "parts": parts, "physics": "ideal"}
-    with (
-        board_process(params, robot="pair") as board,
-        talking_to(board) as robot,
-        talking_to(board, "part", "/pair/one") as part,
-    ):
-        for talker in (robot, part):
-            topic = f"{talker.board}/requests"
-            talker.hear("requests", msg.Request, topic, HISTORY.profile())
-        assert robot.set_mode(["lbr_iiwa_joint_2"], "vel").success
-        assert part.call("power_cycle", Trigger).success
-        told = robot.wait("requests", lambda m: m.name == "set_control_mode")
-        assert list(told.names) == ["lbr_iiwa_joint_2"]
-        part.wait("requests", lambda m: m.name == "power_cycle")
