@@ -250,7 +250,6 @@ class Live(ServerListener):
         self._sent[client.id, channel.id] = channel.topic
 
     def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
-        """Forget a client's channel."""
         self._sent.pop((client.id, client_channel_id), None)
 
     def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:

@@ -302,5 +302,4 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         )
 
     def close_extras(self, **_: Any) -> None:
-        """Close the body."""
         self._episodes.arms.close()

@@ -38,7 +38,6 @@ class Bench:
         self._board = simulation.board
 
     def limits(self, joint: str) -> JointLimits:
-        """The limits of a joint in force."""
         (config,) = self._board.get_config([joint])
         return JointLimits(*(getattr(config.limits, field) for field in FIELDS))
 

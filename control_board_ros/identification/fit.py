@@ -89,7 +89,6 @@ class Fitted:
 
     @property
     def carries(self) -> bool:
-        """Whether there is a payload."""
         mass = self.payload.get(MASS)
         return mass is not None and abs(mass.value) + mass.sure > NO_MASS
 

@@ -49,7 +49,6 @@ def record_of(recording: BoardRecording, row: dict[str, Any]) -> Record:
 
 
 def robot_of(recording: BoardRecording) -> Robot:
-    """The robot as configured on its board."""
     if not recording.urdf or not recording.parameters:
         raise IdentificationError("the recording has no robot description, or no parameters")
     try:

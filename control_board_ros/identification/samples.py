@@ -150,7 +150,6 @@ def samples_of(
 
 
 def joined(parts: Sequence[dict[str, Floats]]) -> dict[str, Floats]:
-    """The parts' rows, concatenated."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 

@@ -165,7 +165,6 @@ def joints_of(
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Error text for an unknown parameter name."""
     hint = nearest(name, known, 0.5) or "; see docs/parameters.md"
     return f"{shown(name)}: no such parameter{hint}"
 

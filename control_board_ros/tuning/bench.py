@@ -112,7 +112,6 @@ class Stand:
         self.record("rest", REST)
 
     def mode(self, control: ControlMode, interaction: InteractionMode) -> None:
-        """Set both modes of the joint."""
         self.board.set_interaction_mode(self.j, interaction)
         self.board.set_control_mode(self.j, control)
 

@@ -103,7 +103,6 @@ def line_of(outcome: Outcome, kind: JointKind) -> str:
 
 
 def before_and_after(outcome: Outcome, name: str, kind: JointKind, arrow: str) -> str:
-    """A figure of both, with its unit."""
     then, now = (mean_text(name, found, kind) for found in (outcome.before, outcome.after))
     return f"{then} {arrow} {now}"
 

@@ -39,7 +39,6 @@ class Played:
     reason: str = ""
 
     def mean(self, name: str) -> float:
-        """The mean of a figure over the scenes."""
         return float(np.mean([one.values[name] for one in self.figures]))
 
 

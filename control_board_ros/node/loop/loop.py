@@ -124,7 +124,6 @@ class ControlLoop:
     # -- life ---------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Start the control thread."""
         self._thread.start()
 
     def stop(self, timeout: float = 1.0) -> bool:
@@ -185,7 +184,6 @@ class ControlLoop:
 
     @property
     def paused(self) -> bool:
-        """Whether simulated time is stopped."""
         return self._paused
 
     @property
@@ -198,7 +196,6 @@ class ControlLoop:
         return self._pacer.period <= 0.0 and not (self._paused or self._stopping)
 
     def is_control_thread(self) -> bool:
-        """Whether the caller is the thread that runs the cycles."""
         return threading.get_ident() == self._thread.ident
 
     def set_real_time_factor(self, factor: float) -> None:

@@ -117,7 +117,6 @@ class Pacer:
         return True
 
     def _woken(self, timeout: float) -> bool:
-        """Whether the thread was woken."""
         woken = self._wake.wait(timeout)
         if woken:
             self._wake.clear()
@@ -310,7 +309,6 @@ def user() -> str:
 
 
 def scheduling() -> str:
-    """The scheduling of the calling thread."""
     if os.sched_getscheduler(0) == os.SCHED_OTHER:
         return f"niceness {os.getpriority(os.PRIO_PROCESS, 0)}"
     return f"real-time priority {os.sched_getparam(0).sched_priority}"

@@ -282,7 +282,6 @@ class Boards:
         return stopped
 
     def _log_settings(self, simulated: bool) -> None:
-        """Log warnings and notes of the settings."""
         log, settings = self.main.reporter.log, self.settings
         for warning in settings.warnings:
             log.warning(warning)

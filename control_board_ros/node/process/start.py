@@ -279,7 +279,6 @@ def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> Na
 
 
 def is_at(file: int, path: Path) -> bool:
-    """Whether a path still names an open file."""
     try:
         return os.path.samestat(os.fstat(file), path.stat())
     except FileNotFoundError:

@@ -40,7 +40,6 @@ Begin = Callable[[JointGroup], Task]
 
 
 def move(request: Any) -> Begin:
-    """The start of a goal of ~/move."""
     return lambda board: MoveTask(
         board,
         bounded(request.names, board.count),
@@ -50,7 +49,6 @@ def move(request: Any) -> Begin:
 
 
 def calibration(request: Any) -> Begin:
-    """The start of a goal of ~/calibrate."""
     return lambda board: CalibrationTask(board, bounded(request.names, board.count))
 
 

@@ -58,7 +58,6 @@ def answered(response: Response, reply: Reply) -> Response:
 
 
 def codes(values: Sequence[Vocab]) -> list[str]:
-    """The codes of vocabs, as messages carry them."""
     return [CODES[value] for value in values]
 
 
@@ -74,7 +73,6 @@ def split_time(nanoseconds: int) -> tuple[int, int]:
 
 
 def stamp(nanoseconds: int) -> Time:
-    """A time as a message."""
     seconds, rest = split_time(nanoseconds)
     return Time(sec=seconds, nanosec=rest)
 

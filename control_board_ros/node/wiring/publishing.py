@@ -60,7 +60,6 @@ BOARD_STATE = {
 
 
 def publisher(node: Node, topic: Endpoint) -> Any:
-    """A publisher of one of the board's topics."""
     return node.create_publisher(
         topic.load(), topic.name, topic.qos.profile(), event_callbacks=QUIET
     )
@@ -202,7 +201,6 @@ class StateThread:
         loop.when_shown = self._due.append
 
     def start(self) -> None:
-        """Start to publish."""
         self._thread.start()
         self.wake()
 

@@ -66,7 +66,6 @@ class Reporter:
         )
 
     def log_events(self, snapshots: Snapshots) -> None:
-        """Log the events of the control cycles."""
         events = snapshots.events
         while events:
             event = events.popleft()
@@ -92,7 +91,6 @@ class Reporter:
     def subscribe(
         self, callbacks: Iterable[tuple[Endpoint, Callable[[Any], None]]]
     ) -> list[CommandSubscription]:
-        """Subscribe to command topics."""
         return [
             CommandSubscription(self._node, topic, self._guarded(topic.short, callback))
             for topic, callback in callbacks

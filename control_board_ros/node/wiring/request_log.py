@@ -103,7 +103,6 @@ class RequestLog:
             )
 
     def goal(self, action: Endpoint, handle: Any) -> GoalRecord:
-        """The record of a received goal."""
         return GoalRecord(self, action, handle)
 
     def publish(self) -> None:
@@ -112,7 +111,6 @@ class RequestLog:
             self._publisher.publish(self._message(self._entries.popleft()))
 
     def _message(self, entry: Entry) -> Any:
-        """An entry as a message."""
         kind = REQUEST_LOG.load()
         request, response, longest = entry.request, entry.response, self._longest
         message = kind(
@@ -141,7 +139,6 @@ class GoalRecord:
         self._started = time.perf_counter()
 
     def accepted(self) -> None:
-        """Note that it has started."""
         self._note("accepted", None, success=True)
         self._started = time.perf_counter()
 
@@ -177,7 +174,6 @@ def left_out(service: Endpoint) -> bool:
 
 
 def names_in(request: Any) -> Iterable[str]:
-    """The joints that a request names."""
     for field in NAMES:
         if hasattr(request, field):
             found: Iterable[str] = getattr(request, field)

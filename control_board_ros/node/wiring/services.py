@@ -369,7 +369,6 @@ def filled(response: Any, arrays: Any) -> Any:
 
 
 def succeeded(response: Any) -> Any:
-    """The response of a success."""
     response.success = True
     return response
 

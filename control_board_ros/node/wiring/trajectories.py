@@ -151,7 +151,6 @@ class FollowTrajectory:
 
 
 def result(end: End) -> Any:
-    """The end of a goal as a message."""
     return FollowJointTrajectory.Result(error_code=int(end.code), error_string=end.text)
 
 
@@ -182,7 +181,6 @@ def read_goal(request: Any) -> tuple[Points, Wishes]:
 
 
 def wishes_of(tolerances: Sequence[Any]) -> list[Wish]:
-    """The tolerances of a message."""
     return [Wish(one.name, one.position, one.velocity) for one in tolerances]
 
 
@@ -202,7 +200,6 @@ def feedback(board: JointGroup, task: TrajectoryGoal) -> Any:
 
 
 def point(sample: Sample, elapsed: Duration | None = None) -> JointTrajectoryPoint:
-    """A sample as a message."""
     return JointTrajectoryPoint(
         positions=doubles(sample.positions),
         velocities=doubles(sample.velocities),

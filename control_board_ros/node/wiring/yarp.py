@@ -353,5 +353,4 @@ def letters(modes: Sequence[ControlMode]) -> array[int]:
 
 
 def vocabs(modes: Sequence[ControlMode]) -> array[int]:
-    """The vocab of each mode, an int32."""
     return array("i", map(int, modes))
