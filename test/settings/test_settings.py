@@ -20,8 +20,10 @@ from control_board_ros.description.robots import ROBOTS
 from control_board_ros.settings import params_file, schema, yaml_tree
 from control_board_ros.settings.layers import RESERVED, joints_of
 from control_board_ros.settings.loading import Settings, SettingsError, find_config, load
+from control_board_ros.settings.params_file import Entry, convert
 
 J2 = "lbr_iiwa_joint_2"
+ARM = Path(__file__).parents[1] / "support" / "arm.urdf"
 needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
 
@@ -323,10 +325,8 @@ def test_the_other_end_of_a_range_is_blamed_whatever_the_joint_is_called(
     name: str, tmp_path: Path
 ) -> None:
     """File and line of what was given."""
-    urdf = (Path(__file__).parents[1] / "support" / "arm.urdf").read_text()
-    joint = load(
-        None, {"robot": str(Path(__file__).parents[1] / "support" / "arm.urdf")}
-    ).board.names[0]
+    urdf = ARM.read_text()
+    joint = load(None, {"robot": str(ARM)}).board.names[0]
     (tmp_path / "named.urdf").write_text(urdf.replace(f'"{joint}"', f'"{name}"'))
     for end, value in (("lower", 9.0), ("upper", -9.0)):
         path = written(tmp_path, f"robot: {tmp_path}/named.urdf\n{name}.limits.{end}: {value}")
@@ -335,10 +335,8 @@ def test_the_other_end_of_a_range_is_blamed_whatever_the_joint_is_called(
 
 def test_a_joint_name_with_a_dot_is_refused(tmp_path: Path) -> None:
     """Parameters begin with the names of joints."""
-    urdf = (Path(__file__).parents[1] / "support" / "arm.urdf").read_text()
-    joint = load(
-        None, {"robot": str(Path(__file__).parents[1] / "support" / "arm.urdf")}
-    ).board.names[0]
+    urdf = ARM.read_text()
+    joint = load(None, {"robot": str(ARM)}).board.names[0]
     (tmp_path / "dotted.urdf").write_text(urdf.replace(f'"{joint}"', '"left.arm"'))
     text = refusal(written(tmp_path, f"robot: {tmp_path}/dotted.urdf"))
     assert "'left.arm'" in text
@@ -431,32 +429,20 @@ def test_fuzzed_files_never_raise_anything_else(tmp_path: Path, count: int) -> N
     small = head + b"    joint_defaults:" + tail[: tail.index(b"    lbr_iiwa_joint_2:")]
     random_ = random.Random(7)
     path, refused, lines = tmp_path / "fuzz.yaml", 0, 0
-    pieces = [
-        b"\t",
-        b"{",
-        b"}",
-        b"[",
-        b"]",
-        b":",
-        b": ",
-        b"\n",
-        b"&a ",
-        b"*a ",
-        b"!!x ",
-        b"-",
-        b"'",
+    texts = [
+        "\t",
+        *"{}[]:-'#|>\0",
+        ": ",
+        "\n",
+        "&a ",
+        "*a ",
+        "!!x ",
+        "nan",
+        "1e999",
+        "-1",
+        "9" * 20,
     ]
-    pieces += [
-        b"\x00",
-        b"\xff",
-        b"nan",
-        b"1e999",
-        b"-1",
-        b"99999999999999999999",
-        b"#",
-        b"|",
-        b">",
-    ]
+    pieces = [*(text.encode() for text in texts), b"\xff"]
     for _ in range(count):
         data = bytearray(small)
         for _ in range(random_.randint(1, 4)):
@@ -524,8 +510,6 @@ def test_joint_defaults_are_for_the_start_only() -> None:
 
 
 def test_every_default_is_allowed_by_its_own_row() -> None:
-    from control_board_ros.settings.params_file import Entry, convert
-
     for row in (*schema.BOARD, *schema.JOINT):
         assert row.description.endswith("."), row.name
         if row.default is None:
@@ -535,11 +519,8 @@ def test_every_default_is_allowed_by_its_own_row() -> None:
 
 
 def test_every_value_of_the_settings_is_allowed_by_its_row(iiwa: Settings) -> None:
-    from control_board_ros.settings.params_file import Entry, convert
-    from control_board_ros.settings.schema import find_row
-
     for name, value in iiwa.values.items():
-        row = find_row(name, iiwa.board.names)
+        row = schema.find_row(name, iiwa.board.names)
         assert row is not None, name
         assert convert(row, name, Entry(value, "")) == value
         assert type(convert(row, name, Entry(value, ""))) is type(value), name
