@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the node one by one: executor, throttled log, lock, messages, paths."""
+"""The parts of the node one by one: throttled log, lock, messages, priority, start-up."""
 
 from __future__ import annotations
 
@@ -11,25 +11,15 @@ import re
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from control_board_msgs.msg import BoardState
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-from rclpy.context import Context
 from rclpy.impl import rcutils_logger
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
-from std_srvs.srv import Trigger
-from talk import TIMEOUT, until
 
 from control_board_ros import startup
 from control_board_ros.core.state import Reference, Snapshot
@@ -38,115 +28,10 @@ from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.node.loop.timing import take_priority
 from control_board_ros.node.process.console import KnownError
-from control_board_ros.node.process.executor import KeptWaitSetExecutor
 from control_board_ros.node.process.start import lock_name
 from control_board_ros.node.wiring import messages
 from control_board_ros.node.wiring.prepared import prepared_state
 from control_board_ros.node.wiring.reporter import ThrottledLog
-from control_board_ros.testing import free_domain
-
-
-class Served:
-    """A node served by the executor in a thread, and what its callbacks raised."""
-
-    def __init__(self, context: Context, domain: int) -> None:
-        context.init(args=[], domain_id=domain)
-        self.node = Node("served", context=context, use_global_arguments=False)
-        self.errors: list[tuple[str, str]] = []
-        self.executor = KeptWaitSetExecutor(
-            lambda error, where: self.errors.append((str(error), where)), context=context
-        )
-        self.executor.add_node(self.node)
-        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
-        self.thread.start()
-
-
-@pytest.fixture
-def served() -> Iterator[Served]:
-    with free_domain() as domain:
-        context = Context()
-        made = Served(context, domain)
-        yield made
-        made.executor.end()
-        made.thread.join(TIMEOUT)
-        assert not made.thread.is_alive()
-        made.executor.shutdown()
-        made.node.destroy_node()
-        context.try_shutdown()
-
-
-@pytest.mark.ros
-def test_executor_serves_entities_made_while_it_spins(served: Served) -> None:
-    """Services, clients, topics and timers may come and go."""
-    heard: list[str] = []
-    node = served.node
-    node.create_subscription(String, "talk", lambda m: heard.append(m.data), 10)
-    publisher = node.create_publisher(String, "talk", 10)
-    timer = node.create_timer(
-        0.01,
-        lambda: publisher.publish(String(data="tick")),
-        clock=Clock(clock_type=ClockType.STEADY_TIME),
-    )
-    until(lambda: len(heard) >= 5)
-    node.destroy_timer(timer)
-    node.create_service(Trigger, "ask", lambda _, r: Trigger.Response(success=True, message="yes"))
-    client = node.create_client(Trigger, "ask")
-    assert client.wait_for_service(TIMEOUT)
-    future = client.call_async(Trigger.Request())
-    until(future.done)
-    assert future.result().message == "yes"
-    assert not served.errors
-
-
-@pytest.mark.ros
-def test_executor_lives_on_when_callbacks_raise(served: Served) -> None:
-    """No callback of any kind ends it, and each is told with its name."""
-    node, heard = served.node, []
-
-    def fail(*_: Any) -> Any:
-        raise RuntimeError("on purpose")
-
-    def subscribed(message: Any) -> None:
-        heard.append(message)
-        fail()
-
-    node.create_subscription(String, "talk", subscribed, 10)
-    node.create_service(Trigger, "ask", fail)
-    steady = Clock(clock_type=ClockType.STEADY_TIME)
-    timer = node.create_timer(0.05, fail, clock=steady)
-    guard = node.create_guard_condition(fail)
-    publisher, client = (
-        node.create_publisher(String, "talk", 10),
-        node.create_client(Trigger, "ask"),
-    )
-    assert client.wait_for_service(TIMEOUT)
-    client.call_async(Trigger.Request())
-    guard.trigger()
-    until(lambda: publisher.publish(String()) or len(heard) >= 3)
-    wheres = {"/talk", "/ask", "Timer", "GuardCondition"}
-    until(lambda: {where for _, where in served.errors} >= wheres)
-    assert {text for text, _ in served.errors} == {"on purpose"}
-    node.destroy_timer(timer)
-
-
-@pytest.mark.ros
-def test_executor_answers_later(served: Served) -> None:
-    """A service whose callback is a coroutine answers when its future is set, by any thread."""
-    asked = Future()
-
-    async def answer(_request: Any, response: Any) -> Any:
-        response.message = await asked
-        return response
-
-    served.node.create_service(Trigger, "ask", answer)
-    client = served.node.create_client(Trigger, "ask")
-    assert client.wait_for_service(TIMEOUT)
-    future = client.call_async(Trigger.Request())
-    time.sleep(0.05)
-    assert not future.done()
-    served.executor.create_task(lambda: asked.set_result("at last"))
-    until(future.done)
-    assert future.result().message == "at last"
 
 
 def test_throttled_log_counts_what_it_leaves_out() -> None:
