@@ -30,9 +30,9 @@ class Asked:
         self.rig.tick(2)
         assert self.rig.board.set_control_mode(None, "pos")
         board = self.rig.board
-        member: Any = SimpleNamespace(exclusive=lambda: contextlib.nullcontext(board))
+        member: Any = SimpleNamespace(board=board, exclusive=lambda: contextlib.nullcontext(board))
         self.user = UserPoses("arm")
-        self.poses = Poses(member, board.names, CONFIGURED, self.user)
+        self.poses = Poses(member, CONFIGURED, self.user)
 
     def list(self, **request: Any) -> Any:
         return self.poses.list_poses(ListPoses.Request(**request), ListPoses.Response())

@@ -26,7 +26,7 @@ from control_board_ros.interface import (
     SET_IMPEDANCE,
     STEP,
 )
-from control_board_ros.node.wiring.request_log import CHARACTERS, RequestLog, left_out
+from control_board_ros.node.wiring.request_log import CHARACTERS, GoalRecord, RequestLog, left_out
 from control_board_ros.testing import board_process
 
 HISTORY = REQUEST_LOG.qos
@@ -111,7 +111,7 @@ def test_a_goal_of_a_trajectory_names_its_joints() -> None:
     goal.trajectory.joint_names, goal.trajectory.points = ["a", "b"], [point] * 100
     handle = SimpleNamespace(request=goal, goal_id=SimpleNamespace(uuid=bytes(16)), status=6)
     told = Told()
-    asked = told.log.goal(FOLLOW_JOINT_TRAJECTORY, handle)
+    asked = GoalRecord(told.log, FOLLOW_JOINT_TRAJECTORY, handle)
     asked.accepted()
     result = FollowJointTrajectory.Result(error_code=-4, error_string="too far")
     assert asked.ended(result) is result

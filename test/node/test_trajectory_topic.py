@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop.loop import ControlLoop, Member
-from control_board_ros.node.wiring.trajectories import TrajectoryTopic, followed
+from control_board_ros.node.wiring.trajectories import followed, trajectory_callback
 from control_board_ros.sim.plant import SimulatedPlant
 
 
@@ -33,7 +33,7 @@ class Following:
         self.loop = ControlLoop(self.board, self.plant, real_time_factor=0.0)
         follower = followed(self.loop)
         self.warnings: list[tuple[str, str]] = []
-        self._topic = TrajectoryTopic(
+        self._follow = trajectory_callback(
             Member(self.loop, self.board), follower, lambda *warning: self.warnings.append(warning)
         )
         self.run(0.1)
@@ -53,7 +53,7 @@ class Following:
     def send(self, names: str, *points: JointTrajectoryPoint, begin: float = 0.0) -> None:
         message = JointTrajectory(joint_names=list(names), points=points)
         message.header.stamp = Time(sec=int(begin), nanosec=round(begin % 1.0 * 1e9))
-        self._topic.on_message(message)
+        self._follow(message)
 
 
 @pytest.fixture

@@ -53,7 +53,7 @@ def raising() -> None:
 
 def prepare_raising() -> None:
     """Let every callback of services, topics and actions raise once SIGUSR1 has come."""
-    from control_board_ros.node.wiring import actions, services, topics, trajectories
+    from control_board_ros.node.wiring import actions, services, topics
 
     def raised(original: Any) -> Any:
         def call(*given: Any, **named: Any) -> Any:
@@ -68,7 +68,6 @@ def prepare_raising() -> None:
 
     for name in [name for name in vars(services.Services) if not name.startswith("_")]:
         wrap(services.Services, name)
-    wrap(trajectories.TrajectoryTopic, "on_message")
     for task in (actions.MoveTask, actions.CalibrationTask):
         wrap(task, "outcome")
     made = topics.CommandTopics.callbacks

@@ -41,7 +41,7 @@ from ..wiring.reporter import PERIOD, Reporter
 from ..wiring.request_log import RequestLog
 from ..wiring.services import Services
 from ..wiring.topics import CommandTopics
-from ..wiring.trajectories import FollowTrajectory, TrajectoryTopic, followed
+from ..wiring.trajectories import FollowTrajectory, followed, trajectory_callback
 from ..wiring.transforms import offer_transforms
 from ..wiring.yarp import offer_yarp
 from .lifecycle import make_node, manage
@@ -113,25 +113,23 @@ class BoardNode:
             role.board_rows,
             role.joint_rows,
         )
-        names = settings.board.names
         description = None if role.below else settings.description
         self.publisher = StatePublisher(
-            node, member, names, description, role.joint_states, settings.physical
+            node, member, description, role.joint_states, settings.physical
         )
-        self._trajectories = TrajectoryTopic(member, follower, reporter.warn)
         stop = partial(follower.stop, member.board)
-        self._services = Services(
+        services = Services(
             member, injection, self._later, stop, role.for_all, settings.values["pwm_name"]
         )
-        self._poses = Poses(member, names, settings.poses, UserPoses(settings.urdf.name))
-        reporter.offer_services(requests, self._services, self._poses)
-        self._commands = CommandTopics(
+        poses = Poses(member, settings.poses, UserPoses(settings.urdf.name))
+        reporter.offer_services(requests, services, poses)
+        commands = CommandTopics(
             member,
             injection=injection,
-            joint_trajectory=self._trajectories.on_message,
+            joint_trajectory=trajectory_callback(member, follower, reporter.warn),
             warn=reporter.warn,
         )
-        self._subscriptions = reporter.subscribe(self._commands.callbacks().items())
+        self._subscriptions = reporter.subscribe(commands.callbacks().items())
         if role.yarp:
             self._subscriptions += offer_yarp(
                 node,
@@ -142,7 +140,7 @@ class BoardNode:
                 requests,
                 part=role.below,
             )
-        self._actions = Actions(node, member, reporter.warn, self._poses.move, requests)
+        self._actions = Actions(node, member, reporter.warn, poses.move, requests)
         self._follow_trajectory = FollowTrajectory(
             node,
             member,

@@ -26,7 +26,7 @@ from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
 from ..loop.loop import Member
 from .messages import bounded, doubles, optional
-from .request_log import RequestLog
+from .request_log import GoalRecord, RequestLog
 
 #: Period in s at which active goals are checked and feedback is sent (wall clock).
 PERIOD = 0.05
@@ -142,7 +142,7 @@ class Actions:
         kind = action.load()
 
         async def execute(handle: Any) -> Any:
-            asked = self._requests.goal(action, handle)
+            asked = GoalRecord(self._requests, action, handle)
             if handle.is_cancel_requested:
                 handle.canceled()
                 text = "cancelled before it began"

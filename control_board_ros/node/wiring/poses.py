@@ -6,7 +6,7 @@ The user's file is read and written outside of the loop's lock: a slow disk dela
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ...core.goals.pose import Pose
@@ -24,7 +24,6 @@ class Poses:
 
     Args:
         member: the board.
-        names: of the board's joints.
         configured: poses of the configuration, by name.
         user: poses of the user for this robot; a board uses its part of each.
     """
@@ -32,11 +31,10 @@ class Poses:
     def __init__(
         self,
         member: Member,
-        names: Sequence[str],
         configured: Mapping[str, Pose],
         user: UserPoses,
     ) -> None:
-        self._member, self._names = member, frozenset(names)
+        self._member, self._names = member, frozenset(member.board.names)
         parts = {name: pose.of(self._names) for name, pose in configured.items()}
         self._configured = {name: part for name, part in parts.items() if part is not None}
         self._user = user

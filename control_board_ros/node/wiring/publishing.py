@@ -90,7 +90,6 @@ class StatePublisher:
     Args:
         node: to publish from.
         member: whose snapshots are published.
-        names: of the joints.
         description: the URDF; None: another node publishes it, and the time.
         joint_states: the topic of readings.
         coupling: of the joints with physical ones, whose readings are published then (Y3).
@@ -102,12 +101,12 @@ class StatePublisher:
         self,
         node: Node,
         member: Member,
-        names: tuple[str, ...],
         description: str | None,
         joint_states: Endpoint = JOINT_STATES,
         coupling: Coupling | None = None,
     ) -> None:
-        self._snapshots, self._names, self._node = member.snapshots, names, node
+        self._snapshots, self._node = member.snapshots, node
+        self._names = names = member.board.names
         self.also: list[Callable[[Snapshot, int], None]] = []
         self._joint_states = publisher(node, joint_states)
         self._states = publisher(node, STATE)

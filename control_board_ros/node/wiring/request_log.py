@@ -102,9 +102,6 @@ class RequestLog:
                 service, "answered", request, response, started, success=success, message=message
             )
 
-    def goal(self, action: Endpoint, handle: Any) -> GoalRecord:
-        return GoalRecord(self, action, handle)
-
     def publish(self) -> None:
         """Publish the noted answers; for the publishing thread."""
         while self._entries:

@@ -40,8 +40,8 @@ from ..loop.loop import ControlLoop, Member
 from ..loop.timing import TimeBase
 from .actions import PERIOD, Goal, action_server
 from .messages import NANOSECONDS, bounded, doubles, set_stamp
-from .request_log import RequestLog
-from .topics import Warn
+from .request_log import GoalRecord, RequestLog
+from .topics import Callback, Warn
 
 #: Starts a goal of joints, points, start time and tolerances.
 StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal]
@@ -78,7 +78,7 @@ class FollowTrajectory:
 
     async def _execute(self, handle: Any) -> Any:
         """Start a goal and wait for its end; the result of a refused one has its code and text."""
-        asked = self._requests.goal(FOLLOW_JOINT_TRAJECTORY, handle)
+        asked = GoalRecord(self._requests, FOLLOW_JOINT_TRAJECTORY, handle)
         if handle.is_cancel_requested:  # it preempts no other goal
             handle.canceled()
             return asked.ended(result(End(Code.SUCCESSFUL, "cancelled before it began")))
@@ -272,28 +272,30 @@ def followed(loop: ControlLoop) -> Follower:
     return follower
 
 
-class TrajectoryTopic:
-    """Passes trajectories of ~/joint_trajectory to the follower of the board."""
+def trajectory_callback(member: Member, follower: Follower, warn: Warn) -> Callback:
+    """The callback of ~/joint_trajectory.
 
-    def __init__(self, member: Member, follower: Follower, warn: Warn) -> None:
-        self._member, self._follower, self._warn = member, follower, warn
+    A trajectory is followed from header.stamp on (0: now); one without points stops its joints.
+    """
 
-    def on_message(self, message: Any) -> None:
-        """Follow a trajectory from header.stamp on (0: now); one without points stops."""
-        with self._member.exclusive() as board:
-            reply = self._take(board, message)
-        if reply is not None and reply.message:
-            self._warn(f"trajectory: {reply.message}", "times" if reply else "ignored")
-
-    def _take(self, board: JointGroup, message: Any) -> Reply | None:
+    def follow(board: JointGroup, message: Any) -> Reply | None:
         joints = bounded(message.joint_names, board.count)
         try:
             names = board.selector.select(joints).names
             if not message.points:
-                self._follower.hold(names, "a trajectory without points came")
+                follower.hold(names, "a trajectory without points came")
                 return None
             path = make_path(names, *read_points(message))
         except RequestError as error:
             return board.reject(joints, f"refused, {error}")
-        start = start_time(message.header.stamp, board, self._member.loop.time_base)
-        return self._follower.follow(names, path, start)
+        return follower.follow(
+            names, path, start_time(message.header.stamp, board, member.loop.time_base)
+        )
+
+    def on_message(message: Any) -> None:
+        with member.exclusive() as board:
+            reply = follow(board, message)
+        if reply is not None and reply.message:
+            warn(f"trajectory: {reply.message}", "times" if reply else "ignored")
+
+    return on_message
