@@ -50,11 +50,7 @@ class CannotServe(OSError):  # noqa: N818
 class Forwarded:
     """A topic of the board as a channel; subscribed on ROS while a client subscribes to it.
 
-    Args:
-        node: of the subscription; not spun.
-        topic: of the board.
-        board: full name of its node.
-        context: of the server.
+    ``node`` is not spun.
 
     Attributes: name, latched, last (message received, CDR), again (repeat ``last`` if latched).
     """

@@ -61,12 +61,7 @@ DEFAULTS = {"Reach": "velocity", "Track": "direct", "Impedance": "impedance"}
 
 
 class Episodes:
-    """Episodes of arms: observations, rewards and ends, arrays over arms.
-
-    Args:
-        arms: The arms.
-        task: One of TASKS.
-    """
+    """Episodes of arms in one of TASKS: observations, rewards and ends, arrays over arms."""
 
     def __init__(self, arms: Arms, task: str) -> None:
         self.arms = arms

@@ -27,11 +27,7 @@ LATE = 1.0
 
 
 class Bench:
-    """Plays motions on a simulation whose board is configured.
-
-    Args:
-        simulation: Stepped by this bench.
-    """
+    """Plays motions on a simulation whose board is configured, and steps it."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation

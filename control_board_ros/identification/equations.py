@@ -42,15 +42,7 @@ GYRATION = 0.05
 
 
 class Problem:
-    """The equations of some joints.
-
-    Args:
-        robot: As configured.
-        joints: The identified ones.
-        samples: Of all its joints.
-        carrier: The joint whose link carries the payload.
-        with_payload: Estimate a payload.
-    """
+    """The equations of the identified joints, from samples of all joints of the robot."""
 
     def __init__(
         self,

@@ -136,13 +136,7 @@ def uncertainty(jacobian: Floats, residuals: Floats, blocks: np.ndarray) -> tupl
 
 
 def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool = True) -> Fitted:
-    """Fit the unknowns of joints, and the payload of the last link.
-
-    Args:
-        robot: As configured.
-        joints: The identified ones.
-        samples: Of all its joints.
-        payload: Estimate one.
+    """Fit the unknowns of joints, and the payload of the last link, from samples of all joints.
 
     Raises:
         IdentificationError: the URDF's masses have no effect on the joints.

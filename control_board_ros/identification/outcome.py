@@ -147,11 +147,7 @@ def identify(
 ) -> Outcome:
     """Identify joints from the records of their motions.
 
-    Args:
-        robot: As configured.
-        records: Of motions.
-        joints: That moved in them.
-        payload: Estimate one; else the robot carries exactly what its URDF has.
+    Without ``payload``, the robot carries exactly what its URDF has.
 
     Raises:
         IdentificationError: the data is too short, or the robot's masses are unknown.

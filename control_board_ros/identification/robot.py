@@ -79,9 +79,6 @@ class Robot:
     def model(self, joints: Sequence[str]) -> ArmModel:
         """The arm's masses, without friction, and without the rotors of some joints.
 
-        Args:
-            joints: Those whose rotors are omitted.
-
         Raises:
             IdentificationError: the URDF's masses have no effect on the joints.
         """

@@ -85,12 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(
     arguments: list[str], ended: threading.Event, at_once: threading.Event | None = None
 ) -> int:
-    """From the arguments to a running node, and back.
-
-    Args:
-        arguments: of the command line.
-        ended: set when it shall end.
-        at_once: set when it shall end without parking the robot; None: never.
+    """From the arguments to a running node, until ``ended`` is set; ``at_once``: without parking.
 
     Raises:
         KnownError: it cannot run, or did not end as it should.

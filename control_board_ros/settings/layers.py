@@ -67,13 +67,7 @@ def prefix_of(layers: Sequence[Entries]) -> str:
 
 
 def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
-    """Add a prefix to joint names in parameters; files name joints as in the URDF.
-
-    Args:
-        entries: by full name.
-        joints: as the URDF names them.
-        prefix: of the joints.
-    """
+    """Add a prefix to joint names in parameters; files name joints as in the URDF."""
 
     def full(name: str) -> str:
         return prefix + name if name in joints else name
@@ -131,13 +125,7 @@ def merged(layers: Iterable[Entries], urdf: Urdf) -> Entries:
 def joints_of(
     chosen: Sequence[str], urdf: Urdf, where: str, key: str = "joints"
 ) -> tuple[str, ...]:
-    """The joints of the board: those chosen, or all movable ones.
-
-    Args:
-        chosen: their names.
-        urdf: of the robot.
-        where: origin of the choice.
-        key: parameter that chooses.
+    """The joints of the board: those chosen by the parameter ``key``, or all movable ones.
 
     Raises:
         SettingsError: a joint that cannot be chosen; the message says why.

@@ -66,11 +66,7 @@ def take_parts(layers: Sequence[Entries]) -> tuple[list[Entries], Entries]:
 
 
 def check_parts(table: Entries, given: Mapping[str, Entry]) -> Table:
-    """The joints of each part, checked to be disjoint.
-
-    Args:
-        table: joints by part.
-        given: the other parameters.
+    """The joints of each part, checked to be disjoint; ``given``: the other parameters.
 
     Raises:
         SettingsError: a joint is in two parts, or ``joints`` is also given.

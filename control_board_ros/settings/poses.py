@@ -85,11 +85,6 @@ def poses_of(
 ) -> tuple[dict[str, Pose], tuple[str, ...]]:
     """The poses of a board by name, home and park first; and warnings, one line each.
 
-    Args:
-        entries: of the parameter files, checked.
-        board: with the joints.
-        homes: the configured home of each joint, rad or m.
-
     Raises:
         SettingsError: a pose without joints.
     """
@@ -175,9 +170,7 @@ class UserPoses:
     def save(self, pose: Pose, names: Collection[str] = ()) -> dict[str, Pose]:
         """Add or replace a pose; returns all poses.
 
-        Args:
-            pose: of some joints of a board.
-            names: all joints of that board; the pose's positions of other joints remain.
+        Positions that it had, of joints not in ``names``, remain.
 
         Raises:
             RequestError: the file cannot be read or written, or is full; it remains unchanged.

@@ -50,12 +50,7 @@ class Faulted(Exception):  # noqa: N818
 
 
 class Bench:
-    """A robot in several scenes, for motions with varying gains.
-
-    Args:
-        settings: Of the robot.
-        scenes: Of the motions; each has a separate simulation.
-    """
+    """A robot in several scenes, each a simulation of its own, for motions with varying gains."""
 
     def __init__(self, settings: Settings, scenes: Sequence[Scene]) -> None:
         self._settings, self._scenes = settings, scenes

@@ -81,12 +81,7 @@ def longest(settling: float, motion: Motion) -> float:
 def cost(stage: str, found: Sequence[Figures], before: Sequence[Figures]) -> float:
     """Mean over the scenes of Σ weight · figure/figure before + overshoot; 1: as before.
 
-    The degradation of a guarded figure counts twice.
-
-    Args:
-        stage: Of the motions.
-        found: The figures of each scene.
-        before: Those with the present gains.
+    The degradation of a guarded figure counts twice. ``before``: with the present gains.
     """
     costs = []
     for now, then in zip(found, before, strict=True):

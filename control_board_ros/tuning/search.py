@@ -69,12 +69,7 @@ class Found:
 
 @cache
 def settings_of(robot: str, found: str = "") -> Settings:
-    """The robot, without calibrations: they cost time and do not affect gains.
-
-    Args:
-        robot: A file, or a shipped robot.
-        found: A file on top of it; empty: none.
-    """
+    """The robot, without calibrations: they cost time and do not affect gains; see ``Plan``."""
     on_top = [found] if found else []
     settings = load(robot, {"gui": False}, on_top=on_top)
     free = {f"{joint}.calibration.required": False for joint in settings.board.names}

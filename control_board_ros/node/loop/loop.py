@@ -407,12 +407,9 @@ class Stepping:
         self._on_cycle: deque[Callable[[], None]] = deque()
 
     def begin(self, cycles: int, on_done: Callable[[str], None], *, paused: bool) -> str:
-        """Run ``cycles`` cycles; returns an empty text, or the reason for a refusal.
+        """Run exactly ``cycles`` cycles; returns an empty text, or the reason for a refusal.
 
-        Args:
-            cycles: their exact number.
-            on_done: called after the last one with an empty text, or why they did not all run.
-            paused: whether simulated time is stopped.
+        ``on_done`` is called after the last one with an empty text, or why they did not all run.
         """
         if not paused:
             return "step needs a paused simulation, and this one runs; pause it first: ~/pause"

@@ -80,12 +80,8 @@ class BoardNode:
     """The ROS interface of joints on a node; ``Boards`` starts and stops it.
 
     Args:
-        node: of the interface.
-        member: the joints, and the loop that runs them.
-        settings: of the same joints.
         changed: called with the loop's run-time parameters, name and value.
         follower: of trajectories, for all joints of the board.
-        role: of the node.
 
     Attributes: node, member, reporter, parameters, publisher, on_reconfigured (called with the new
     parameters of joints changed here, by name and value).
@@ -338,10 +334,6 @@ class SharedParameters:
     """Keeps the parameters of a robot's node and of its parts' nodes equal.
 
     A parameter of a joint, set at the node of a part or of the robot, shows at both.
-
-    Args:
-        robot: the node of the whole robot.
-        parts: those of its parts.
     """
 
     def __init__(self, robot: BoardNode, parts: Collection[BoardNode]) -> None:

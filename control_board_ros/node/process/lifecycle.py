@@ -40,13 +40,9 @@ def starts_alone(values: Mapping[str, Any]) -> bool:
 
 
 def manage(node: Node, member: Member, values: Mapping[str, Any], on_error: OnError) -> None:
-    """Let the node's transitions control its board; to be called before anything runs.
+    """Let a managed node's transitions control its board; to be called before anything runs.
 
-    Args:
-        node: of :func:`make_node`; one that is not managed is left alone.
-        member: the board.
-        values: the parameters; with ``autostart`` the node becomes active at once.
-        on_error: called with unexpected exceptions.
+    With the parameter ``autostart`` it becomes active at once; another node is left alone.
     """
     if not isinstance(node, LifecycleNode):
         return

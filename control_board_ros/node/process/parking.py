@@ -24,12 +24,7 @@ def park(
     """Move to the pose park, in a thread of its own, until the end or until ``at_once`` is set.
 
     The caller can stop waiting at any time, also where the control loop hangs with its lock.
-
-    Args:
-        member: the joints, all of them.
-        pose: the target.
-        on_start: called with the duration of the move, s.
-        at_once: ends the wait.
+    ``on_start`` is called with the duration of the move, s.
 
     Returns:
         Why the robot is not parked; empty when it is.

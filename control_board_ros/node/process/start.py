@@ -48,38 +48,34 @@ class Start:
         return [*self.settings.parts, self.name]
 
 
-def settings_from_arguments(argv: Sequence[str], name: str = NODE) -> Start:
+def settings_from_arguments(argv: Sequence[str]) -> Start:
     """Read ``--ros-args --params-file FILE -p name:=value -r __node:=name`` and load it all.
-
-    Args:
-        argv: The arguments, without or with the program's name in front.
-        name: The node's name before remapping.
 
     Raises:
         SettingsError: one line: where, name, value, what is allowed, the next step.
     """
     given, rest = _split(argv)
-    remapped, namespace = name, "/"
+    remapped, namespace = NODE, "/"
     for option, value in given:
         if option == "remap":
             target, mark, new = value.partition(":=")
             owner, _, what = target.rpartition(":")
-            if mark and owner in ("", name) and what in ("__node", "__name"):
+            if mark and owner in ("", NODE) and what in ("__node", "__name"):
                 remapped = new
-            elif mark and owner in ("", name) and what == "__ns":
+            elif mark and owner in ("", NODE) and what == "__ns":
                 namespace = "/" + new.strip("/")
     full = f"{namespace.rstrip('/')}/{remapped}"
     layers = []
     for option, value in given:
         if option == "params-file":
-            layers.append(_read(Path(value), full, f"{namespace.rstrip('/')}/{name}"))
+            layers.append(_read(Path(value), full, f"{namespace.rstrip('/')}/{NODE}"))
         elif option == "param":
-            layers.append(_argument(value, remapped, name))
+            layers.append(_argument(value, remapped, NODE))
     settings = load_layers(layers)
     overrides = [RosParameter(key, value=value) for key, value in settings.ros.items()]
     if settings.parts:  # a global rule would give all their nodes one name
         rest = without_names(rest)
-        if remapped not in (name, ROBOT):
+        if remapped not in (NODE, ROBOT):
             warning = (
                 f"-r __node:={remapped}: is not used; the nodes of a robot of several parts have "
                 "the names of its parts, and robot_name is what they begin with"
@@ -244,11 +240,6 @@ class NameLock:
 
 def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> NameLock:
     """Lock a node's full name on a ROS domain: two nodes of one name both execute every request.
-
-    Args:
-        full_name: of the node.
-        domain: of ROS.
-        other: the option that gives it another name.
 
     Raises:
         KnownError: another process of this user holds the name (3), with its pid; or there is no

@@ -113,11 +113,8 @@ class Actions:
     """The action servers of a node.
 
     Args:
-        node: to serve from.
-        member: whose board moves.
         warn: receives the cause of a waiting goal, and a name for its repetitions.
         go_to_pose: returns the start of a goal of ~/go_to_pose.
-        requests: receives outcomes of goals.
     """
 
     def __init__(

@@ -32,13 +32,7 @@ STAMPS_KEPT = 64
 
 
 class CommandSubscription:
-    """One command topic.
-
-    Args:
-        node: to subscribe from.
-        topic: of the commands; ``qos_overrides`` parameters are declared for it.
-        callback: receives each message once.
-    """
+    """One command topic with ``qos_overrides``; the callback gets each message once."""
 
     def __init__(self, node: Node, topic: Endpoint, callback: Callable[[Any], None]) -> None:
         self._node, self._topic, self._callback = node, topic, callback

@@ -34,14 +34,11 @@ class Parameters:
     """The parameters of the node: declared from the schema, changed all or nothing.
 
     Args:
-        node: Where to declare them.
-        settings: The values at start.
         reconfigure: Receives the new, checked settings and the changes by name when gains, limits
             or timeouts change; raises ValueError to refuse them.
         changed: Called with the other run-time parameters (``state_rate``, ``real_time_factor``)
             by name and value.
-        board_rows: Declared parameters of the board.
-        joint_rows: Those of each joint.
+        board_rows, joint_rows: Declared parameters of the board, and of each joint.
 
     Attributes: settings, reconfigure.
     """

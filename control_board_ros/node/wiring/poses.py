@@ -23,7 +23,6 @@ class Poses:
     """The poses of a board: those of the configuration, and the user's.
 
     Args:
-        member: the board.
         configured: poses of the configuration, by name.
         user: poses of the user for this robot; a board uses its part of each.
     """

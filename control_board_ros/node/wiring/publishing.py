@@ -88,8 +88,6 @@ class StatePublisher:
     and /clock.
 
     Args:
-        node: to publish from.
-        member: whose snapshots are published.
         description: the URDF; None: another node publishes it, and the time.
         joint_states: the topic of readings.
         coupling: of the joints with physical ones, whose readings are published then (Y3).

@@ -38,9 +38,6 @@ COUNT = "\0"
 class Reporter:
     """The log of a node, throttled, and guards for the node's callbacks.
 
-    Args:
-        node: whose log is written.
-
     Attributes: log (rclpy's own).
     """
 

@@ -51,12 +51,7 @@ class Entry:
 
 
 class RequestLog:
-    """The requests to a board.
-
-    Args:
-        publisher: rclpy's, of ~/requests.
-        member: whose requests they are.
-    """
+    """The requests to a board; ``publisher`` is rclpy's, of ~/requests."""
 
     def __init__(self, publisher: Any, member: Member) -> None:
         self._snapshots = member.snapshots
@@ -76,17 +71,9 @@ class RequestLog:
         message: str,
         goal: str = "",
     ) -> None:
-        """Note an answer; for the executor's thread.
+        """Note an answer, fields as of ``Request.msg``; for the executor's thread.
 
-        Args:
-            endpoint: of the service or action.
-            event: as in ``Request.msg``.
-            request: as received.
-            response: as sent; None: pending.
-            started: time of the request, s of ``time.perf_counter``.
-            success: of the answer.
-            message: of the answer.
-            goal: identifier of a goal.
+        ``response`` is None while it is pending; ``started`` is in s of ``time.perf_counter``.
         """
         duration = time.perf_counter() - started
         now = self._snapshots.now()

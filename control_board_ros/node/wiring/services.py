@@ -42,7 +42,6 @@ class Services:
     """The callbacks of the services.
 
     Args:
-        member: of the board.
         injection: whether faults may be injected into a simulation.
         later: runs a function in the executor's thread; safe to call from any thread.
         stop: stops the motion of joints, trajectories as well; called with the lock held.

@@ -52,12 +52,7 @@ def references(
 ) -> Callback:
     """The callback of a topic that has references of one kind, by its row of COMMANDS.
 
-    Args:
-        member: whose board is commanded.
-        topic: with the kind of reference.
-        along: the field of speeds or accelerations; None: the message has none.
-        send: of a board.
-        warn: receives ignored and bounded references.
+    ``along`` is the field of speeds or accelerations; None: the message has none.
     """
     kind = topic.reference
     assert kind is not None
@@ -82,11 +77,7 @@ def warn_of(reply: Reply, warn: Warn) -> None:
 class CommandTopics:
     """The callbacks of the command topics.
 
-    Args:
-        member: whose board is commanded.
-        injection: whether faults and torques may be injected into a simulation.
-        joint_trajectory: receives a trajectory.
-        warn: receives ignored and bounded references.
+    ``injection``: whether faults and torques may be injected into a simulation.
     """
 
     def __init__(

@@ -50,12 +50,7 @@ StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal]
 class FollowTrajectory:
     """The action server; one goal at a time, a new one preempts.
 
-    Args:
-        node: to serve from.
-        member: whose board moves.
-        start_goal: starts a goal; its follower is stepped after the check of this server.
-        on_error: called with unexpected exceptions.
-        requests: receives outcomes of goals.
+    ``start_goal`` starts a goal; its follower is stepped after the check of this server.
     """
 
     def __init__(

@@ -25,14 +25,7 @@ from .publishing import StatePublisher, publisher
 def offer_transforms(
     node: Node, loop: ControlLoop, states: StatePublisher, settings: Settings
 ) -> None:
-    """Publish /tf with every state and /tf_static at once, where ``publish_tf`` is set.
-
-    Args:
-        node: to publish from.
-        loop: with the time of the stamps.
-        states: publishes the states, and the frames with each.
-        settings: of the board, or of the whole robot.
-    """
+    """Publish /tf with every state and /tf_static at once, where ``publish_tf`` is set."""
     if not settings.values["publish_tf"]:
         return
     frames = Frames(settings.urdf, settings.board.names)

@@ -102,14 +102,7 @@ def offer_yarp(
 ) -> list[CommandSubscription]:
     """Offer YARP's topics and services where the parameter ``yarp_interface`` is true.
 
-    Args:
-        node: of the interface.
-        member: the board.
-        values: the parameters.
-        states: publishes the modes with every state.
-        reporter: of the node.
-        requests: receives answers of services.
-        part: whether it is a part of a robot, with names below its own.
+    ``part``: whether it is a part of a robot, with names below its own.
 
     Returns:
         The subscriptions, to be checked once a second.
@@ -142,11 +135,7 @@ def offer_yarp(
 class YarpInterface:
     """The answers to YARP's clients; a method has the name of its service.
 
-    Args:
-        member: of the board.
-        warn: receives ignored and bounded references, and a name to count them by, for the log.
-        on_error: called with unexpected exceptions.
-        requests: receives answers of services.
+    ``warn`` receives ignored and bounded references, and a name to count them by, for the log.
     """
 
     def __init__(
@@ -295,11 +284,7 @@ def stream_with(
 
 
 def wanted(modes: Sequence[str], count: int) -> list[tuple[Wanted, ...]]:
-    """The requests to each joint.
-
-    Args:
-        modes: As a client names them.
-        count: Number of chosen joints.
+    """The requests to each of ``count`` joints, by modes as a client names them.
 
     Raises:
         RefusedError: not one mode per joint (INVALID), or one that cannot be set (SET_ERROR).
