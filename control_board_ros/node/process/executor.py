@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from operator import attrgetter
 from typing import Any, cast
 
 from rclpy.context import Context
@@ -24,6 +25,7 @@ from rclpy.waitable import NumberOfEntities
 
 #: Messages read from one subscription before the others and the services have their turn.
 BATCH = 10
+HANDLE = attrgetter("handle")
 
 
 class KeptWaitSetExecutor(SingleThreadedExecutor):
@@ -97,18 +99,30 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         """Hold the handles of all entities and make a wait set of their size."""
         self._held.close()
         nodes = self.get_nodes()
-        timers = self._hold([t for n in nodes for t in n.timers])
-        subscriptions = self._hold([s for n in nodes for s in n.subscriptions])
-        clients = self._hold([c for n in nodes for c in n.clients])
-        services = self._hold([s for n in nodes for s in n.services])
-        guards = self._hold([g for n in nodes for g in n.guards])
+
+        def held(kind: str) -> dict[int, Any]:
+            """By the addresses of their handles."""
+            found = self._hold([e for node in nodes for e in getattr(node, kind)], HANDLE)
+            return {entity.handle.pointer: entity for entity in found}
+
+        self._by_kind = [
+            ("service", held("services"), self._serve_service),
+            ("timer", held("timers"), self._serve_timer),
+            ("client", held("clients"), self._serve_client),
+            ("guard_condition", held("guards"), self._serve_guard),
+            ("subscription", held("subscriptions"), self._serve_subscription),
+        ]
         own = [self._guard.handle, self._sigint_gc.handle]
         for handle in own:
             self._held.enter_context(handle)
-        self._waitables = self._hold_waitables([w for n in nodes for w in n.waitables])
-        size = NumberOfEntities(
-            len(subscriptions), len(guards) + 2, len(timers), len(clients), len(services)
-        )
+        self._waitables = self._hold([w for n in nodes for w in n.waitables], lambda one: one)
+        self._additions = [
+            (f"add_{kind}", [entity.handle for entity in entities.values()])
+            for kind, entities, _ in self._by_kind
+        ]
+        self._additions.append(("add_guard_condition", own))
+        services, timers, clients, guards, subscriptions = (len(e) for _, e, _ in self._by_kind)
+        size = NumberOfEntities(subscriptions, guards + len(own), timers, clients, services)
         for waitable in self._waitables:
             size += waitable.get_num_entities()
         self._held.enter_context(cast(Any, self._context.handle))
@@ -121,40 +135,14 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
             size.num_events,
             self._context.handle,
         )
-        self._additions = [
-            ("add_subscription", [s.handle for s in subscriptions.values()]),
-            ("add_service", [s.handle for s in services.values()]),
-            ("add_timer", [t.handle for t in timers.values()]),
-            ("add_client", [c.handle for c in clients.values()]),
-            ("add_guard_condition", own + [g.handle for g in guards.values()]),
-        ]
-        self._by_kind = [
-            ("service", services, self._serve_service),
-            ("timer", timers, self._serve_timer),
-            ("client", clients, self._serve_client),
-            ("guard_condition", guards, self._serve_guard),
-            ("subscription", subscriptions, self._serve_subscription),
-        ]
 
-    def _hold(self, entities: list[Any]) -> dict[int, Any]:
-        """Entities by the address of their handle, kept from destruction while waited on."""
-        held = {}
-        for entity in entities:
-            try:
-                self._held.enter_context(entity.handle)
-            except InvalidHandle:  # since destroyed by another thread
-                continue
-            held[entity.handle.pointer] = entity
-        return held
-
-    def _hold_waitables(self, waitables: list[Any]) -> list[Any]:
+    def _hold(self, entities: list[Any], handle: Callable[[Any], Any]) -> list[Any]:
+        """Entities, kept from destruction while waited on."""
         held = []
-        for waitable in waitables:
-            try:
-                self._held.enter_context(waitable)
-            except InvalidHandle:
-                continue
-            held.append(waitable)
+        for entity in entities:
+            with suppress(InvalidHandle):  # since destroyed by another thread
+                self._held.enter_context(handle(entity))
+                held.append(entity)
         return held
 
     def _serve_ready(self, wait_set: Any) -> None:
