@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any
 
 import pytest
-from control_board_msgs import srv
+from control_board_msgs import msg, srv
 from interface_table import (
     ACTIONS,
     CLOCK,
@@ -20,8 +20,9 @@ from interface_table import (
 )
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -210,3 +211,54 @@ def test_faults_are_told_and_cleared(talker: Talker) -> None:
     assert (none.code, none.text, none.stamp.sec) == (-1, "no fault", 0)
     with patient(talker.node, talker.board) as client:
         assert client.get_freeze_frame(talker.names[0]) is None
+
+
+@pytest.mark.parametrize(
+    "qos",
+    [
+        QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT),
+        QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+        QoSProfile(depth=10, deadline=Duration(seconds=1)),
+        QoSProfile(depth=10),
+    ],
+    ids=["best effort", "transient local", "deadline", "plain"],
+)
+def test_every_publisher_is_heard_once(talker: Talker, qos: QoSProfile) -> None:
+    """Best-effort and transient-local publishers move the arm like plain ones."""
+    name = talker.names[6]
+    assert talker.set_mode([name], "posd").success
+    talked = QoSProfile(depth=10)
+    publisher = talker.node.create_publisher(
+        msg.PositionDirectCommand, f"{talker.board}/command/position_direct", qos
+    )
+    until(publisher.get_subscription_count)
+    step = msg.PositionDirectCommand(names=[name], positions=[0.1])
+    talker.until_state(
+        lambda: publisher.publish(step), lambda s: s.position_reference[6] == pytest.approx(0.1)
+    )
+    # Wrong commands count once each, by whichever way they came.
+    before = talker.state().rejected_commands[6]
+    for count in range(1, 11):
+        publisher.publish(msg.PositionDirectCommand(names=[name], positions=[float("nan")]))
+        talker.command(
+            "command/position_direct",
+            msg.PositionDirectCommand(names=[name], positions=[float("nan")]),
+            talked,
+        )
+        talker.state(lambda s, n=count: s.rejected_commands[6] == before + 2 * n)
+    for _ in range(5):
+        assert talker.state().rejected_commands[6] == before + 20
+    talker.node.destroy_publisher(publisher)
+
+
+def test_a_hundred_calls_at_once_are_all_answered(talker: Talker) -> None:
+    """No call is lost, and every answer is one that fits."""
+    asked = [
+        talker.ask("set_control_mode", srv.SetControlMode, modes=["pos" if i % 2 else "posd"])
+        for i in range(200)
+    ]
+    for i, future in enumerate(asked):
+        answer = talker.answer(future)
+        assert answer.success
+        assert set(answer.modes) == {"pos" if i % 2 else "posd"}
+    assert talker.call("power_cycle", Trigger).success
