@@ -84,10 +84,6 @@ class Poses:
         pose = self._find(request.pose)
         return lambda board: PoseTask(board, pose, request.speed)
 
-    def configured(self, name: str) -> Pose:
-        """A pose of the configuration that is always there: home or park."""
-        return self._configured[name]
-
     def _find(self, name: str) -> Pose:
         """A pose by its name.
 

@@ -126,10 +126,6 @@ class StatePublisher:
             self._description = publisher(node, ROBOT_DESCRIPTION)
             self._description.publish(String(data=description))
 
-    def _physical(self, snapshot: Snapshot) -> Snapshot | Physical:
-        """The readings of the physical joints."""
-        return snapshot if self._coupling is None else Physical.of(snapshot, self._coupling)
-
     def announce_clock(self) -> None:
         """Offer /clock; called outside of the publishing thread."""
         if self._clock is None:
@@ -150,7 +146,9 @@ class StatePublisher:
             state = snapshots.states.popleft()
             snapshot, stamp = state.snapshot, state.stamp
             if self._joint_states.get_subscription_count():
-                self._joint_states.publish(self._joint_state.of(self._physical(snapshot), stamp))
+                coupling = self._coupling
+                readings = snapshot if coupling is None else Physical.of(snapshot, coupling)
+                self._joint_states.publish(self._joint_state.of(readings, stamp))
             if self._states.get_subscription_count():
                 self._states.publish(self._board_state.of(snapshot, stamp))
             if self._controller_states.get_subscription_count():
