@@ -29,6 +29,8 @@ def params() -> dict[str, Any]:
     return {
         "robot": "icub_hand",
         "physics": "mujoco",
+        "real_time_factor": 4.0,
+        "state_rate": 25.0,
         "pwm_name": "ipwm",
         BRAKED: {"brake": {"present": True}},
     }

@@ -227,10 +227,8 @@ def test_every_publisher_is_heard_once(talker: Talker, qos: QoSProfile) -> None:
     """Best-effort and transient-local publishers move the arm like plain ones."""
     name = talker.names[6]
     assert talker.set_mode([name], "posd").success
-    talked = QoSProfile(depth=10)
-    publisher = talker.node.create_publisher(
-        msg.PositionDirectCommand, f"{talker.board}/command/position_direct", qos
-    )
+    topic, talked = f"{talker.board}/command/position_direct", QoSProfile(depth=10)
+    publisher = talker.node.create_publisher(msg.PositionDirectCommand, topic, qos)
     until(publisher.get_subscription_count)
     step = msg.PositionDirectCommand(names=[name], positions=[0.1])
     talker.until_state(
@@ -249,6 +247,7 @@ def test_every_publisher_is_heard_once(talker: Talker, qos: QoSProfile) -> None:
     for _ in range(5):
         assert talker.state().rejected_commands[6] == before + 20
     talker.node.destroy_publisher(publisher)
+    until(lambda: talker.node.count_subscribers(topic) == 1)  # that for best effort is gone
 
 
 def test_a_hundred_calls_at_once_are_all_answered(talker: Talker) -> None:
