@@ -76,8 +76,7 @@ class Fitted:
     """Result of a fit.
 
     Attributes: joints, estimates (by joint and unknown), payload (MASS and CENTER's x, y, z by
-    name; empty: not estimated), carrier (of the payload), traces (by joint and equation),
-    samples (number).
+    name; empty: not estimated), carrier (of the payload), traces (by joint and equation).
     """
 
     joints: tuple[str, ...]
@@ -85,7 +84,6 @@ class Fitted:
     payload: dict[str, Estimate]
     carrier: str
     traces: dict[tuple[str, str], Traced]
-    samples: int
 
     @property
     def carries(self) -> bool:
@@ -198,7 +196,7 @@ def solved(
         if used.any():
             rows = (problem.velocity[used, k], rubbed[used, k], friction[used, k])
             traces[joint, FRICTION] = Traced(*rows)
-    return Fitted(tuple(joints), estimates, payload, carrier, traces, len(samples.time))
+    return Fitted(tuple(joints), estimates, payload, carrier, traces)
 
 
 def payload_of(x: Floats, widths: Floats, covariance: Floats) -> dict[str, Estimate]:

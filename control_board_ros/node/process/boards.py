@@ -240,7 +240,7 @@ class Boards:
             )
         node = self._main_node(start.name, start.namespace)
         robot = BoardNode(node, Member(loop, loop.board), settings, self._changed, follower, ROBOT)
-        self._shared_parameters = SharedParameters(robot, self.parts.values())
+        share_parameters(robot, self.parts.values())
         return robot
 
     def _main_node(self, name: str, namespace: str | None) -> Node:
@@ -330,36 +330,33 @@ class Boards:
             )
 
 
-class SharedParameters:
-    """Keeps the parameters of a robot's node and of its parts' nodes equal.
+def share_parameters(robot: BoardNode, parts: Collection[BoardNode]) -> None:
+    """Keep the parameters of a robot's node and of its parts' nodes equal.
 
     A parameter of a joint, set at the node of a part or of the robot, shows at both.
     """
 
-    def __init__(self, robot: BoardNode, parts: Collection[BoardNode]) -> None:
-        self._robot, self._parts = robot, parts
-        robot.parameters.reconfigure = self._set_at_robot
-        for part in parts:
-            part.on_reconfigured = self._set_at_part
-
-    def _set_at_robot(self, _settings: Settings, changes: Mapping[str, Any]) -> None:
+    def set_at_robot(_settings: Settings, changes: Mapping[str, Any]) -> None:
         """Check and apply them at the parts, all or none."""
         changed: list[tuple[BoardNode, Settings, list[str]]] = []
-        for part in self._parts:
+        for part in parts:
             known = part.parameters.settings
             own = {name: value for name, value in changes.items() if name in known.values}
             if own:
                 changed.append((part, known.changed(own), list(own)))
-        with self._robot.member.exclusive():
+        with robot.member.exclusive():
             for part, settings, _ in changed:
                 part.member.board.reconfigure(settings.board)
         for part, settings, own_names in changed:
             part.parameters.show(settings, own_names)
 
-    def _set_at_part(self, changes: Mapping[str, Any]) -> None:
+    def set_at_part(changes: Mapping[str, Any]) -> None:
         """Show those of joints at the robot, too."""
-        parameters = self._robot.parameters
-        joints = tuple(f"{name}." for name in self._robot.member.board.names)
+        joints = tuple(f"{name}." for name in robot.member.board.names)
         of_joints = {name: value for name, value in changes.items() if name.startswith(joints)}
         if of_joints:
-            parameters.show(parameters.settings.changed(of_joints), of_joints)
+            robot.parameters.show(robot.parameters.settings.changed(of_joints), of_joints)
+
+    robot.parameters.reconfigure = set_at_robot
+    for part in parts:
+        part.on_reconfigured = set_at_part
