@@ -53,10 +53,11 @@ def test_poses_are_listed_and_saved(asked: Asked) -> None:
     assert (listed.success, list(listed.poses), list(listed.names)) == (True, ["home", "park"], [])
     home = asked.list(name="home")
     assert (list(home.names), list(home.positions)) == (["a", "b"], [0.0, 0.5])
-    saved = asked.save(name="here")
+    saved = asked.save(name="here", speed=0.5)
     assert (saved.success, list(saved.poses)) == (True, ["home", "park", "here"])
     assert saved.message == f"saved in {asked.user.path}"
-    assert list(asked.list(name="here").positions) == pytest.approx([0.0, 0.5], abs=0.02)
+    here = asked.list(name="here")
+    assert (list(here.positions), here.speed) == (pytest.approx([0.0, 0.5], abs=0.02), 0.5)
     assert asked.save(name="turned", names=["b"], positions=[0.4], speed=1.0).success
     turned = asked.list(name="turned")
     assert (list(turned.names), list(turned.positions), turned.speed) == (["b"], [0.4], 1.0)

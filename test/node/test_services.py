@@ -123,8 +123,10 @@ def test_available_modes_and_drives(board: InProcess) -> None:
 
 def test_impedance(board: InProcess) -> None:
     """I6: stiffness and damping are set and read per joint; bad values change nothing."""
-    name = board.names[1]
-    most = board.call(GET_IMPEDANCE, names=[name]).max_stiffness[0]
+    name, own = board.names[1], board.settings.board.joints[1].impedance
+    before = board.call(GET_IMPEDANCE, names=[name])
+    most = before.max_stiffness[0]
+    assert (most, before.max_damping[0]) == (own.max_stiffness, own.max_damping)
     good = {"stiffness": [0.5 * most], "damping": [2.0]}
     assert board.call(SET_IMPEDANCE, names=[name], **good).success
     for bad in (-1.0, math.nan, 2 * most):
@@ -136,13 +138,16 @@ def test_impedance(board: InProcess) -> None:
 
 
 def test_reference_speeds(board: InProcess) -> None:
-    """P2: speeds are set and read back, or refused; accelerations stay."""
+    """P2: speeds and accelerations are set and read back, each without the other, or refused."""
     name = board.names[4]
     before = board.call(GET_REFERENCES, names=[name])
     assert board.call(SET_REFERENCE_SPEED, names=[name], speeds=[0.7]).success
     assert "above 0" in board.call(SET_REFERENCE_SPEED, names=[name], speeds=[0.0]).message
     read = board.call(GET_REFERENCES, names=[name])
     assert (list(read.speeds), read.accelerations) == ([0.7], before.accelerations)
+    assert board.call(SET_REFERENCE_SPEED, names=[name], accelerations=[3.0]).success
+    read = board.call(GET_REFERENCES, names=[name])
+    assert (list(read.speeds), list(read.accelerations)) == ([0.7], [3.0])
 
 
 def test_brakes() -> None:
@@ -155,6 +160,7 @@ def test_brakes() -> None:
     assert board.set_mode([arm], "idl").success
     board.rig.run(1.0)
     assert board.state().brake[0]
+    assert list(board.call(GET_BRAKE, names=[arm, finger]).closed) == [True, False]
     answer = board.call(SET_BRAKE, names=[arm, finger], modes=["closed"])
     assert not answer.success
     assert list(answer.answers) == ["accepted", "refused"]
@@ -211,7 +217,7 @@ def test_motor_torque_parameters_are_set_live(board: InProcess) -> None:
 
 def test_loops_and_encoders(board: InProcess) -> None:
     """Y5: loops are read and reset; encoders of motors, and of joints without power, are set."""
-    name = board.names[6]
+    name = board.names[5]  # at 0.9 rad
     read = board.call(GET_PIDS, loop="position", names=[name])
     assert read.success
     assert len(read.references) == len(read.outputs) == 1
@@ -220,7 +226,11 @@ def test_loops_and_encoders(board: InProcess) -> None:
     assert board.call(SET_PIDS, loop="position", names=[name], reset=True).success
     refused = board.call(SET_ENCODERS, names=[name])
     assert list(refused.codes) == ["other_mode"]
-    assert board.set_mode([name], "idl").success
     assert board.call(SET_ENCODERS, names=[name], motor=True).success
     board.pass_time()
-    assert abs(board.state().motor_position[6]) < 1.0
+    assert abs(board.state().motor_position[5]) < 1.0
+    assert board.state().position[5] == pytest.approx(0.9, abs=0.02)
+    assert board.set_mode([name], "idl").success
+    assert board.call(SET_ENCODERS, names=[name], positions=[0.5]).success
+    board.pass_time()
+    assert board.state().position[5] == pytest.approx(0.5, abs=0.02)

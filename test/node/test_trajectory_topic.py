@@ -17,6 +17,8 @@ from control_board_ros.node.loop.loop import ControlLoop, Member
 from control_board_ros.node.wiring.trajectories import followed, trajectory_callback
 from control_board_ros.sim.plant import SimulatedPlant
 
+RATES = ["velocities", "accelerations"]
+
 
 def point(seconds: float, *positions: float, **more: Any) -> JointTrajectoryPoint:
     since = Duration(sec=int(seconds), nanosec=round(seconds % 1.0 * 1e9))
@@ -70,11 +72,12 @@ def test_straight_lines_are_followed_on_time(rig: Following) -> None:
     assert not rig.warnings
 
 
-def test_velocities_make_it_smooth(rig: Following) -> None:
-    """The reference runs along a cubic then, slow at its ends."""
-    rig.send("a", point(1.0, 0.4, velocities=[0.0]))
+@pytest.mark.parametrize(("more", "share"), [(["velocities"], 1.5), (RATES, 1.875), ([], 1.0)])
+def test_rates_make_it_smooth(rig: Following, more: list[str], share: float) -> None:
+    """The reference runs along a cubic, or a quintic, slow at its ends; else a straight line."""
+    rig.send("a", point(1.0, 0.4, **{rate: [0.0] for rate in more}))
     speeds = np.diff(rig.run(1.0)[:, 0]) / rig.board.period
-    assert speeds.max() == pytest.approx(1.5 * 0.4, rel=0.02)  # and 0.4 along a straight line
+    assert speeds.max() == pytest.approx(share * 0.4, rel=0.02)
 
 
 def test_a_stamp_says_when_it_begins(rig: Following) -> None:
@@ -93,12 +96,13 @@ def test_a_stamp_says_when_it_begins(rig: Following) -> None:
 
 @pytest.mark.parametrize("request_", [False, True])
 def test_what_ends_it(rig: Following, request_: bool) -> None:
-    """I4, T1: a message without points, or a request; nothing goes on afterwards."""
+    """T1, M2: a message without points, or another mode, for no cycle; nothing goes on then."""
     rig.send("a", point(20.0, 1.0))
     rig.run(0.5)
     if request_:
-        with rig.loop.exclusive() as board:
-            assert board.set_interaction_mode("a", "comp")
+        for mode in ("pos", "posd"):
+            with rig.loop.exclusive() as board:
+                assert board.set_control_mode("a", mode)
     else:
         rig.send("a")
     held = rig.run(0.5)[-1, 0]
