@@ -104,7 +104,7 @@ def run(
     with contextlib.ExitStack() as locks:
         for name in start.names:
             full_name = f"{start.namespace.rstrip('/')}/{name}"
-            locks.callback(lock_name(full_name, domain, other).release)
+            locks.callback(lock_name(full_name, domain, other))
         return run_alone(start, ended, at_once or threading.Event())
 
 

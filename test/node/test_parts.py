@@ -85,10 +85,10 @@ def test_lock_is_per_name_and_domain(tmp_path: Any, monkeypatch: pytest.MonkeyPa
         with pytest.raises(KnownError, match=f"pid {os.getpid()}"):
             lock_name("/left/control_board", "40")
         for name, domain in (("/right/control_board", "40"), ("/left/control_board", "41")):
-            lock_name(name, domain).release()
+            lock_name(name, domain)()
     finally:
-        held.release()
-    lock_name("/left/control_board", "40").release()
+        held()
+    lock_name("/left/control_board", "40")()
     assert not list(tmp_path.rglob("*.lock"))
 
 
@@ -103,14 +103,14 @@ def test_a_lock_that_is_removed_meanwhile_is_none(
     def late(path: Any, *arguments: Any) -> int:
         file = opened(path, *arguments)
         monkeypatch.setattr(os, "open", opened)
-        first.release()
+        first()
         return file
 
     monkeypatch.setattr(os, "open", late)
     second = lock_name("/x", "1")
     with pytest.raises(KnownError):
         lock_name("/x", "1")
-    second.release()
+    second()
 
 
 def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +121,7 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
         "lock_name('/x', '1'); os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode != 0
-    lock_name("/x", "1").release()
+    lock_name("/x", "1")()
 
 
 def test_names_and_values_of_messages() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -225,21 +225,11 @@ def runtime_folder() -> Path:
     return folder
 
 
-@dataclass(frozen=True, slots=True)
-class NameLock:
-    """A lock that is held until it is released, or the process ends in any way."""
-
-    path: Path
-    file: int
-
-    def release(self) -> None:
-        """Release the lock and remove its file."""
-        self.path.unlink(missing_ok=True)
-        os.close(self.file)
-
-
-def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> NameLock:
+def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> Callable[[], None]:
     """Lock a node's full name on a ROS domain: two nodes of one name both execute every request.
+
+    Returns:
+        What releases the lock, if the process does not end before.
 
     Raises:
         KnownError: another process of this user holds the name (3), with its pid; or there is no
@@ -266,7 +256,12 @@ def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> Na
         os.write(file, f"{os.getpid()}\n".encode())
     except OSError as error:
         raise KnownError(1, f"no lock for {full_name}: {error}; set XDG_RUNTIME_DIR") from None
-    return NameLock(path, file)
+
+    def release() -> None:
+        path.unlink(missing_ok=True)
+        os.close(file)
+
+    return release
 
 
 def is_at(file: int, path: Path) -> bool:
