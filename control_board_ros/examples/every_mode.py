@@ -46,7 +46,6 @@ Each = Callable[[Board, float], object]
 def walk(simulation: Simulation) -> Recording:
     """Run through every mode."""
     board, recording = simulation.board, Recording()
-    assert isinstance(board, Board)  # the iiwa has no parts
 
     def act(title: str, mode: M, seconds: float, each: Each) -> None:
         """Switch the joint to a mode and let a function act before every cycle."""

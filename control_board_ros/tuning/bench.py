@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.board import Board
 from ..core.config.config import BoardConfig, JointConfig
 from ..core.terms.measurement import Array
 from ..core.terms.vocabs import ControlMode, InteractionMode
@@ -88,7 +87,6 @@ class Stand:
     """One joint of a started simulation, in its pose, with the gains to test."""
 
     def __init__(self, simulation: Simulation, config: BoardConfig, j: int) -> None:
-        assert isinstance(simulation.board, Board)  # made of one configuration, without parts
         self.simulation, self.board, self.j = simulation, simulation.board, j
         self.config: JointConfig = config.joints[j]
         self._whole = config

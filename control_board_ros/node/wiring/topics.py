@@ -40,6 +40,9 @@ KINDS = {kind: FIELDS[row.field] for kind, row in COMMANDS.items() if row.field 
 #: The kind to report for a value that the joint's mode does not accept.
 REFUSED = {"position": K.POSITION_DIRECT, "velocity": K.VELOCITY, "effort": K.TORQUE}
 
+#: Speeds and accelerations of references, as YARP's messages name them.
+YARPS = {"speeds": "ref_velocities", "accelerations": "ref_accelerations"}
+
 Callback = Callable[[Any], None]
 #: The throttled log: a message, and a name for its repetitions.
 Warn = Callable[[str, str], None]
@@ -47,16 +50,12 @@ Warn = Callable[[str, str], None]
 Send = Callable[[JointGroup, CommandKind, Sequence[str], Any, Any], Reply]
 
 
-def references(
-    member: Member, topic: Endpoint, along: str | None, send: Send, warn: Warn
-) -> Callback:
-    """The callback of a topic that has references of one kind, by its row of COMMANDS.
-
-    ``along`` is the field of speeds or accelerations; None: the message has none.
-    """
-    kind = topic.reference
+def references(member: Member, topic: Endpoint, send: Send, warn: Warn) -> Callback:
+    """The callback of a topic that has references of one kind, by its row of COMMANDS."""
+    kind, has = topic.reference, topic.load().get_fields_and_field_types()
     assert kind is not None
-    field = COMMANDS[kind].field
+    field, own = COMMANDS[kind].field, COMMANDS[kind].along or ""
+    along = next((name for name in (own, YARPS.get(own, "")) if name in has), None)
 
     def on_message(message: Any) -> None:
         values = getattr(message, field)
@@ -89,7 +88,7 @@ class CommandTopics:
     def callbacks(self) -> dict[Endpoint, Callback]:
         """The receivers of each command topic."""
         found = {
-            topic: self._reference(topic)
+            topic: references(self._member, topic, JointGroup.command, self._warn)
             for topic in COMMAND_TOPICS
             if topic.reference is not None and topic is not JOINT_TRAJECTORY
         }
@@ -101,14 +100,6 @@ class CommandTopics:
             HEARTBEAT: self._heartbeat,
             EXTERNAL_TORQUE_SENSOR: self._external_torque_sensor,
         }
-
-    def _reference(self, topic: Endpoint) -> Callback:
-        assert topic.reference is not None
-        along = COMMANDS[topic.reference].along
-        has = topic.load().get_fields_and_field_types()
-        return references(
-            self._member, topic, along if along in has else None, JointGroup.command, self._warn
-        )
 
     def _joint_commands(self, message: Any) -> None:
         with self._member.exclusive() as board:

@@ -72,9 +72,6 @@ SETTABLE: dict[str, tuple[Wanted, ...]] = {
     "VELOCITY_DIRECT": (M.VELOCITY_DIRECT,),  # beyond controlBoard_nws_ros2 (Y1)
 }
 
-#: Speeds and accelerations of references, as the messages name them.
-ALONG = {"speeds": "ref_velocities", "accelerations": "ref_accelerations"}
-
 #: The word for an error of the program itself, where it is not RETRIEVE_ERROR.
 FAILURES = {"set_modes": SET_ERROR, "get_joints_names": GET_NAME_ERROR}
 
@@ -167,9 +164,7 @@ class YarpInterface:
 
     def reference(self, topic: Endpoint) -> Callback:
         """A callback that sends references of the topic's kind."""
-        assert topic.reference is not None
-        along = ALONG.get(COMMANDS[topic.reference].along or "")
-        return references(self._member, topic, along, stream_with, self._warn)
+        return references(self._member, topic, stream_with, self._warn)
 
     # -- services -----------------------------------------------------------------------------
 
