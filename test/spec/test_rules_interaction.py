@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rig import (
     COMPLIANT,
+    MODES_OF_A_JOINT,
     PER_TORQUE,
     POSITION_MODES,
     STIFF,
@@ -17,6 +18,7 @@ from rig import (
     Rig,
     board_config,
     held,
+    in_mode,
     in_status,
     joint,
     ready,
@@ -25,7 +27,7 @@ from rig import (
 from control_board_ros.core.config.config import Pid
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Answer
-from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 #: u = τ: what the impedance asks for is what the output shows.
 OPEN_TORQUE = Pid(kp=0.0, kff=1.0)
@@ -104,13 +106,23 @@ def test_it_acts_when_a_mode_with_it_is_entered(through: ControlMode, interactio
     assert rig.tick().output[0] == pytest.approx(gain * 0.02 * PER_TORQUE)
 
 
-@pytest.mark.parametrize("status", [M.CALIBRATING, M.NOT_CONFIGURED], ids=str)
-def test_statuses_ignore_it(status: ControlMode) -> None:
-    """I8, K2, N4: in CALIBRATING and NOT_CONFIGURED it is not taken and does not act."""
-    rig = in_status(status)
-    assert not rig.board.set_interaction_mode("left", "comp")
-    assert rig.board.get_interaction_mode("left") == [STIFF]
-    assert rig.modes() == [status]
+@pytest.mark.parametrize("wanted", [STIFF, COMPLIANT], ids=str)
+@pytest.mark.parametrize(("mode", "interaction", "sensed"), MODES_OF_A_JOINT, ids=str)
+def test_every_interaction_mode_in_every_mode(
+    mode: ControlMode, interaction: InteractionMode, sensed: bool, wanted: InteractionMode
+) -> None:
+    """I1, I2, I7, I8, K2, N4: what source Table 3 says of each mode and status."""
+    rig = in_mode(mode, interaction, sensed=sensed)
+    entered, kept, answer = mode, wanted, Answer.ACCEPTED
+    if mode in (M.CALIBRATING, M.NOT_CONFIGURED):
+        kept, answer = interaction, Answer.REFUSED
+    elif wanted is COMPLIANT and not sensed:
+        entered, kept = M.HW_FAULT, STIFF
+        answer = Answer.REFUSED if mode is M.HW_FAULT else Answer.UNSUPPORTED
+    assert rig.board.set_interaction_mode("left", wanted).answers == (answer,)
+    rig.run(0.2)
+    assert rig.modes() == [entered]
+    assert rig.board.get_interaction_mode("left") == [kept]
 
 
 def test_calibration_is_stiff_whatever_is_stored() -> None:

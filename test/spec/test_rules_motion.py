@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -125,19 +126,38 @@ def test_speeds_of_moves() -> None:
     assert rig.board.get_ref_speed().tolist() == [1.0, 0.5]
 
 
-@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 3.001])
-def test_bad_speeds(bad: float) -> None:
-    """P2, P13: a speed ≤ 0, not finite, or beyond the joint's own is an error, and counted."""
-    rig = moving("pos")
-    assert not rig.board.set_ref_speed("left", bad)
-    assert not rig.board.position_move("left", 0.5, bad)
+@pytest.mark.parametrize(
+    ("kind", "bad"),
+    [(kind, bad) for kind in ("position", "velocity") for bad in (0.0, -1.0, math.nan, math.inf)]
+    + [("position", 3.001), ("velocity", 20.001)],
+)
+def test_bad_speeds(kind: str, bad: float) -> None:
+    """P2, P13: a speed or acceleration ≤ 0, not finite, or beyond the joint's own is an error.
+
+    It is counted, and the other joints of the message are served.
+    """
+    rig = ready(board_config(joint("left"), joint("right")))
+    rig.enter(MODE_OF[kind])
+    method, getter, good = COMMANDS[kind]
+    reply = getattr(rig.board, method)(None, good, [bad, 0.5])
+    assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
+    told = "must be above 0 and up to" if math.isfinite(bad) else "is not a finite number"
+    assert told in reply.message
+    assert getattr(rig.board, getter)().tolist() == pytest.approx([0.0, good], abs=1e-6)
+    assert rig.board.snapshot().rejected_commands.tolist() == [1, 0]
     assert rig.board.snapshot().motion_done[0]
-    assert rig.board.snapshot().rejected_commands[0] == 1
-    rig.enter("vel")
-    if bad != 3.001:
-        assert not rig.board.set_ref_acceleration("left", bad)
-        assert not rig.board.velocity_move("left", 0.5, bad)
-        assert rig.board.snapshot().rejected_commands[0] == 2
+    store = rig.board.set_ref_speed if kind == "position" else rig.board.set_ref_acceleration
+    assert not store("left", bad)
+
+
+def test_the_smallest_speed_there_is() -> None:
+    """P1, P2: it makes a very slow move, and no infinite one."""
+    rig = moving("pos")
+    assert rig.board.position_move("left", 1.0, 5e-324)
+    shown = rig.run(0.2)
+    assert np.isfinite(shown.block).all()
+    assert not shown.motion_done[0]
+    assert math.isfinite(rig.board.get_remaining_time("left")[0])
 
 
 def test_both_speeds_or_none() -> None:
@@ -147,6 +167,8 @@ def test_both_speeds_or_none() -> None:
     assert not rig.board.set_reference_speed(None)
     assert not rig.board.set_ref_speed(None, [1.0, 1.0, -1.0])
     assert not rig.board.set_ref_acceleration(None, [1.0, 1.0, -1.0])
+    assert not rig.board.set_ref_speed("left", [1.0] * 3)
+    assert not rig.board.set_ref_acceleration("left", "x")
     assert rig.board.get_ref_speed() == pytest.approx([math.radians(10.0)] * 3)
     assert rig.board.get_ref_acceleration() == pytest.approx([math.radians(10.0)] * 3)
     assert rig.board.set_reference_speed(None, 1.0, [1.0, 2.0, 3.0])
@@ -486,14 +508,34 @@ def test_feedforward_values() -> None:
     assert "not a finite number" in reply.message
     assert not rig.board.set_feedforward(None, outputs=[1.0, 1.0, 1.0])
     assert not rig.board.set_feedforward(None)
+    before = rig.board.get_torque_offset().tolist()
+    assert not rig.board.set_feedforward("left", "much")
+    assert not rig.board.set_feedforward("left", 2.0, torques=-math.inf)
+    assert rig.board.get_torque_offset().tolist() == before
     shown = rig.tick()
     assert shown.output.tolist() == [0.0, 1.0]
-    assert shown.rejected_commands.tolist() == [3, 2]
+    assert shown.rejected_commands.tolist() == [5, 2]
     rig.board.set_feedforward(None, outputs=1000.0)
     assert rig.tick().output.tolist() == [100.0, 100.0]
 
 
 # --- P9: limits ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e6, 5e-324, -5e-324])
+@pytest.mark.parametrize("kind", COMMANDS)
+def test_finite_values_of_any_size(kind: str, value: float) -> None:
+    """P9, P13: the largest end at the joint's limits, the smallest are taken, none overflows."""
+    rig = ready(board_config(joint("left")))
+    rig.enter(MODE_OF[kind])
+    method, getter, _ = COMMANDS[kind]
+    assert getattr(rig.board, method)("left", value)
+    bound = {"velocity": LIMITS.velocity, "torque": LIMITS.torque, "output": LIMITS.output}
+    most = bound.get(kind, LIMITS.upper)
+    assert getattr(rig.board, getter)("left")[0] == min(max(value, -most), most)
+    for snapshot in rig.record(1.0):
+        assert np.isfinite(snapshot.block).all()
+        assert abs(snapshot.position[0]) <= (LIMITS.hard_upper if abs(value) > 1.0 else 0.02)
 
 
 @pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
@@ -853,31 +895,51 @@ def test_what_is_not_finite_is_ignored(kind: str, value: float) -> None:
     assert rig.modes() == modes
 
 
-@pytest.mark.parametrize(
-    ("joints", "values", "counts"),
-    [
-        (None, [1.0, 2.0], [1, 1, 1]),
-        (["left", "right"], [1.0], [1, 1, 0]),
-        ("left", [1.0, 1.0], [1, 0, 0]),
-        ("left", "fast", [1, 0, 0]),
-        ("left", [], [1, 0, 0]),
-        (["left", "nose"], [1.0, 1.0], [1, 0, 0]),
-        (["right", "right"], [1.0, 1.0], [0, 1, 0]),
-        ("nose", 1.0, [0, 0, 0]),
-        (7, 1.0, [0, 0, 0]),
-        (None, [[1.0, 2.0, 3.0]], [1, 1, 1]),
-    ],
-    ids=str,
-)
+LEFT, BOTH, ALL = [1, 0, 0], [1, 1, 0], [1, 1, 1]
+NAMES = ["left", "right"]
+#: Joints and values, words of the answer, and who counts it.
+MALFORMED = [
+    (None, [1.0, 2.0], "2 .* for 3 joints", ALL),
+    ((), [0.1] * 4, "4 .* for 3 joints", ALL),
+    (None, [[1.0, 2.0, 3.0]], "", ALL),
+    (None, [[1.0, 2.0], [3.0]], "must be numbers", ALL),
+    (None, object(), "must be numbers", ALL),
+    (None, {}, "must be numbers", ALL),
+    (NAMES, [1.0], "1 .* for 2 joints", BOTH),
+    (NAMES, [0.1] * 3, "3 .* for 2 joints", BOTH),
+    (NAMES, [], "0 .* for 2 joints", BOTH),
+    ("left", [1.0, 1.0], "2 .* for 1 joint", LEFT),
+    (["left"], [[0.1, 0.1]], "2 .* for 1 joint", LEFT),
+    ("left", "fast", "must be numbers", LEFT),
+    ("left", "\ud800", "must be numbers", LEFT),
+    (["left"], [None, {}], "must be numbers", LEFT),
+    (["left", "rigth"], [1.0, 1.0], "'rigth' unknown; did you mean 'right'", LEFT),
+    (["left", 1.0], [1.0, 1.0], "unknown", LEFT),
+    (["left", ["x"]], [1.0, 1.0], "unknown", LEFT),
+    (["left", "x" * 10_000], [1.0, 1.0], "unknown", LEFT),
+    (["left", 3], [1.0, 1.0], "out of range; joints are 0 to 2", LEFT),
+    (["left", -1], [1.0, 1.0], "out of range", LEFT),
+    (["left", 0], [1.0, 1.0], "named twice", LEFT),
+    (["right", "right"], [1.0, 1.0], "named twice", [0, 1, 0]),
+    ("nose", 1.0, "unknown", [0, 0, 0]),
+    (7, 1.0, "out of range", [0, 0, 0]),
+]
+
+
+@pytest.mark.parametrize(("joints", "values", "words", "counts"), MALFORMED)
 @pytest.mark.parametrize("kind", list(COMMANDS))
-def test_malformed_commands(kind: str, joints: Any, values: Any, counts: list[int]) -> None:
-    """P13: rejected as a whole with one line; the joints that it names count it."""
+def test_malformed_commands(
+    kind: str, joints: Any, values: Any, words: str, counts: list[int]
+) -> None:
+    """P13, M7: rejected as a whole with one line; the joints that it names count it."""
     rig = ready()
-    method, getter, _ = COMMANDS[kind]
-    before = getattr(rig.board, getter)().tolist()
-    reply = getattr(rig.board, method)(joints, values)
+    rig.enter(MODE_OF[kind], NAMES)
+    before = rig.everything()
+    reply = getattr(rig.board, COMMANDS[kind][0])(joints, values)
     assert not reply
     assert reply.message.startswith(f"{kind} reference ignored: ")
     assert "\n" not in reply.message
+    assert len(reply.message) < 400
+    assert re.search(words, reply.message), reply.message
     assert rig.board.snapshot().rejected_commands.tolist() == counts
-    assert getattr(rig.board, getter)().tolist() == before
+    assert rig.everything() == before

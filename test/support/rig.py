@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -207,10 +207,12 @@ def held(*joints: JointConfig, **changes: Any) -> Rig:
     return ready(config, Held(config))
 
 
-def in_status(status: ControlMode, **changes: Any) -> Rig:
+def in_status(
+    status: ControlMode, make: Callable[..., JointConfig] = joint, **changes: Any
+) -> Rig:
     """A rig of one joint, ``left``, that is in a status (HW_FAULT, CALIBRATING, …)."""
     slow = Calibration(type=3, required=False, start=1.0, speed=0.05, timeout=100.0)
-    one = joint("left", **({"calibration": slow} | changes))
+    one = make("left", **({"calibration": slow} | changes))
     rig = Rig(board_config(one, autoconfigure=status is not M.NOT_CONFIGURED))
     rig.tick(2)
     if status is M.HW_FAULT:
@@ -219,6 +221,16 @@ def in_status(status: ControlMode, **changes: Any) -> Rig:
         assert rig.board.calibrate("left")
     rig.run(0.03)
     assert rig.modes() == [status]
+    return rig
+
+
+def in_mode(mode: ControlMode, interaction: InteractionMode, *, sensed: bool = True) -> Rig:
+    """A rig of one joint, ``left``, in a mode or status; it has a torque sensor or none (I7)."""
+    make = joint if sensed else plain
+    if mode in STATUSES:
+        return in_status(mode, make, startup_interaction=interaction)
+    rig = ready(board_config(make("left", startup_interaction=interaction)))
+    rig.enter(mode)
     return rig
 
 
@@ -254,6 +266,15 @@ TAKES: dict[ControlMode, set[str]] = {
     M.CALIBRATING: set(),
     M.NOT_CONFIGURED: set(),
 }
+
+#: Modes and statuses with an interaction mode each, of a joint with a torque sensor or without.
+MODES_OF_A_JOINT = [
+    (mode, interaction, sensed)
+    for mode in TAKES
+    for interaction, sensed in ((STIFF, True), (COMPLIANT, True), (STIFF, False))
+    if (mode, sensed) != (M.TORQUE, False)
+    and (mode, interaction) != (M.NOT_CONFIGURED, COMPLIANT)  # I8
+]
 
 #: For each kind of reference a mode that takes it.
 MODE_OF = {kind: next(mode for mode, kinds in TAKES.items() if kind in kinds) for kind in COMMANDS}
