@@ -99,22 +99,6 @@ def test_a_push_against_a_limit_is_pushed_back(mode, interaction, side):
         assert board.get_control_mode(J1) == [mode]
 
 
-@pytest.mark.parametrize(
-    ("mode", "send", "value"), [("torq", "set_ref_torque", 30.0), ("open", "set_output", 30.0)]
-)
-def test_commands_cannot_drive_a_joint_out(mode, send, value):
-    """P7, P9 (promise P7): full ahead into the limit ends near it."""
-    with iiwa(lbr_iiwa_joint_1__limits__upper=0.5) as simulation:
-        board = simulation.board
-        enter(simulation, mode, J1)
-        for _ in range(30):
-            getattr(board, send)(J1, value)
-            simulation.run(0.1)
-            assert board.get_encoder(J1)[0] < 0.5 + 2.0 * DEGREE
-        assert abs(board.snapshot().velocity[0]) < 0.1
-        assert board.get_control_mode(J1)[0].code == mode
-
-
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize(("joint", "mode"), [(J2, "torq"), (J2, "open"), (J4, "torq")])
 def test_full_power_stops_at_the_limit(joint, mode, way):
@@ -248,23 +232,6 @@ def test_a_calibration_blocked_by_an_obstacle_fails_with_its_reason():
         assert not board.get_calibration(J2)[0].done
         assert worst <= 1.5 * board.config.joints[1].limits.torque  # the blow itself included
         assert "moving to the start position" in record.text
-
-
-def test_a_calibration_that_is_cancelled_leaves_the_joint_in_idle():
-    """K2: FORCE_IDLE in the middle of it."""
-    with calibrated_arm() as simulation:
-        board = simulation.board
-        assert board.calibrate(J2)
-        simulation.run(0.5)
-        assert board.get_calibration(J2)[0].running
-        assert not board.set_control_mode(J2, "idl")
-        assert not board.position_move(J2, 0.0)
-        assert board.set_control_mode(J2, "fidl")
-        simulation.step(2)  # the reading of the first was taken before
-        assert board.get_control_mode(J2) == [M.IDLE]
-        assert board.snapshot().current[1] == 0.0
-        status = board.get_calibration(J2)[0]
-        assert (status.running, status.done, status.message) == (False, False, "aborted")
 
 
 def test_a_calibration_during_a_fast_motion_takes_over_smoothly():

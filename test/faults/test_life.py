@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The life of a node: slow cycles, bugs, a lost server, other clocks, changes while it runs."""
+"""The life of a node: slow cycles, bugs, other clocks, changes while it runs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from control_board_ros.testing import BoardProcess, board_process
 pytestmark = pytest.mark.ros
 
 HURT = Path(__file__).parents[1] / "support" / "hurt.py"
-J1, J7 = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
+J7 = "lbr_iiwa_joint_7"
 GOAL_ABORTED = 6
 
 
@@ -73,17 +73,6 @@ def test_slow_cycles_are_counted_caught_up_within_bounds_and_told() -> None:
         periods = 100.0 * (stamp_of(after) - stamp_of(before))
         assert 120 <= lost < periods
         assert set(talker.modes()) == {"pos"}
-
-
-def test_a_lost_physics_server_ends_the_node() -> None:
-    """Exit code 4 and one line, with either engine."""
-    with hurt("gone", exit_code=4) as (board, _):
-        board.process.send_signal(signal.SIGUSR1)
-        line = board.wait_for_output("; restart the board")
-        board.process.wait(TIMEOUT)
-        told = ("physics server is gone", "physics is closed")
-        assert line.strip() in [f"control_board: the {what}; restart the board" for what in told]
-        assert "Traceback" not in board.output
 
 
 def test_a_bug_in_the_control_loop_ends_the_node_without_power() -> None:
@@ -187,52 +176,6 @@ def change(talker: Talker, *parameters: Parameter):
     ).result
 
 
-NAN = float("nan")
-
-
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        [double(f"{J7}.position_pid.kp", -1.0)],
-        [double(f"{J7}.position_pid.kp", NAN)],
-        [double(f"{J7}.position_pid.kp", float("inf"))],
-        [double(f"{J7}.limits.upper", 100.0)],
-        [double(f"{J7}.limits.lower", 3.0), double(f"{J7}.limits.upper", 1.0)],
-        [double(f"{J7}.timeouts.velocity", -0.1)],
-        [double("state_rate", 0.0)],
-        [double("real_time_factor", -1.0)],
-        [double("control_rate", 500.0)],
-        [double(f"{J7}.motor.gear_ratio", 50.0)],
-        [double(f"{J7}.no_such_thing", 1.0)],
-        [double("no_such_joint.limits.upper", 1.0)],
-        [double(f"{J1}.position_pid.kp", 7000.0), double(f"{J7}.position_pid.kp", NAN)],
-        [
-            Parameter(
-                name="state_rate",
-                value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="x"),
-            )
-        ],
-        [Parameter(name="state_rate", value=ParameterValue())],
-        [
-            Parameter(
-                name="allow_fault_injection",
-                value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=False),
-            )
-        ],
-    ],
-    ids=lambda parameters: " ".join(one.name.split("joint_")[-1] for one in parameters),
-)
-def test_illegal_parameter_changes_are_refused_whole(talker: Talker, parameters) -> None:
-    """All or nothing, with a reason; the arm does not notice."""
-    before = talker.state(lambda s: abs(s.position[6]) < 0.01).position
-    result = change(talker, *parameters)
-    assert not result.successful
-    assert result.reason
-    assert "\n" not in result.reason
-    assert talker.state().position == pytest.approx(before, abs=0.01)
-    assert talker.modes() == ["pos"] * 7
-
-
 def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
     """Gains, limits and timeouts in the midst of a move; then back again."""
     assert talker.call("pause", SetBool, data=True).success
@@ -264,16 +207,11 @@ def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
     assert talker.modes() == ["pos"] * 7
 
 
-def test_requests_while_paused_and_after(talker: Talker) -> None:
-    """Promise P8: paused, the board answers; pausing twice or resuming twice changes nothing."""
-    for _ in range(2):
-        assert talker.call("pause", SetBool, data=True).success
+def test_pausing_and_resuming_twice_changes_nothing(talker: Talker) -> None:
+    """Promise P8."""
+    for paused in (True, True, False, False):
+        assert talker.call("pause", SetBool, data=paused).success
         assert talker.modes() == ["pos"] * 7
-    steps = talker.call("step", srv.Step, steps=10)
-    assert steps.success, steps.message
-    assert not talker.call("step", srv.Step, steps=0).success
-    for _ in range(2):
-        assert talker.call("pause", SetBool, data=False).success
     refused = talker.call("step", srv.Step, steps=10)
     assert not refused.success
     assert "paused" in refused.message

@@ -4,13 +4,10 @@
 from __future__ import annotations
 
 import math
-import time
 
 import pytest
 from control_board_msgs import msg, srv
-from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 from talk import Talker, until
 
 pytestmark = pytest.mark.ros
@@ -80,21 +77,6 @@ def test_no_bad_message_moves_or_faults_anything(talker: Talker, topic: str) -> 
     assert max(abs(a - b) for a, b in zip(state.position, still, strict=True)) < 0.02
 
 
-@pytest.mark.parametrize("value", [1e308, -1e308, 5e-324, 1e6])
-@pytest.mark.parametrize("topic", ["position", "position_direct", "velocity", "torque", "output"])
-def test_finite_extremes_stay_within_the_limits(talker: Talker, topic: str, value: float) -> None:
-    """P9 (promise P7): finite numbers of any size end at the limits of the joint."""
-    kind, field, mode, _ = TOPICS[topic]
-    assert talker.set_mode([J7], mode).success
-    talker.command(f"command/{topic}", kind(**{"names": [J7], field: [value]}))
-    for _ in range(30):
-        state = talker.state()
-        assert all(map(math.isfinite, [*state.position, *state.velocity, *state.output]))
-        assert abs(state.position[6]) < 3.06
-        assert abs(state.output[6]) <= 100.0
-    assert talker.modes()[:6] == ["pos"] * 6
-
-
 def test_the_nearest_name_is_suggested(talker: Talker, board) -> None:
     """M7: the log tells of the unknown joint among the known."""
     command = msg.PositionCommand(names=[J1, "lbr_iiwa_jiont_2"], positions=[0.1, 0.1])
@@ -102,49 +84,30 @@ def test_the_nearest_name_is_suggested(talker: Talker, board) -> None:
     board.wait_for_output("did you mean 'lbr_iiwa_joint_2'?")
 
 
-UNKNOWN = ["", " ", "   ", "pos ", "p" * 10_000, "🦾", "posi tion", "\t", "hwfa", "cald", "None"]
-
-
-@pytest.mark.parametrize("mode", UNKNOWN)
-def test_unknown_vocabs_change_nothing(talker: Talker, mode: str) -> None:
-    """M6, M7 (promise P3): for one joint, for one of several, and for the interaction mode."""
-    for call in (talker.set_mode, talker.set_interaction):
-        for names, modes in (([J1], [mode]), ([J1, J7], ["vel", mode]), ([], [mode])):
-            answer = call(names, *modes)
-            assert not answer.success
-            assert "\n" not in answer.message
-            assert 10 < len(answer.message) < 400
-    assert talker.modes() == ["pos"] * 7
-
-
 @pytest.mark.parametrize(
     ("names", "modes"),
-    [([J1], []), ([J1], ["pos", "vel"]), ([J1, J7], ["pos"] * 3), ([], ["vel"] * 6), ([], [])],
+    [([J1], []), ([J1, J7], ["pos"] * 3), ([], ["vel"] * 6), ([J1, J7], ["vel", "🦾"])],
 )
-def test_lists_that_disagree_are_refused(talker: Talker, names, modes) -> None:
-    """M7: lengths; one mode for several joints is the one exception."""
-    assert not talker.set_mode(names, *modes).success
-    assert not talker.set_interaction(names, *modes).success
+def test_wrong_modes_change_nothing(talker: Talker, names: list[str], modes: list[str]) -> None:
+    """M6, M7, I1: as many modes as joints, or one for several; for control and interaction."""
+    for call in (talker.set_mode, talker.set_interaction):
+        answer = call(names, *modes)
+        assert not answer.success
+        assert "\n" not in answer.message
+        assert 10 < len(answer.message) < 400
     assert talker.modes() == ["pos"] * 7
 
 
 @pytest.mark.parametrize(
     ("name", "kind", "fields"),
     [
-        ("set_impedance", srv.SetImpedance, {"stiffness": [bad], "damping": [1.0]})
-        for bad in (-1.0, 1e308, *BAD)
-    ]
-    + [
         ("set_impedance", srv.SetImpedance, {"stiffness": [], "damping": [1.0]}),
+        ("set_impedance", srv.SetImpedance, {"stiffness": [1.0], "damping": [math.nan]}),
         ("set_reference_speed", srv.SetReferenceSpeed, {"speeds": []}),
-    ]
-    + [
-        ("set_reference_speed", srv.SetReferenceSpeed, {field: [bad]})
-        for bad in (0.0, -1.0, 1e308, *BAD)
-        for field in ("speeds", "accelerations")
+        ("set_reference_speed", srv.SetReferenceSpeed, {"accelerations": [-1.0]}),
     ],
 )
-def test_bad_gains_and_speeds_are_refused(talker: Talker, name, kind, fields) -> None:
+def test_bad_gains_and_speeds_are_refused(talker: Talker, name: str, kind, fields) -> None:
     """I6, P2: the message says what is allowed; nothing changes."""
     before = talker.call("get_impedance", srv.GetImpedance), references(talker)
     answer = talker.call(name, kind, names=[J1], **fields)
@@ -153,61 +116,21 @@ def test_bad_gains_and_speeds_are_refused(talker: Talker, name, kind, fields) ->
     assert (talker.call("get_impedance", srv.GetImpedance), references(talker)) == before
 
 
-def test_paused_the_board_answers_and_a_velocity_does_not_expire(talker: Talker) -> None:
-    """P12 (promises P6, P8): timeouts run on simulated time."""
-    assert talker.set_mode([J7], "vel").success
-    velocity = msg.VelocityCommand(names=[J7], velocities=[0.1])
-    talker.until_state(
-        lambda: talker.command("command/velocity", velocity),
-        lambda s: s.velocity_reference[6] > 0.01,
-    )
-    assert talker.call("pause", SetBool, data=True).success
-    for _ in range(200):
-        assert talker.modes()[6] == "vel"
-    assert talker.set_mode([J1], "idl").success
-    assert talker.set_interaction([J1], "comp").success
-    time.sleep(0.5)  # a real pause: more than the timeout of 0.2 s
-    assert talker.call("get_references", srv.GetReferences, names=[J7]).velocities[0] == 0.1
-    assert talker.call("pause", SetBool, data=False).success
-    assert talker.modes()[6] == "vel"
-    assert not any(f.active for f in talker.call("get_faults", srv.GetFaults).faults)
-
-
-def test_a_publisher_that_offers_a_deadline_is_heard(talker: Talker) -> None:
-    """Publishers of other qualities of service: test/node has best-effort and transient-local."""
-    qos = QoSProfile(depth=5, deadline=Duration(seconds=0.1), lifespan=Duration(seconds=1.0))
-    talker.command("command/position", msg.PositionCommand(names=[J7], positions=[0.1]), qos)
-    talker.state(lambda s: not s.motion_done[6])
-
-
-@pytest.mark.parametrize(
-    ("fault", "code", "words"),
-    [
-        ("overcurrent", 1, "A >"),
-        ("encoder", 10, "no sample for"),
-        ("torque_sensor", 8, "no sample for"),
-        ("overheating", 19, "°C >"),
-        ("external", 0, "emergency stop"),
-        ("diverged", 15, "diverged"),
-    ],
-)
-def test_faults_over_the_wire(talker: Talker, fault: str, code: int, words: str) -> None:
-    """F1, F2, F3, F5: on ~/faults, kept by FORCE_IDLE while the cause persists."""
-    answer = talker.call("inject_fault", srv.InjectFault, names=[J7], fault=fault, persistent=True)
+def test_a_fault_that_persists(talker: Talker) -> None:
+    """F1, F3, F5: on ~/faults, kept by FORCE_IDLE while the cause persists."""
+    fields = {"names": [J7], "fault": "encoder", "persistent": True}
+    answer = talker.call("inject_fault", srv.InjectFault, **fields)
     assert answer.success, answer.message
-    told = talker.wait("faults", lambda m: (J7, code) in [(f.name, f.code) for f in m.faults])
-    found = next(f for f in told.faults if f.name == J7)
-    assert found.active
-    assert words in found.text
+    (found,) = talker.wait("faults", lambda m: bool(m.faults)).faults
+    assert (found.name, found.active, found.code) == (J7, True, 10)
+    assert "no sample for" in found.text
     refused = talker.set_mode([J7], "fidl")
     assert not refused.success
     assert "the cause persists" in refused.message
     assert talker.modes()[6] == "hwfa"
     assert talker.state().output[6] == 0.0
     assert talker.call("clear_injected_faults", Trigger).success
-    talker.state()
-    assert talker.modes()[6] == "hwfa"
     until(lambda: talker.set_mode([], "fidl").success)
     assert talker.modes()[6] == "idl"
     last = talker.call("get_faults", srv.GetFaults, names=[J7]).faults[0]
-    assert (last.active, last.code) == (False, code)
+    assert (last.active, last.code) == (False, 10)
