@@ -128,7 +128,7 @@ def test_from_many_threads(process: BoardProcess, node: Any) -> None:
 def test_namespaces_and_remappings(process: BoardProcess) -> None:
     """The name of the board is relative to the node, and remapped as the node is."""
     with ros_node(process.domain, "far", namespace="somewhere", spin=False) as node:
-        with ControlBoardClient(node, "control_board", find_timeout=10.0) as client:
+        with ControlBoardClient(node, "control_board", find_timeout=4.0) as client:
             assert client.board_name == "/somewhere/control_board"
             with pytest.raises(BoardError, match="boards there are: /control_board"):
                 assert client.names

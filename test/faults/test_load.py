@@ -21,15 +21,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 J7 = "lbr_iiwa_joint_7"
 #: All but idl, in which the arm falls: with 0 % of PWM, open brakes a fast fall with overcurrent.
 USER_MODES = ("pos", "posd", "vel", "mix", "torq", "open")
-NODES, ROUNDS = 4, 10
-
-
-@pytest.fixture(scope="module")
-def params() -> dict[str, object]:
-    return {
-        "allow_fault_injection": True,
-        J7: {"timeouts": {"torque": 2.0}},
-    }  # longer than a sender is held up
+NODES, CLIENTS, ROUNDS = 4, 100, 4
 
 
 @contextmanager
@@ -49,11 +41,10 @@ def clients_of(board: BoardProcess, count: int) -> Iterator[list]:
         yield clients
 
 
-@pytest.mark.parametrize("count", [10, pytest.param(100, marks=pytest.mark.slow)])
-def test_many_clients_switch_at_once(talker: Talker, board: BoardProcess, count: int) -> None:
+def test_many_clients_switch_at_once(talker: Talker, board: BoardProcess) -> None:
     """M7, M8: no call lost, every reply whole, and all replies fit one order of the calls."""
     choose = random.Random(5).choice
-    with clients_of(board, count) as clients:
+    with clients_of(board, CLIENTS) as clients:
         for _ in range(ROUNDS):
             heard = len(talker.seen["modes"])
             asked = [choose(USER_MODES) for _ in clients]
@@ -90,31 +81,17 @@ def test_a_velocity_publisher_that_is_killed(talker: Talker, board: BoardProcess
     assert not talker.call("get_faults", srv.GetFaults, names=[J7]).faults[0].active
 
 
-def test_a_torque_publisher_that_is_killed(talker: Talker, board: BoardProcess) -> None:
-    """P12: with a timeout set, a fault with its reason."""
-    assert talker.set_mode([J7], "torq").success
-    with sending(board, "torque", 0.1, 100.0, names=J7) as sender:
-        talker.state(lambda s: s.torque_reference[6] == 0.1)
-        assert talker.modes()[6] == "torq"
-        sender.kill()
-        told = talker.wait("faults", lambda m: J7 in [f.name for f in m.faults])
-    fault = next(f for f in told.faults if f.name == J7)
-    assert fault.code == 21
-    assert "reference timeout" in fault.text
-
-
 def call(talker: Talker, times: int) -> None:
     """Call ~/get_control_mode again and again; every call is answered (how fast: make bench)."""
     for _ in range(times):
         talker.modes()
 
 
-@pytest.mark.slow
 def test_a_flood_of_references(talker: Talker, board: BoardProcess) -> None:
     """Promises P1, P8: 10 kHz on one topic; services are answered; it goes on."""
     assert talker.set_mode([J7], "posd").success
     with sending(board, "position_direct", 0.01, 10_000.0, names=J7):
-        call(talker, 1000)
+        call(talker, 300)
         assert talker.set_mode([J7], "vel").success  # now it floods a mode that ignores it
         before = talker.state().rejected_commands[6]
         talker.state(lambda s: s.rejected_commands[6] > before + 1000)

@@ -19,6 +19,8 @@ from control_board_ros.testing import child_environment, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 KINDS = ("words", "lengths", "many", "nan", "laughs")
+#: s that a command waits for what never comes, and that a panel is looked at.
+WHILE = 4.0
 BOARD = Path(__file__).parents[1] / "support" / "hostile_board.py"
 
 
@@ -68,7 +70,7 @@ def run(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
 
 def cbctl(verb: str, domain: int, _: Path) -> None:
     """Every verb ends, with a table or with a line that says what is wrong."""
-    run(domain, *COMMAND, *verb.split(), "--board", "hostile", "--timeout", "6")
+    run(domain, *COMMAND, *verb.split(), "--board", "hostile", "--timeout", str(WHILE))
 
 
 def recorder_and_report(domain: int, folder: Path) -> None:
@@ -76,7 +78,7 @@ def recorder_and_report(domain: int, folder: Path) -> None:
     bag = folder / "inside" / "bag"
     bag.parent.mkdir()
     words = ["record", "-o", str(bag), "--for", "2s", "--csv"]
-    run(domain, *COMMAND, *words, "--board", "hostile", "--timeout", "6")
+    run(domain, *COMMAND, *words, "--board", "hostile", "--timeout", str(WHILE))
     if bag.exists():
         page = folder / "inside" / "report.html"
         words = ["report", str(bag), "-o", str(page), "--png", str(folder / "inside" / "png")]
@@ -109,7 +111,7 @@ def panel_server(domain: int, _: Path) -> None:
         while "127.0.0.1" not in (line := panel.stdout.readline()):
             assert line
         with contextlib.suppress(subprocess.TimeoutExpired):
-            panel.wait(8.0)  # it lives
+            panel.wait(WHILE)  # it lives
         assert panel.poll() is None
     finally:
         panel.send_signal(signal.SIGTERM)
