@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The conformance suite finds each rule that is broken, and that one only.
 
-In process, each in a process of its own; over ROS where the network is what is broken, or a table
-that the rules read, too.
+In process, each in a fork of one; over ROS where the network is what is broken, or a table that
+the rules read, too.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -33,15 +34,25 @@ OVER_ROS = (
 THREE = ["diagnostics_elsewhere", "any_cause_is_cleared", "it_starts_in_velocity"]
 
 
-def found(name: str, *rules: str) -> dict[str, str]:
+@pytest.fixture(scope="module")
+def trying() -> Iterator[subprocess.Popen[str]]:
+    """The process that tries boards in process."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        [sys.executable, str(LAUNCHER), "--try"], stdin=pipe, stdout=pipe, text=True
+    ) as process:
+        yield process
+
+
+def found(trying: subprocess.Popen[str], name: str, *rules: str) -> dict[str, str]:
     """What is not held of some rules, or of all, by a wrong board: evidence by rule."""
     if name in OVER_ROS:
         with wrong_board(name) as board:
             return not_held(tried(board, rules or None, **WRONG[name].options))
-    line = [sys.executable, str(LAUNCHER), name, "--rules", *rules]
-    done = subprocess.run(line, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    results: dict[str, Any] = json.loads(done.stdout)
+    assert trying.stdin is not None
+    assert trying.stdout is not None
+    print(name, *rules, file=trying.stdin, flush=True)
+    results: dict[str, Any] = json.loads(trying.stdout.readline())
     return {rule: why for rule, (outcome, why) in results.items() if outcome == Outcome.NOT_HELD}
 
 
@@ -57,16 +68,16 @@ def test_a_rule_that_is_broken_is_reported() -> None:
 @pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.parametrize("name", BROKEN)
-def test_the_broken_rule_is_found(name: str) -> None:
-    assert set(found(name, WRONG[name].rule)) == {WRONG[name].rule}
+def test_the_broken_rule_is_found(trying: subprocess.Popen[str], name: str) -> None:
+    assert set(found(trying, name, WRONG[name].rule)) == {WRONG[name].rule}
 
 
 @pytest.mark.soak
 @pytest.mark.ros
 @pytest.mark.parametrize("name", BROKEN)
-def test_exactly_the_broken_rule_is_reported(name: str) -> None:
+def test_exactly_the_broken_rule_is_reported(trying: subprocess.Popen[str], name: str) -> None:
     """Of all rules that a session without leave to calibrate tries, or with it."""
-    reported = found(name)
+    reported = found(trying, name)
     assert set(reported) == {WRONG[name].rule}, reported
 
 

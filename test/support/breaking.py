@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import wraps
@@ -52,10 +53,11 @@ def replaces(
 
 
 def around(target: str, new: Callable[..., Any]) -> None:
-    """Put ``new(old, *args)`` in place of a function or method, also as the start of a command.
+    """Put ``new(old, *args)`` in place of a function or method, and where others have imported it.
 
     Args:
-        target: ``core.machine.machine:Machine.enter``, imported now.
+        target: ``core.machine.machine:Machine.enter``; in a module that has imported a function,
+            of this module alone.
         new: its replacement.
     """
     from control_board_ros.core.machine.commands import COMMANDS
@@ -70,6 +72,9 @@ def around(target: str, new: Callable[..., Any]) -> None:
         return new(old, *args, **kwargs)
 
     setattr(place, name, replaced)
+    if old.__module__ == f"control_board_ros.{module}":
+        for holder in [one for one in sys.modules.values() if vars(one).get(name) is old]:
+            setattr(holder, name, replaced)
     for kind, row in COMMANDS.items():
         if row.start is old:
             COMMANDS[kind] = replace(row, start=replaced)
