@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The life of a node: slow cycles, bugs, other clocks, changes while it runs."""
+"""The life of a node: slow cycles, bugs, a lost server, other clocks, changes while it runs."""
 
 from __future__ import annotations
 
@@ -73,6 +73,17 @@ def test_slow_cycles_are_counted_caught_up_within_bounds_and_told() -> None:
         periods = 100.0 * (stamp_of(after) - stamp_of(before))
         assert 120 <= lost < periods
         assert set(talker.modes()) == {"pos"}
+
+
+def test_a_lost_physics_server_ends_the_node() -> None:
+    """Exit code 4 and one line, with either engine."""
+    with hurt("gone", exit_code=4) as (board, _):
+        board.process.send_signal(signal.SIGUSR1)
+        line = board.wait_for_output("; restart the board")
+        board.process.wait(TIMEOUT)
+        told = ("physics server is gone", "physics is closed")
+        assert line.strip() in [f"control_board: the {what}; restart the board" for what in told]
+        assert "Traceback" not in board.output
 
 
 def test_a_bug_in_the_control_loop_ends_the_node_without_power() -> None:

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import math
+import time
 
 import pytest
 from control_board_msgs import msg, srv
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from talk import Talker, until
 
 pytestmark = pytest.mark.ros
@@ -114,6 +115,26 @@ def test_bad_gains_and_speeds_are_refused(talker: Talker, name: str, kind, field
     assert not answer.success
     assert "send" in answer.message
     assert (talker.call("get_impedance", srv.GetImpedance), references(talker)) == before
+
+
+def test_paused_the_board_answers_and_a_velocity_does_not_expire(talker: Talker) -> None:
+    """P12 (promises P6, P8): timeouts run on simulated time."""
+    assert talker.set_mode([J7], "vel").success
+    velocity = msg.VelocityCommand(names=[J7], velocities=[0.1])
+    talker.until_state(
+        lambda: talker.command("command/velocity", velocity),
+        lambda s: s.velocity_reference[6] > 0.01,
+    )
+    assert talker.call("pause", SetBool, data=True).success
+    for _ in range(200):
+        assert talker.modes()[6] == "vel"
+    assert talker.set_mode([J1], "idl").success
+    assert talker.set_interaction([J1], "comp").success
+    time.sleep(0.5)  # a real pause: more than the timeout of 0.2 s
+    assert talker.call("get_references", srv.GetReferences, names=[J7]).velocities[0] == 0.1
+    assert talker.call("pause", SetBool, data=False).success
+    assert talker.modes()[6] == "vel"
+    assert not any(f.active for f in talker.call("get_faults", srv.GetFaults).faults)
 
 
 def test_a_fault_that_persists(talker: Talker) -> None:

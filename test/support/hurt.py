@@ -2,6 +2,7 @@
 """The board's executable, hurt from within by SIGUSR1: ``python hurt.py HOW --ros-args …``.
 
 slow: one control cycle takes 1.6 s, then 20 of them 4 ms more than a period of 10 ms.
+gone: the physics server ends.
 raising: from then on every callback raises.
 stuck: an exception in the control loop itself.
 """
@@ -17,12 +18,15 @@ from control_board_ros.node import main as executable
 from control_board_ros.sim.plant import SimulatedPlant
 
 LONG, SHORT, COUNT = 1.6, 0.014, 20
+plants: list[Any] = []
 delays: list[float] = []
 raise_from_now_on: list[bool] = []
 original_write = SimulatedPlant.write
 
 
 def write(plant: Any, actuation: Any) -> None:
+    if not plants:
+        plants.append(plant)
     if delays:
         delay = delays.pop()
         if delay < 0.0:
@@ -33,6 +37,10 @@ def write(plant: Any, actuation: Any) -> None:
 
 def slow() -> None:
     delays.extend([SHORT] * COUNT + [LONG])
+
+
+def gone() -> None:
+    plants[0].body.close()
 
 
 def stuck() -> None:
@@ -73,7 +81,7 @@ def prepare_raising() -> None:
 if __name__ == "__main__":
     if sys.argv[1] == "raising":
         prepare_raising()
-    how = {"slow": slow, "raising": raising, "stuck": stuck}[sys.argv.pop(1)]
+    how = {"slow": slow, "gone": gone, "raising": raising, "stuck": stuck}[sys.argv.pop(1)]
     SimulatedPlant.write = write  # type: ignore[method-assign]
     signal.signal(signal.SIGUSR1, lambda *_: how())
     sys.exit(executable.main())
