@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import pytest
 from conformance_sessions import ARM, RATE, not_held, tried
@@ -69,19 +69,16 @@ BOARDS = {
 }
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        pytest.param(("M1", "M9", "I5", "Y3"), marks=pytest.mark.slow, id="some"),
-        pytest.param(None, marks=pytest.mark.soak, id="all"),
-    ],
-)
+@pytest.mark.soak
 @pytest.mark.parametrize("joint", BOARDS)
-def test_rules_are_held_by_coupled_axes(joint: str, names: Sequence[str] | None) -> None:
-    """Y3: the rules of joints hold for axes; with coupled motors joint_states has the axes."""
+def test_rules_are_held_by_coupled_axes(joint: str) -> None:
+    """Y3: the rules of joints hold for axes; with coupled motors joint_states has the axes.
+
+    All day test_rules_couplings has them move in process, and test_conformance_suite a finger.
+    """
     with board_process(RATE | BOARDS[joint]) as board:
-        results = tried(board, names, joint=joint)
+        results = tried(board, joint=joint)
     assert not not_held(results)
     held = [name for name, one in results.items() if one.outcome is Outcome.HELD]
-    assert len(held) >= (30 if names is None else 3), results
+    assert len(held) >= 30, results
     assert ("Y3" in held) == (joint not in AXES)
