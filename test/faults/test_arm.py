@@ -18,7 +18,6 @@ from rig import STANDARD
 from control_board_ros.core.terms.faults import FaultCode as F
 from control_board_ros.core.terms.measurement import Array
 from control_board_ros.core.terms.vocabs import ControlMode as M
-from control_board_ros.settings.loading import load
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.simulation import Simulation
 
@@ -32,9 +31,7 @@ J1, J2, J4 = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 4))
 @contextmanager
 def iiwa(**overrides: Any) -> Iterator[Simulation]:
     """The iiwa, configured and at rest; ``overrides`` are parameters, ``__`` for the dots."""
-    values = {key.replace("__", "."): value for key, value in overrides.items()}
-    settings = load("iiwa", values)
-    with Simulation(settings.board, settings.simulation) as simulation:
+    with Simulation.load("iiwa", **overrides) as simulation:
         simulation.run(0.2)
         yield simulation
 
