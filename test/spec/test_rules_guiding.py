@@ -94,12 +94,12 @@ def arm(request: pytest.FixtureRequest, physics: str) -> Iterator[Guided]:
 
 @pytest.mark.slow
 def test_an_arm_stays_where_it_is_put(arm: Guided) -> None:
-    """G1, M9: without a spring it drifts 5 mrad in a minute at most; entering moves it no more."""
+    """G1, M9: without a spring it drifts 5 mrad a minute at most; entering moves it no more."""
     arm.go(1)
     before = arm.positions
     arm.release()
-    arm.simulation.run(60.0)
-    assert np.abs(arm.positions - before).max() <= 5e-3
+    arm.simulation.run(20.0)
+    assert np.abs(arm.positions - before).max() <= 5e-3 / 3.0
 
 
 @pytest.mark.slow
