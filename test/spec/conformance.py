@@ -9,7 +9,6 @@ only tried from outside, by a run of all tests.
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -19,16 +18,15 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-SUPPORT = HERE.parent / "support"
 PAGE = ROOT / "docs" / "conformance.md"
-sys.path.insert(0, str(SUPPORT))
+sys.path.insert(0, str(HERE.parent / "support"))
 
+from conformance_sessions import ARM, session_on  # noqa: E402
 from rules import RULES, TESTS, proved_by  # noqa: E402
 
 from control_board_ros.conformance import Outcome, Result, as_line, as_text, run  # noqa: E402
-from control_board_ros.conformance.channel import Channel  # noqa: E402
 from control_board_ros.conformance.rules import in_order  # noqa: E402
-from control_board_ros.conformance.runner import Session  # noqa: E402
+from control_board_ros.testing import board_process  # noqa: E402
 
 ORDER = ("failed", "skipped", "passed")
 
@@ -74,15 +72,7 @@ def verdict(tests: dict[str, Counter[str]]) -> str:
 
 def from_outside() -> dict[str, Result]:
     """Try the rules as ``control_board_conformance`` does, on the board of the tests."""
-    from control_board_ros.client import ControlBoardClient
-    from control_board_ros.testing import board_process, ros_node
-
-    with (
-        board_process(config=SUPPORT / "arm.yaml") as board,
-        ros_node(board.domain, "conformance", spin=False) as node,
-        ControlBoardClient(node, board.name, find_timeout=20.0, answer_timeout=20.0) as client,
-        contextlib.closing(Session(Channel(node, board.name, 20.0), client)) as session,
-    ):
+    with board_process(config=ARM) as board, session_on(board) as session:
         results, _ = run(session, in_order(), lambda result: print(as_line(result), flush=True))
     print(f"from outside: {as_text(results)}")
     return {result.rule.name: result for result in results}
