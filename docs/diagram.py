@@ -12,7 +12,7 @@ from control_board_ros.core.terms.modes import (
     SELECTABLE,
     STATES,
     TRANSITIONS,
-    UNCALIBRATED_MODES,
+    UNPOWERED_MODES,
     Choice,
     Event,
     Law,
@@ -139,6 +139,6 @@ def page() -> str:
     """The whole page."""
     selectable = ", ".join(m.name for m in SELECTABLE if m is not ControlMode.IDLE)
     diagram = ["```mermaid", "stateDiagram-v2", *arrows(), "```"]
-    uncalibrated = " and ".join(m.name for m in ControlMode if m in UNCALIBRATED_MODES)
+    uncalibrated = " and ".join(m.name for m in ControlMode if m in UNPOWERED_MODES)
     introduction = INTRODUCTION.format(selectable=selectable, uncalibrated=uncalibrated)
     return "\n".join([introduction, *diagram, "", "## Modes", "", *modes(), "", MOTION])

@@ -462,9 +462,7 @@ def test_a_wish_of_zero_leaves_the_default_of_its_own_quantity() -> None:
         Tolerances(path=rows, goal=rows, goal_time=1.0),
         ("a",),
         ("a",),
-        path=[Wish("a", 0.0, 0.5)],
-        goal=[Wish("a", 0.3, 0.0)],
-        goal_time=0.0,
+        Wishes(path=[Wish("a", 0.0, 0.5)], goal=[Wish("a", 0.3, 0.0)]),
     )
     assert made.path.tolist() == [[0.1], [0.5]]
     assert made.goal.tolist() == [[0.3], [0.2]]

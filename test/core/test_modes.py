@@ -121,7 +121,6 @@ def test_the_law_of_each_mode() -> None:
         M.CURRENT: (L.CURRENT, L.CURRENT),
         M.CALIBRATING: (L.CALIBRATOR, L.CALIBRATOR),
     }
-    assert {L.IMPEDANCE, L.TORQUE, L.OUTPUT, L.CURRENT} == modes.GUARDED
 
 
 def test_the_set_points_of_each_law() -> None:
@@ -147,7 +146,7 @@ def test_other_sets_of_modes() -> None:
     assert {M.POSITION_DIRECT} == modes.DIRECT_GAINS
     assert {M.HW_FAULT} == modes.FAULTED
     assert {M.CALIBRATING} == modes.CALIBRATES
-    assert {M.IDLE, M.FORCE_IDLE} == modes.UNCALIBRATED_MODES == modes.UNPOWERED_MODES
+    assert {M.IDLE, M.FORCE_IDLE} == modes.UNPOWERED_MODES
     assert every | {M.HW_FAULT} == modes.STORES_INTERACTION
     held = {M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.VELOCITY_DIRECT}
     assert held == modes.STOPPABLE

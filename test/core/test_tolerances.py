@@ -12,6 +12,7 @@ from control_board_ros.core.goals.trajectory_goal import (
     Excess,
     Tolerances,
     Wish,
+    Wishes,
     chosen,
     excess,
     explain,
@@ -43,9 +44,11 @@ def test_a_goal_names_tolerances_in_any_order() -> None:
         DEFAULTS,
         ("b", "a"),
         ("a", "b", "c"),
-        path=[Wish("a", 0.3, 0.4), Wish("c", 9.0, 9.0)],
-        goal=[Wish("b", -1.0, 0.0)],
-        goal_time=-1.0,
+        Wishes(
+            path=[Wish("a", 0.3, 0.4), Wish("c", 9.0, 9.0)],
+            goal=[Wish("b", -1.0, 0.0)],
+            goal_time=-1.0,
+        ),
     )
     np.testing.assert_array_equal(made.path, [[0.1, 0.3], [0.0, 0.4]])
     np.testing.assert_array_equal(made.goal, [[0.0, 0.2], [0.01, 0.01]])
@@ -63,7 +66,7 @@ def test_a_goal_names_tolerances_in_any_order() -> None:
 )
 def test_what_cannot_be_a_tolerance_is_refused(wish: Wish, text: str) -> None:
     with pytest.raises(RequestError, match=text):
-        chosen(DEFAULTS, ("a", "b"), ("a", "b"), path=[], goal=[wish], goal_time=0.0)
+        chosen(DEFAULTS, ("a", "b"), ("a", "b"), Wishes(goal=[wish]))
 
 
 def test_the_farthest_beyond_is_found() -> None:

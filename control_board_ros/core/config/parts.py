@@ -7,50 +7,38 @@ Names and meaning of the tolerances of trajectories are ros2_controllers' (SPEC 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from ..terms.modes import INITIAL_INTERACTION, MOVES, SELECTABLE
 from ..terms.vocabs import ControlMode, InteractionMode
-from .parameter import ConfigError, check_number, configuration, parameter
+from .parameter import HUGE, ConfigError, check_number, configuration, parameter
+
+
+def live(text: str, unit: str = "", *, default: float = 0.0, high: float = HUGE) -> Any:
+    """A number from 0 on that can change while the board runs."""
+    return parameter(text, unit, default=default, low=0.0, high=high, run_time=True)
 
 
 @configuration
 class JointConstraints:
     """Tolerances of one joint; a goal of ~/follow_joint_trajectory can have its own."""
 
-    trajectory: float = parameter(
-        "Tolerance on the way of a trajectory; 0: none is checked",
-        "rad or m",
-        default=0.0,
-        low=0.0,
-        run_time=True,
+    trajectory: float = live(
+        "Tolerance on the way of a trajectory; 0: none is checked", "rad or m"
     )
-    goal: float = parameter(
-        "Tolerance at the end of a trajectory; 0: none is checked",
-        "rad or m",
-        default=0.0,
-        low=0.0,
-        run_time=True,
-    )
+    goal: float = live("Tolerance at the end of a trajectory; 0: none is checked", "rad or m")
 
 
 @configuration
 class Constraints:
     """Of the board: when a trajectory has arrived."""
 
-    stopped_velocity_tolerance: float = parameter(
+    stopped_velocity_tolerance: float = live(
         "Speed up to which a joint at the end of a trajectory has stopped; 0: any",
         "rad/s or m/s",
         default=0.01,
-        low=0.0,
-        run_time=True,
     )
-    goal_time: float = parameter(
-        "Time after the end of a trajectory to arrive in; 0: without end",
-        "s",
-        default=0.0,
-        low=0.0,
-        run_time=True,
-    )
+    goal_time: float = live("Time after the end of a trajectory to arrive in; 0: without end", "s")
 
 
 DERIVATIVE_CUTOFF = 400.0  # Hz, unless configured otherwise
@@ -68,16 +56,11 @@ class Pid:
     """
 
     kp: float = parameter("proportional gain", low=0.0, run_time=True)
-    ki: float = parameter("integral gain", default=0.0, low=0.0, run_time=True)
-    kd: float = parameter("derivative gain", default=0.0, low=0.0, run_time=True)
-    kff: float = parameter("feed-forward of the reference", default=0.0, low=0.0, run_time=True)
-    integral_limit: float = parameter(
-        "bound of the integral part",
-        "N·m",
-        default=math.inf,
-        low=0.0,
-        high=math.inf,
-        run_time=True,
+    ki: float = live("integral gain")
+    kd: float = live("derivative gain")
+    kff: float = live("feed-forward of the reference")
+    integral_limit: float = live(
+        "bound of the integral part", "N·m", default=math.inf, high=math.inf
     )
     derivative_cutoff: float = parameter(
         "low pass of the rate", "Hz", default=DERIVATIVE_CUTOFF, above=0.0, run_time=True
@@ -229,7 +212,7 @@ class Impedance:
 class Payload:
     """What a joint's link carries beyond the URDF: a point mass (SPEC G1)."""
 
-    mass: float = parameter("Mass", "kg", default=0.0, low=0.0, high=1e4, run_time=True)
+    mass: float = live("Mass", "kg", high=1e4)
     center: tuple[float, float, float] = parameter(
         "Its centre in the axes of the joint's link: x, y, z",
         "m",
@@ -244,38 +227,12 @@ class Payload:
 class Timeouts:
     """Reference timeouts (SPEC P12), and sensor silence that is a fault."""
 
-    velocity: float = parameter(
-        "Age of a velocity reference that stops the joint; 0: never",
-        "s",
-        default=0.2,
-        low=0.0,
-        high=1e6,
-        run_time=True,
+    velocity: float = live(
+        "Age of a velocity reference that stops the joint; 0: never", "s", default=0.2, high=1e6
     )
-    torque: float = parameter(
-        "Age of a torque reference that is a fault; 0: never",
-        "s",
-        default=0.0,
-        low=0.0,
-        high=1e6,
-        run_time=True,
-    )
-    output: float = parameter(
-        "Age of an open-loop reference that is a fault; 0: never",
-        "s",
-        default=0.0,
-        low=0.0,
-        high=1e6,
-        run_time=True,
-    )
-    current: float = parameter(
-        "Age of a current reference that is a fault; 0: never",
-        "s",
-        default=0.0,
-        low=0.0,
-        high=1e6,
-        run_time=True,
-    )
+    torque: float = live("Age of a torque reference that is a fault; 0: never", "s", high=1e6)
+    output: float = live("Age of an open-loop reference that is a fault; 0: never", "s", high=1e6)
+    current: float = live("Age of a current reference that is a fault; 0: never", "s", high=1e6)
     encoder: float = parameter(
         "Silence of the encoder that is a fault; drives: plant_timeout unless given",
         "s",

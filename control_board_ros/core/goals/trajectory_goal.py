@@ -48,6 +48,14 @@ class Wish(NamedTuple):
     velocity: float
 
 
+class Wishes(NamedTuple):
+    """The tolerances that a goal names: on the way, at the last point, and time after it (s)."""
+
+    path: Sequence[Wish] = ()
+    goal: Sequence[Wish] = ()
+    goal_time: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tolerances:
     """Of k joints; 0 means no limit.
@@ -76,13 +84,7 @@ def resolve(default: float, wish: float) -> float:
 
 
 def chosen(
-    defaults: Tolerances,
-    names: Sequence[str],
-    known: Sequence[str],
-    *,
-    path: Sequence[Wish],
-    goal: Sequence[Wish],
-    goal_time: float,
+    defaults: Tolerances, names: Sequence[str], known: Sequence[str], wishes: Wishes
 ) -> Tolerances:
     """The tolerances of a goal.
 
@@ -90,18 +92,16 @@ def chosen(
         defaults: of the goal's joints.
         names: of the goal's joints, in the order of the columns.
         known: names of all joints of the board; wishes for those outside the goal are passed over.
-        path: what the goal names for the way.
-        goal: likewise for the last point.
-        goal_time: likewise, s.
+        wishes: of the goal.
 
     Raises:
         RequestError: a wish is not a number, or for a joint that is not there.
     """
     return replace(
         defaults,
-        path=_with("path_tolerance", defaults.path, names, known, path),
-        goal=_with("goal_tolerance", defaults.goal, names, known, goal),
-        goal_time=resolve(defaults.goal_time, goal_time),
+        path=_with("path_tolerance", defaults.path, names, known, wishes.path),
+        goal=_with("goal_tolerance", defaults.goal, names, known, wishes.goal),
+        goal_time=resolve(defaults.goal_time, wishes.goal_time),
     )
 
 
@@ -188,14 +188,6 @@ class GoalError(Exception):
         self.code, self.text = code, text
 
 
-class Wishes(NamedTuple):
-    """The tolerances that a goal names: on the way, at the last point, and time after it (s)."""
-
-    path: Sequence[Wish] = ()
-    goal: Sequence[Wish] = ()
-    goal_time: float = 0.0
-
-
 def start_goal(
     follower: Follower,
     group: JointGroup,
@@ -227,7 +219,7 @@ def start_goal(
     try:
         path = make_path(selection.names, *points)
         defaults = configured(follower.board, selection)
-        tolerances = chosen(defaults, selection.names, group.names, **wishes._asdict())
+        tolerances = chosen(defaults, selection.names, group.names, wishes)
     except RequestError as error:
         raise GoalError(Code.INVALID_GOAL, str(error)) from error
     check_start(group, selection, path, start)

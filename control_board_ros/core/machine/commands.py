@@ -108,12 +108,7 @@ def timeout_cycles(config: BoardConfig) -> Array:
 
 
 class Commands:
-    """Checks references joint by joint, starts the valid ones, counts the others.
-
-    Args:
-        machine: whose joints are commanded.
-        limits: of the same joints.
-    """
+    """Checks references joint by joint, starts the valid ones, counts the others."""
 
     def __init__(self, machine: Machine, limits: BoardLimits) -> None:
         self._machine = machine

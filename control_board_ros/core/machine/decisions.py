@@ -8,9 +8,9 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from ..config.parts import Calibration
+from ..config.config import JointConfig
 from ..terms.faults import Cause, FaultCode, FaultRecord
 from ..terms.modes import (
     ACCEPTS,
@@ -23,7 +23,6 @@ from ..terms.modes import (
     REQUESTS,
     STOPPABLE,
     STORES_INTERACTION,
-    UNCALIBRATED_MODES,
     UNCONFIGURED,
     UNPOWERED_MODES,
     Choice,
@@ -38,19 +37,6 @@ from ..terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 Wanted = ControlMode | InteractionMode | Event
 
 
-class DecidedJoint(Protocol):
-    """The part of a joint's configuration that decisions and their explanations use."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def control_modes(self) -> tuple[ControlMode, ...]: ...
-    @property
-    def interaction_modes(self) -> tuple[InteractionMode, ...]: ...
-    @property
-    def calibration(self) -> Calibration | None: ...
-
-
 class Facts(NamedTuple):
     """The facts for a decision on one joint.
 
@@ -59,7 +45,7 @@ class Facts(NamedTuple):
     stage (of the board), brake_closed (by hand, Y4).
     """
 
-    joint: DecidedJoint
+    joint: JointConfig
     mode: ControlMode
     interaction: InteractionMode
     calibrated: bool
@@ -94,9 +80,7 @@ class Facts(NamedTuple):
 
     def withholds(self, wanted: ControlMode) -> bool:
         """Whether the lack of a calibration, or the stage, withholds a mode (K7)."""
-        return (self.lacks_calibration and wanted not in UNCALIBRATED_MODES) or (
-            self.inactive and wanted not in UNPOWERED_MODES
-        )
+        return (self.lacks_calibration or self.inactive) and wanted not in UNPOWERED_MODES
 
 
 class Verdict(NamedTuple):

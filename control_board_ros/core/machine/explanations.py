@@ -16,8 +16,6 @@ from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
 from .decisions import Facts, Wanted
 
 ACTIVATE = "activate it first (transition activate of its lifecycle)"
-
-
 UNTIL_CALIBRATED = "until it is, it accepts idl, fidl and a calibration"
 
 
@@ -60,10 +58,8 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
     ),
 }
 
-#: Why a joint that could is not set either, where joints are set together or not at all.
-LEFT_AS_IT_IS = "the others of the request stay as they are"
 #: Of a joint that could, where joints are set together or not at all.
-LEFT = JointAnswer(Answer.REFUSED, LEFT_AS_IT_IS, Reason.TOGETHER)
+LEFT = JointAnswer(Answer.REFUSED, "the others of the request stay as they are", Reason.TOGETHER)
 
 #: What to do where a stop does nothing to a joint.
 STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
@@ -163,8 +159,6 @@ def explain_strain(joint: JointConfig) -> str:
 
 #: Moves shorter than this are slower than requested without a remark: rad, m of a slider.
 WORTH_A_WORD, SLIDE_WORTH_A_WORD = 5e-4, 5e-5
-
-
 #: What makes a move slower than requested.
 ALONE = "its limits of speed and acceleration"
 TOGETHER = "the torque limits of the joints that move together"

@@ -29,11 +29,7 @@ from .machine import Machine
 
 
 class Feedforward:
-    """Checks feed-forward terms joint by joint, sets what is good, counts the rest.
-
-    Args:
-        machine: whose laws receive them.
-    """
+    """Checks feed-forward terms joint by joint, sets what is good, counts the rest."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine

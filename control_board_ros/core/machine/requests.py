@@ -41,11 +41,7 @@ class Step(NamedTuple):
 
 
 class Requests:
-    """Decides requests from the facts of each joint, and carries them out.
-
-    Args:
-        machine: of the joints.
-    """
+    """Decides requests from the facts of each joint, and carries them out."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -158,9 +154,6 @@ class Requests:
 class StartUp:
     """Takes joints out of NOT_CONFIGURED, once per power-on.
 
-    Args:
-        machine: whose joints they are.
-
     Attributes: due (the joints whose configuration completes with the next reading).
     """
 
@@ -226,12 +219,6 @@ class StartUp:
 
 
 class Stops:
-    """Stops joints.
-
-    Args:
-        machine: whose joints are stopped.
-    """
-
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
         self._state, self._references = machine.state, machine.references

@@ -168,13 +168,8 @@ CALIBRATES = frozenset({M.CALIBRATING})
 #: Modes that use the second set of position gains, where a joint has one.
 DIRECT_GAINS = frozenset({STEPS})
 
-#: Laws in which the protection at the limits watches the output (P9).
-GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT, Law.CURRENT})
-
-#: What a joint that requires a calibration and has none may be requested (K7).
-UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
-
-#: Where a joint starts that may have no power, and what it may be requested then.
+#: Where a joint starts that may have no power, and what it may be requested then; the same of
+#: one that requires a calibration and has none (K7).
 UNPOWERED = M.IDLE
 UNPOWERED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 

@@ -6,12 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-from .arguments import Values
-
-Floats = NDArray[np.float64]
+from .arguments import Floats, Values
 
 
 class Loop(StrEnum):
