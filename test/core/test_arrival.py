@@ -8,11 +8,24 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.core.goals.tasks import Standing, ending, standing, tolerance
+from control_board_ros.core.goals.tasks import JointMove, JointNow, Standing, tolerance
 from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
-S = Standing
+M, S = ControlMode, Standing
+STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 TURNS, SLIDES = JointKind.REVOLUTE, JointKind.PRISMATIC
+
+
+def to(target: float, kind: JointKind = TURNS, control: M = M.POSITION) -> JointMove:
+    """The move of a joint that was STIFF when it began."""
+    return JointMove("a", kind, target, control, STIFF)
+
+
+def now(position: float, reference: float = 0.0, velocity: float = 0.0, **modes: Any) -> JointNow:
+    """A joint in POSITION and STIFF, unless told otherwise."""
+    given = {"control": M.POSITION, "interaction": STIFF} | modes
+    return JointNow(position, reference, velocity, **given)
 
 
 @pytest.mark.parametrize("kind", JointKind)
@@ -42,36 +55,31 @@ def test_standings(
 ) -> None:
     """P3, I4: in multiples of the tolerance of each kind of joint, from a target of 1."""
     near = tolerance(kind)
-    found = standing(
-        0.5,
-        0.5 + (reference - 1.0) * near,
-        velocity,
-        0.5 + (position - 1.0) * near,
-        tolerance=near,
-        compliant=compliant,
-        since=since,
-    )
-    assert found is expected
+    position, reference = (0.5 + (value - 1.0) * near for value in (position, reference))
+    one = now(position, reference, velocity, interaction=COMPLIANT if compliant else STIFF)
+    assert to(0.5, kind).standing(one, since) is expected
 
 
 def test_metres_are_not_radians() -> None:
     """A blocked sliding joint 5 mm from its target has not arrived; 5 mrad are near enough."""
-    values: dict[str, Any] = {"compliant": False, "since": 2.0}
     assert tolerance(SLIDES) == 1e-3
     assert math.isclose(tolerance(TURNS), 0.01)
     for kind, expected in ((SLIDES, S.AWAY), (TURNS, S.ARRIVED)):
-        found = standing(0.02, 0.02, 0.0, 0.015, tolerance=tolerance(kind), **values)
-        assert found is expected
+        assert to(0.02, kind).standing(now(0.015, 0.02), 2.0) is expected
 
 
 def test_what_is_said() -> None:
     """One line with the joint, where it is, in its unit, why, and what to do."""
-    assert ending("a", TURNS, S.ARRIVED, 1.0, 1.001) == ""
-    assert ending("a", TURNS, S.ARRIVED, 1.0, 0.999, compliant=True) == ""
-    text = ending("a", TURNS, S.ARRIVED, -1.0, -0.9, compliant=True)
+    assert to(1.0).ending(S.ARRIVED, now(1.001)) == ""
+    assert to(1.0).ending(S.ARRIVED, now(0.999, interaction=COMPLIANT)) == ""
+    move, dropped = to(-1.0), now(0.17)
+    text = move.ending(S.ARRIVED, now(-0.9, interaction=COMPLIANT))
     assert text.startswith("a is at -51.6°, its reference at -57.3°: it is COMPLIANT")
-    text = ending("a", TURNS, S.DROPPED, -1.0, 0.17, changed="its mode became COMPLIANT")
-    assert text.startswith("a is at 9.7°, not at its target -57.3°: its mode became COMPLIANT")
-    assert "it was stopped" in ending("a", TURNS, S.DROPPED, -1.0, 0.17)
-    text = ending("f", SLIDES, S.AWAY, 0.04, 0.031)
-    assert text.startswith("f is at 31.0 mm, 9.0 mm away from its target 40.0 mm: it is blocked")
+    text = move.ending(S.DROPPED, dropped._replace(interaction=COMPLIANT))
+    assert text.startswith("a is at 9.7°, not at its target -57.3°: its interaction mode became")
+    assert "its control mode became MIXED" in move.ending(S.DROPPED, now(0.17, control=M.MIXED))
+    assert ": it was stopped during" in move.ending(S.DROPPED, dropped)
+    text = to(-1.0, control=M.MIXED).ending(S.DROPPED, now(0.17, control=M.MIXED))
+    assert "it was stopped, or a velocity moved it during" in text
+    text = to(0.04, SLIDES).ending(S.AWAY, now(0.031))
+    assert text.startswith("a is at 31.0 mm, 9.0 mm away from its target 40.0 mm: it is blocked")

@@ -18,6 +18,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import StrEnum
+from functools import cache
 from types import NoneType
 from typing import Any, TypeVar, dataclass_transform, get_args, get_origin, get_type_hints
 
@@ -309,10 +310,11 @@ def check_parameters(key: str, config: Any, joint: Any = None) -> None:
         joint: What it is a part of: bounds with a dot in their name are parameters of that.
     """
     joint = config if joint is None else joint
-    for part in parts_of(type(config)):
+    made: type = type(config)
+    for part in parts_of(made):
         if (one := getattr(config, part.name)) is not None:
             check_parameters(f"{key}{part.name}.", one, joint)
-    plain, others = _numbers(type(config))
+    plain, others = _numbers(made)
     for name, low, high, above in plain:
         value = getattr(config, name)
         if type(value) is not float or not low <= value <= high:
@@ -327,16 +329,14 @@ def check_parameters(key: str, config: Any, joint: Any = None) -> None:
 
 
 _Ranges = list[tuple[Any, ...]]
-_NUMBERS: dict[type, tuple[_Ranges, _Ranges]] = {}
 
 
+@cache
 def _numbers(made: type) -> tuple[_Ranges, _Ranges]:
     """Name, low, high, above of the parameters that numbers bound; of the others, length too.
 
     The others are lists of numbers, and parameters that are bounded by parameters.
     """
-    if (found := _NUMBERS.get(made)) is not None:
-        return found
     plain: _Ranges = []
     others: _Ranges = []
     for row in parameters_of(made):
@@ -346,7 +346,7 @@ def _numbers(made: type) -> tuple[_Ranges, _Ranges]:
             others.append((row.name, low, high, row.above, row.length))
         elif row.kind in (Kind.DOUBLE, Kind.INTEGER):
             plain.append((row.name, *row.bounds, row.above))
-    return _NUMBERS.setdefault(made, (plain, others))
+    return plain, others
 
 
 def _resolve(bound: Bound | None, config: Any, joint: Any) -> Any:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals that end when all their joints have: moves (SPEC P3) and calibrations (K1).
 
-The end of a position move is decided by pure functions, one joint at a time. A move
+The end of a position move is decided one joint at a time, from values alone. A move
 that ends by itself leaves the position reference on its target. One that was dropped (by a stop,
 another interaction mode, another control mode: M9, I4) leaves it at rest elsewhere.
 """
@@ -55,74 +55,6 @@ class Standing(Enum):
 def tolerance(kind: JointKind) -> float:
     """Distance to the target within which a joint has arrived, rad or m."""
     return kind.choose(TOLERANCE, SLIDE_TOLERANCE)
-
-
-def standing(
-    target: float,
-    reference: float,
-    reference_velocity: float,
-    position: float,
-    *,
-    tolerance: float,
-    compliant: bool,
-    since: float,
-) -> Standing:
-    """Status of a joint after its motion.
-
-    ARRIVED: |reference − target| ≤ 0.1 tolerance and, unless compliant, |position − target| ≤
-    tolerance. A spring gives way by design, so a compliant joint is judged by its reference.
-
-    Args:
-        target: of the move, rad or m.
-        reference: position reference in force, rad or m.
-        reference_velocity: in force, rad/s or m/s.
-        position: measured, rad or m.
-        tolerance: see ``tolerance``.
-        compliant: whether the interaction mode is COMPLIANT.
-        since: time since the profile has ended, s.
-    """
-    reached = abs(reference - target) <= EXACT * tolerance
-    if reached and (compliant or abs(position - target) <= tolerance):
-        return Standing.ARRIVED
-    if not reached and reference_velocity == 0.0:
-        return Standing.DROPPED
-    return Standing.SETTLING if since < SETTLING else Standing.AWAY
-
-
-def ending(
-    name: str,
-    kind: JointKind,
-    found: Standing,
-    target: float,
-    position: float,
-    *,
-    changed: str = "",
-    compliant: bool = False,
-) -> str:
-    """One line about a joint whose move has ended; empty where it has arrived.
-
-    Args:
-        name: of the joint.
-        kind: of the joint, for the unit and the tolerance.
-        found: not SETTLING.
-        target: of the move, rad or m.
-        position: measured, rad or m.
-        changed: which of its modes changed during the move, and to what.
-        compliant: whether the interaction mode is COMPLIANT.
-    """
-    where, wanted = f"{name} is at {kind.position(position)}", kind.position(target)
-    away = abs(position - target)
-    if found is Standing.ARRIVED:
-        if not compliant or away <= tolerance(kind):
-            return ""
-        return f"{where}, its reference at {wanted}: it is COMPLIANT and gives way to its load"
-    if found is Standing.DROPPED:
-        cause = changed or "it was stopped"
-        return f"{where}, not at its target {wanted}: {cause} during the move; send it again"
-    return (
-        f"{where}, {kind.position(away)} away from its target {wanted}: it is blocked, "
-        "its reference was moved by something else, or its gains are too low"
-    )
 
 
 class CalibrationTask:
@@ -180,6 +112,20 @@ class CalibrationTask:
 K = CommandKind
 
 
+class JointNow(NamedTuple):
+    """A joint in a cycle: rad or m, and rad/s or m/s; its modes."""
+
+    position: float
+    reference: float
+    reference_velocity: float
+    control: ControlMode
+    interaction: InteractionMode
+
+    @property
+    def compliant(self) -> bool:
+        return self.interaction is InteractionMode.COMPLIANT
+
+
 @dataclass(frozen=True, slots=True)
 class JointMove:
     """One joint's part of a move, as it was accepted: kind of joint, target (rad or m), modes."""
@@ -189,6 +135,51 @@ class JointMove:
     target: float
     control: ControlMode
     interaction: InteractionMode
+
+    def standing(self, now: JointNow, since: float) -> Standing:
+        """Status after the motion, whose profile has ended ``since`` s ago.
+
+        ARRIVED: |reference − target| ≤ 0.1 tolerance and, unless compliant, |position − target| ≤
+        tolerance. A spring gives way by design, so a compliant joint is judged by its reference.
+        """
+        near = tolerance(self.kind)
+        reached = abs(now.reference - self.target) <= EXACT * near
+        if reached and (now.compliant or abs(now.position - self.target) <= near):
+            return Standing.ARRIVED
+        if not reached and now.reference_velocity == 0.0:
+            return Standing.DROPPED
+        return Standing.SETTLING if since < SETTLING else Standing.AWAY
+
+    def ending(self, found: Standing, now: JointNow) -> str:
+        """One line when the move has ended, ``found`` not SETTLING; empty where it has arrived."""
+        kind = self.kind
+        where, wanted = (
+            f"{self.name} is at {kind.position(now.position)}",
+            kind.position(self.target),
+        )
+        away = abs(now.position - self.target)
+        if found is Standing.ARRIVED:
+            if not now.compliant or away <= tolerance(kind):
+                return ""
+            return f"{where}, its reference at {wanted}: it is COMPLIANT and gives way to its load"
+        if found is Standing.DROPPED:
+            return (
+                f"{where}, not at its target {wanted}: {self._cause(now)} during the move; "
+                "send it again"
+            )
+        return (
+            f"{where}, {kind.position(away)} away from its target {wanted}: it is blocked, "
+            "its reference was moved by something else, or its gains are too low"
+        )
+
+    def _cause(self, now: JointNow) -> str:
+        """Which mode is another one than when the move began, and else what may be."""
+        if now.control is not self.control:
+            return f"its control mode became {now.control.name}"
+        if now.interaction is not self.interaction:
+            return f"its interaction mode became {now.interaction.name}"
+        takes_both = {K.POSITION, K.VELOCITY} <= ACCEPTS.get(now.control, frozenset())
+        return "it was stopped, or a velocity moved it" if takes_both else "it was stopped"
 
 
 class MoveTask:
@@ -304,51 +295,31 @@ class MoveTask:
             return None
         return Outcome(all(one is Standing.ARRIVED for one in found), self._message(found))
 
-    def _standings(self, *, since: float) -> list[Standing]:
+    def _now(self) -> list[JointNow]:
         board, names = self._board, self.names
         joints, state = board.selector.select(names).joints, board.state
         return [
-            standing(
-                joint.target,
-                reference,
-                velocity,
-                position,
-                tolerance=tolerance(joint.kind),
-                compliant=interaction is InteractionMode.COMPLIANT,
-                since=since,
-            )
-            for joint, reference, velocity, position, interaction in zip(
-                self._joints,
+            JointNow(*values)
+            for values in zip(
+                state.position[joints].tolist(),
                 state.position_reference[joints].tolist(),
                 state.velocity_reference[joints].tolist(),
-                state.position[joints].tolist(),
+                board.get_control_mode(names),
                 board.get_interaction_mode(names),
                 strict=True,
             )
         ]
 
+    def _standings(self, *, since: float) -> list[Standing]:
+        both = zip(self._joints, self._now(), strict=True)
+        return [joint.standing(now, since) for joint, now in both]
+
     def _message(self, found: list[Standing]) -> str:
         """The remarks at the end: what was bounded at the start, and of each joint."""
-        board, names = self._board, self.names
         texts = [self._note] if all(one is Standing.ARRIVED for one in found) else []
         texts += [
-            ending(
-                joint.name,
-                joint.kind,
-                one,
-                joint.target,
-                position,
-                changed=change(joint, control, interaction),
-                compliant=interaction is InteractionMode.COMPLIANT,
-            )
-            for joint, one, position, control, interaction in zip(
-                self._joints,
-                found,
-                board.get_encoder(names).tolist(),
-                board.get_control_mode(names),
-                board.get_interaction_mode(names),
-                strict=True,
-            )
+            joint.ending(one, now)
+            for joint, one, now in zip(self._joints, found, self._now(), strict=True)
             if one is not Standing.SETTLING
         ]
         return summary(texts)
@@ -363,13 +334,3 @@ class MoveTask:
 def takes_moves(mode: ControlMode) -> bool:
     """Whether a control mode accepts position moves."""
     return K.POSITION in ACCEPTS.get(mode, frozenset())
-
-
-def change(joint: JointMove, control: ControlMode, interaction: InteractionMode) -> str:
-    """Which mode of a joint is another one than when its move began, and else what may be."""
-    if control is not joint.control:
-        return f"its control mode became {control.name}"
-    if interaction is not joint.interaction:
-        return f"its interaction mode became {interaction.name}"
-    takes_both = {K.POSITION, K.VELOCITY} <= ACCEPTS.get(control, frozenset())
-    return "it was stopped, or a velocity moved it" if takes_both else ""
