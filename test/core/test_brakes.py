@@ -115,36 +115,6 @@ def test_a_fault_waits_for_no_brake(mode: M, made: Made) -> None:
     assert not made.powers
 
 
-def test_a_joint_without_power_waits_for_nothing(made: Made) -> None:
-    """Y4: its brake is closed already."""
-    assert list(made.brakes.admit([0], STOP)) == [0]
-    assert not made.brakes.holding
-
-
-def test_asked_back_before_it_is_closed(made: Made) -> None:
-    """Y4: a brake that is still open is left so, and nothing is left of the order to close."""
-    made.run()
-    begin = made.state.cycle
-    made.brakes.admit([0], STOP)
-    made.until(begin + CLOSES - 1)
-    assert list(made.brakes.admit([0], RUN)) == [0]
-    assert not made.brakes.holding
-    made.until(begin + 100)
-    assert not made.brakes.closed[0]
-    assert made.brakes.orders[0] == 0.0
-    assert not made.powers
-
-
-def test_taken_back_before_it_is_open(made: Made) -> None:
-    """Y4: a brake that is still closed stays so."""
-    made.brakes.admit([0], RUN)
-    made.until(OPENS - 1)
-    assert list(made.brakes.admit([0], STOP)) == [0]
-    made.until(100)
-    assert made.brakes.closed[0]
-    assert not made.powers
-
-
 def test_new_times_hold_from_the_next_order_on(made: Made) -> None:
     """Y4: 50 ms instead of 30."""
     first, second = made.config.joints

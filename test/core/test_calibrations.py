@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from rig import M, Rig, board_config, in_status, joint, ready
+from rig import Rig, board_config, joint, ready
 
 from control_board_ros.core.calibration.calibration import TYPES, Calibrator, register
 from control_board_ros.core.config.config import Calibration
@@ -109,16 +109,6 @@ def test_a_joint_beyond_its_limits_is_held_there(own: Callable[[type[Calibrator]
     shown = own(Holds).tick(15)
     assert shown.position_reference == pytest.approx([2.3], abs=1e-3)
     assert np.abs(shown.output).max() < 0.5
-
-
-def test_what_a_calibration_undoes_is_as_it_was() -> None:
-    """K2: aborted, a joint has its offset and its angle back."""
-    rig = in_status(M.CALIBRATING)
-    before = rig.tick().position
-    assert rig.board.set_control_mode("left", "fidl")
-    status = rig.board.get_calibration("left")[0]
-    assert (status.running, status.phase, status.message) == (False, "aborted", "aborted")
-    assert rig.tick().position == pytest.approx(before, abs=1e-3)
 
 
 @pytest.mark.parametrize("offset", [None, -0.5])

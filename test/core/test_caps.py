@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig import LIMITS, M, Rig, board_config, joint, plain, ready
+from rig import LIMITS, board_config, joint, plain
 
 from control_board_ros.core.config.config import BoardConfig, Pid
 from control_board_ros.core.config.layout import zones_of
@@ -84,45 +83,6 @@ def test_constants_of_a_motor_that_users_set_are_those_in_force() -> None:
     (zone,) = zones_of(config)
     made.power_on(zone)
     assert made.terms_in_force(0) == usual
-
-
-def warned(rig: Rig, seconds: float) -> list[str]:
-    rig.run(seconds)
-    return rig.warnings()
-
-
-def test_a_joint_at_its_limit_is_told_of_once() -> None:
-    """P9: when it comes there, and when it comes again."""
-    rig = ready(board_config(joint("a"), joint("b")), home=[1.9, 0.0])
-    rig.enter("torq")
-    assert rig.warnings() == []
-    rig.board.set_ref_torque("a", 2.0)
-    (text,) = warned(rig, 1.0)
-    assert "software limits" in text
-    assert warned(rig, 0.5) == []
-    rig.board.set_ref_torque("a", -2.0)
-    assert warned(rig, 0.5) == []
-    rig.board.set_ref_torque("a", 2.0)
-    assert len(warned(rig, 1.5)) == 1
-
-
-def test_an_output_that_is_no_number_is_a_fault_at_once() -> None:
-    """F1: of the joint whose laws gave it, in the same cycle."""
-    rig = ready(board_config(joint("a"), joint("b")))
-    rig.enter("torq")
-    rig.board.engine.controller.joints[1].torque_pid.integral = math.nan
-    rig.tick()
-    assert rig.modes() == [M.TORQUE, M.HW_FAULT]
-    assert "not a number" in rig.board.get_faults()[1].text
-
-
-def test_constants_of_the_winding() -> None:
-    """P10: a PWM acts by the lead a/(1 − a), a = exp(−T R/L); what is left of L/R is the lag."""
-    (one,) = controller(board_config(joint("a"))).joints
-    period, winding = 1.0 / 500.0, 1e-3
-    kept = math.exp(-period / winding)
-    assert one.lag == pytest.approx(winding / period - kept / (1.0 - kept))
-    assert one.lead == pytest.approx(kept / (1.0 - kept))
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from control_board_ros.core.config.config import BoardConfig, Impedance, Pid
 from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.laws.control import Controller, set_constants, set_gains
 from control_board_ros.core.state import StateArrays
-from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.modes import Law
 from control_board_ros.settings.loading import load
 
@@ -257,23 +256,6 @@ def test_at_power_on_no_reference_is_taken() -> None:
     state.accepts[:] = True
     state.power_on(range(2))
     assert not state.accepts.any()
-
-
-@pytest.mark.parametrize(
-    ("pid", "pursuit"),
-    [
-        (Pid(kp=100.0, kd=1.0), 0.2 / 0.006),  # a fifth of period and delay
-        (Pid(kp=100.0, kd=10.0), 10.0),  # kp/kd, where that is slower
-        (Pid(kp=100.0, kd=0.5), 0.2 / 0.006),
-        (Pid(kp=100.0, kd=0.0), 0.2 / 0.006),
-    ],
-)
-def test_how_fast_a_velocity_drive_pursues_its_position(pid: Pid, pursuit: float) -> None:
-    """S2: velocity per error, 1/s."""
-    own = joint("a", drive=(SetPoint.VELOCITY,), drive_delay=0.004, position_pid=pid)
-    config = board_config(own)
-    (laws,) = Controller(config, StateArrays(config)).joints
-    assert laws.pursuit == pytest.approx(pursuit)
 
 
 def test_a_winding_s_time_is_its_inductance_over_its_resistance() -> None:

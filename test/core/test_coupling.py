@@ -29,27 +29,6 @@ FINGER = Coupling(
 )
 
 
-@pytest.mark.parametrize("coupling", [SHOULDER, FINGER], ids=["shoulder", "finger"])
-def test_there_and_back(coupling: Coupling) -> None:
-    """Y3: what the physical joints show of the axes is that of the axes again."""
-    rng = np.random.default_rng(1)
-    for _ in range(10):
-        axes = rng.normal(size=len(coupling.axes))
-        assert coupling.axis_positions(coupling.positions(axes)) == pytest.approx(axes)
-        assert coupling.axis_velocities(coupling.velocities(axes)) == pytest.approx(axes)
-        assert coupling.axis_torques(coupling.torques(axes)) == pytest.approx(axes)
-
-
-@pytest.mark.parametrize("coupling", [SHOULDER, FINGER], ids=["shoulder", "finger"])
-def test_power_is_the_same_on_both_sides(coupling: Coupling) -> None:
-    """Y3: whatever torques act on the physical joints: no power comes or goes."""
-    rng = np.random.default_rng(2)
-    for _ in range(10):
-        speed, torque = rng.normal(size=len(coupling.axes)), rng.normal(size=len(coupling.rows))
-        there = coupling.velocities(speed) @ torque
-        assert speed @ coupling.axis_torques(torque) == pytest.approx(there)
-
-
 def test_the_smallest_torques_make_those_of_the_axes() -> None:
     """Y3: a finger's joints share the load as their ways go; none works against another."""
     torques = FINGER.torques(np.array([1.0, 0.0]))
@@ -216,19 +195,6 @@ def test_an_axis_without_power_asks_for_no_torque() -> None:
     assert torques == pytest.approx([0.0, 2.0 - speed[1], 0.0])
     mix.drive(np.zeros(3), speed, np.zeros(3), np.full(3, 100.0))
     assert mix.powered.tolist() == mix.pwm.tolist() == [0.0] * 3
-
-
-def test_an_axis_has_what_its_motors_can_give() -> None:
-    """Y3: beyond the bound of a motor, the outputs of the axes are what acts."""
-    ones = np.ones(3)
-    mix = MotorMix(SHOULDER, ones, ones, ones, ones)
-    speed = np.array([0.3, -0.2, 0.1])
-    output = np.full(3, 300.0)
-    mix.drive(output, speed, ones, np.full(3, 90.0))
-    assert np.abs(mix.pwm).max() == 90.0
-    torques = SHOULDER.axis_torques(mix.pwm - SHOULDER.velocities(speed))
-    assert output - speed == pytest.approx(torques)
-    assert output.max() < 300.0
 
 
 def test_a_linkage_that_turns_right_round() -> None:

@@ -201,14 +201,14 @@ def test_references_go_by_the_mode(known: Facts, kind: CommandKind) -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_references_are_finite(bad: float) -> None:
-    """P13: neither a reference nor what comes along may be anything else."""
+    """P13: neither a reference, nor what comes along, nor a feed-forward may be anything else."""
     known = facts(M.POSITION)
-    for values in ((bad,), (0.1, bad)):
+    for values in ((bad,), (0.1, bad), (bad, 0.1)):
         verdict = decide_reference(known, CommandKind.POSITION, values)
         assert verdict == Verdict(Answer.IGNORED, Reason.NOT_FINITE)
         text = explain_reference(verdict.reason, known, CommandKind.POSITION, values)
         assert text.endswith(f"{bad} is not a finite number")
-    assert decide_feedforward(known, (bad,)).reason is Reason.NOT_FINITE
+        assert decide_feedforward(known, values).reason is Reason.NOT_FINITE
 
 
 def test_what_comes_along_has_a_range() -> None:
@@ -253,16 +253,6 @@ def test_a_reference_that_the_mode_does_not_accept(joint_: Any, kind: CommandKin
     why = Reason.OTHER_MODE if kind in has else Reason.UNSUPPORTED
     found = decide_reference(facts(M.IDLE, joint=joint_), kind, (0.0,))
     assert found == Verdict(Answer.IGNORED, why)
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_one_value_that_is_no_number_is_enough(bad: float) -> None:
-    """P13: of a reference and of feed-forward, wherever it is among them."""
-    for values in ((bad, 0.0), (0.0, bad), (bad, bad)):
-        found = decide_reference(facts(M.POSITION), CommandKind.POSITION, values)
-        assert found.reason is Reason.NOT_FINITE
-        assert decide_feedforward(facts(M.POSITION), values).reason is Reason.NOT_FINITE
-    assert not decide_feedforward(facts(M.POSITION), (0.0, 1.0)).reason
 
 
 def test_a_range_is_written_so_that_its_end_and_the_value_differ() -> None:

@@ -64,30 +64,6 @@ def test_a_carriage_with_a_pendulum_is_as_by_hand() -> None:
     assert torques(arm, [0.2, q], [0.4, dq], [ddx, ddq]) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("slides", [False, True])
-def test_power_is_the_change_of_energy(slides: bool) -> None:
-    """τ·q̇ = dE/dt of a chain of three with crossed axes, by finite differences."""
-    turned = (1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0)
-    tensor = (0.02, 0.5, 0.6, 0.01, -0.02, 0.03)
-    links = [link(), link(0, rotation=turned, offset=(0.4, 0.1, 0.0), tensor=tensor)]
-    last = link(1, rotation=turned, offset=(0.3, 0.0, 0.2), tensor=tensor, slides=slides)
-    arm = made(*links, last)
-    random = np.random.default_rng(3)
-    q, dq, ddq = random.uniform(-1.5, 1.5, (3, 3))
-
-    def energy(t: float) -> float:
-        place, speed = q + dq * t + 0.5 * ddq * t * t, dq + ddq * t
-        still = torques(arm, place, np.zeros(3), speed, 0.0)  # M q̇
-        middles = (np.arange(200)[:, None] + 0.5) / 200.0 * place
-        weight = np.array([torques(arm, p, np.zeros(3), np.zeros(3)) for p in middles])
-        potential = (weight @ place).mean()
-        return float(0.5 * speed @ still + potential)
-
-    h = 1e-4
-    power = (energy(h) - energy(-h)) / (2.0 * h)
-    assert torques(arm, q, dq, ddq) @ dq == pytest.approx(power, rel=1e-4)
-
-
 def test_joints_may_come_in_any_order() -> None:
     """The board's order need not go outwards."""
     first = made(link(), link(0, offset=(1.0, 0.0, 0.0)))
@@ -114,25 +90,6 @@ def test_a_move_takes_its_peak_torque_of_what_the_load_leaves(gravity: float) ->
     assert moving(arm, 1.2, 0.8, 1.01 * peak) == 0.0
     assert moving(arm, 1.2, 0.8, 0.25 * peak) == pytest.approx(4.0, rel=5e-3)
     assert moving(arm, 1.2, 1.6, 1.01 * 0.25 * peak) == 0.0
-
-
-def test_a_joint_that_stands_is_loaded_by_one_that_moves() -> None:
-    """P1: the torque of a joint that only holds counts, too."""
-    arm = made(link(), link(0, offset=(1.0, 0.0, 0.0)), gravity=(0.0, 0.0, 0.0))
-    moving(arm, 1.0, 0.5, 1e9)
-    arm.bodies[1].limit = 1.0
-    assert arm.excess(20) > 4.0
-
-
-def test_friction_and_back_emf_take_of_the_room() -> None:
-    """P1: what friction takes, and the voltage that back-EMF leaves."""
-    peak = 0.5 * 5.7735 * 1.2 / 0.8**2
-    rough = made(link(coulomb=0.5 * peak), gravity=(0.0, 0.0, 0.0))
-    assert moving(rough, 1.2, 0.8, 1.1 * peak) == pytest.approx(1.0 / 0.6, rel=0.02)
-    fast = made(link(), gravity=(0.0, 0.0, 0.0))
-    moving(fast, 1.2, 0.8, 2.0 * peak)
-    fast.bodies[0].stall = fast.bodies[0].fading = peak
-    assert fast.excess(40) > 1.0
 
 
 @pytest.mark.parametrize(("velocity", "brake"), [(0.9, 0.0), (0.9, 0.5), (-0.7, 1.4), (0.0, 0.0)])

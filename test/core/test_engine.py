@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import MOTOR, M, Rig, board_config, held, joint, ready
+from rig import MOTOR, M, Rig, board_config, held, joint
 
 from control_board_ros.core.config.config import ConfigError, Timeouts
 from control_board_ros.core.model.coupling import Coupling
@@ -49,25 +49,6 @@ def test_a_board_that_starts_with_a_reading_that_is_no_number() -> None:
     assert np.isfinite(shown.position).all()
     assert np.isfinite(shown.position_reference).all()
     assert shown.position[1] == pytest.approx(-0.2)
-
-
-def test_each_cycle_is_in_the_freeze_frame_of_a_fault() -> None:
-    """E3: as far as it goes by now."""
-    rig = held(joint("a"), joint("b"))
-    rig.enter("pos")
-    rig.plant.values[Row.POSITION, 0] = 0.25
-    rig.tick(10)
-    before = rig.board.cycle
-    rig.plant.values[Row.CURRENT, 0] = 30.0
-    rig.tick(5)
-    frame = rig.board.get_freeze_frame("a")
-    assert frame is not None
-    assert len(frame.stamps) == before + 5
-    assert frame.block[-1, Row.CURRENT] == 30.0
-    assert frame.block[before, Row.CURRENT] == 30.0
-    assert frame.block[before - 1, Row.CURRENT] == 0.0
-    assert frame.block[-1, Row.POSITION] == pytest.approx(0.25)
-    assert rig.board.get_freeze_frame("b") is None
 
 
 def test_the_output_of_a_drive_that_chooses_it_is_what_it_measures() -> None:
@@ -150,16 +131,6 @@ def test_what_a_plant_narrows_stays_when_it_is_refused() -> None:
         rig.board.engine.narrow(broken)
     rig.board.reconfigure(replace(rig.config, control_rate=rig.config.control_rate))
     assert rig.board.config.joints[0].limits.velocity == 1.0
-
-
-def test_a_power_cycle_starts_joints_afresh() -> None:
-    """N1: configured with the next reading, in their start-up mode."""
-    rig = ready(board_config(joint("a", startup_mode=M.POSITION), joint("b")))
-    rig.enter("vel")
-    rig.board.power_cycle()
-    assert rig.modes() == [M.NOT_CONFIGURED] * 2
-    rig.tick()
-    assert rig.modes() == [M.POSITION, M.IDLE]
 
 
 def test_coupled_motors_are_led_by_the_constants_that_are_set() -> None:

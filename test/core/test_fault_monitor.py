@@ -18,7 +18,6 @@ from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import CREDIBLE, ROWS, Row
-from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.core.watch.causes import Check, bound_cause
 from control_board_ros.core.watch.fault_monitor import (
@@ -115,12 +114,6 @@ def test_new_limits_are_watched_at_once(
     assert rig.board.get_faults("left")[0].code == FaultCode[code]
 
 
-def test_a_reading_without_a_cause_is_healthy() -> None:
-    """F1: the quick answer of a cycle, by which the causes are not looked for."""
-    rig = held(joint("left"))
-    assert rig.board.engine.monitor.monitor.step()
-
-
 @pytest.mark.parametrize(
     ("position", "mode"), [(1.0, M.IDLE), (3.0, M.IDLE), (0.8, M.HW_FAULT), (3.2, M.HW_FAULT)]
 )
@@ -140,13 +133,6 @@ def test_hard_limits_need_not_lie_about_zero(position: float, mode: ControlMode)
 # Heat (F6) -----------------------------------------------------------------------------------
 
 HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
-
-
-def told(reply: Reply) -> float:
-    """The time to wait that a refused FORCE_IDLE tells, s."""
-    found = re.search(r"wait ([0-9.]+) s", reply.message)
-    assert found is not None, reply.message
-    return float(found[1])
 
 
 def test_i2t_is_warned_of_once_before_it_faults() -> None:
@@ -179,22 +165,6 @@ def test_a_hot_winding_is_warned_of_before_it_faults() -> None:
     rig.tick(20)
     assert rig.warnings() == ["left: winding at 111 °C, its limit is 120 °C; reduce its load"]
     assert rig.modes() == [M.IDLE]
-
-
-def test_an_overheated_winding_names_the_time_to_wait() -> None:
-    """F6: from the motor's thermal time constant; where that is not known, the temperature."""
-    known = replace(MOTOR, thermal_time=100.0, ambient=20.0)
-    rig = held(joint("left", motor=known))
-    rig.plant.values[Row.TEMPERATURE] = 121.0
-    rig.tick(2)
-    reply = rig.board.set_control_mode("left", "fidl")
-    assert "until it is below 110 °C, then send FORCE_IDLE again" in reply.message
-    assert told(reply) == pytest.approx(100.0 * np.log(101.0 / 90.0), abs=0.21)
-    unknown = held(joint("left"))
-    unknown.plant.values[Row.TEMPERATURE] = 121.0
-    unknown.tick(2)
-    reply = unknown.board.set_control_mode("left", "fidl")
-    assert "; wait until it is below 110 °C, then" in reply.message
 
 
 @pytest.mark.parametrize(("kind", "step"), [("revolute", 0.5 * DEGREE), ("prismatic", 1e-3)])
@@ -293,17 +263,6 @@ def test_a_board_without_an_emergency_stop_of_its_own_expects_no_heartbeat() -> 
     stop.watch(1e6)
     assert not stop.holds
     assert stop.timeout == 0.0
-
-
-def test_an_emergency_stop_is_a_fault_of_its_own() -> None:
-    """E2: with its reasons, and the way out."""
-    rig = held(joint("a"), joint("b"))
-    rig.board.engine.emergency.ask(True)
-    rig.tick()
-    assert rig.modes() == [M.HW_FAULT] * 2
-    fault = rig.board.get_faults("a")[0]
-    assert fault.code == FaultCode.EMERGENCY_STOP
-    assert fault.text == "emergency stop, requested"
 
 
 def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:

@@ -18,7 +18,7 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.config.layout import joined
 from control_board_ros.core.config.parts import Calibration, Constraints
 from control_board_ros.core.goals.follower import Follower
-from control_board_ros.core.goals.path import Path, Points, Spline, braking, make_path
+from control_board_ros.core.goals.path import Path, Points, braking, make_path
 from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.poses import made_pose, plan_move, pose_now
 from control_board_ros.core.goals.tasks import CalibrationTask, MoveTask, Outcome
@@ -143,15 +143,6 @@ def test_a_path_that_overflows_ends_with_its_first_refusal(bench: Bench) -> None
     assert "nan" in text
 
 
-def test_a_path_whose_last_point_is_half_a_second_past_is_refused(bench: Bench) -> None:
-    """T1: however little it is late."""
-    bench.cycle(500)
-    reply = bench.follow("a", (0.2, 0.1), ahead=-0.7)
-    assert not reply
-    assert "its last point was due 0.5 s ago" in reply.message
-    assert not bench.follower.busy
-
-
 def test_a_direct_position_before_a_path_does_not_end_it(bench: Bench) -> None:
     """M4, T2: what came before a path is not what takes over from it."""
     assert bench.board.set_position("a", 0.05)
@@ -231,29 +222,7 @@ def test_holding_leaves_joints_alone_that_follow_nothing(bench: Bench) -> None:
     assert bench.board.rejected_commands.tolist() == [0, 0, 0]
 
 
-def test_braking_is_told_in_the_log(bench: Bench) -> None:
-    """T2: why the path ended; the joint then comes to rest."""
-    bench.follow("a", (1.0, 0.5))
-    bench.cycle(50)
-    bench.follower.brake(np.array([0]), "cancelled")
-    assert bench.events() == ["trajectory of a ended: cancelled"]
-    bench.cycle(50)
-    assert not bench.follower.busy
-
-
 # --- paths ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("last", [(), (0.5,)])
-def test_a_path_arrives_at_a_point_with_the_rates_of_the_point(last: tuple[float, ...]) -> None:
-    """T1: just before 2 s it has the 0.3 rad/s, and the 0.5 rad/s² where they are given."""
-    rest = (0.0,) * (1 + len(last))
-    points = [(0.0, 0.0, *rest), (2.0, 0.4, 0.3, *last), (3.0, 0.5, *rest)]
-    before = Spline(path("a", *points)).at(2.0 - 1e-9)
-    assert before.positions[0] == pytest.approx(0.4, abs=1e-8)
-    assert before.velocities[0] == pytest.approx(0.3, abs=1e-6)
-    if last:
-        assert before.accelerations[0] == pytest.approx(0.5, abs=1e-6)
 
 
 def test_braking_at_rest_is_one_point() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: the law of each mode, its formula computed by hand (source Fig. 2)."""
+"""laws.py: laws from cycle to cycle: what is fed forward, drives, what is measured (P7, P10)."""
 
 from __future__ import annotations
 
@@ -12,23 +12,6 @@ from joints import Body, OneJoint, gains, outputs, resting, started
 from control_board_ros.core.terms.modes import Law
 
 PERIOD = 0.001
-
-
-# --- position PID ----------------------------------------------------------------------------
-
-
-def test_position_pid() -> None:
-    """I5, P10: u = kff·r + kp·e + Σ ki·e·T + kd·D, D += α(ė − D)."""
-    one = resting()
-    gains(one.joint.position_pid, kp=100.0, ki_period=0.05, kd=10.0, kff=7.0, alpha=0.25)
-    one.joint.hold(0.02)
-    one.joint.start(Law.POSITION)
-    one.set(position=-0.01, velocity=-0.2)
-    k = np.arange(1, 31)
-    taken = -7.0 * 0.02  # the integral part starts at: no jump by kff (M9)
-    rate = 0.2 * (1.0 - 0.75**k)
-    expected = 7.0 * 0.02 + 100.0 * 0.03 + taken + 0.05 * 0.03 * k + 10.0 * rate
-    assert outputs(one, 30) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("inertia", [0.5, 2.0])
@@ -55,65 +38,6 @@ def test_a_move_is_followed_with_all_terms() -> None:
     assert outputs(one, 400) == pytest.approx(expected, abs=1e-6)
 
 
-# --- impedance and torque --------------------------------------------------------------------
-
-
-def test_impedance() -> None:
-    """I5, P11, M9: τ = τ_ff + load + k(q_ref − q) − d·q̇; the load is the torque at its start."""
-    one = started(Law.IMPEDANCE, torque=5.0)
-    joint = one.joint
-    joint.stiffness, joint.damping = 200.0, 3.0
-    one.set(position=0.02, velocity=-0.4)
-    assert outputs(one, 3) == pytest.approx(5.0 - 200.0 * 0.02 + 3.0 * 0.4)
-    one.set(velocity=0.0)
-    one.step()
-    joint.hold(0.05)
-    assert outputs(one, 1) == pytest.approx(5.0 + 200.0 * 0.03)
-    joint.offer_torque(2.0)  # replaces the load
-    assert outputs(one, 1) == pytest.approx(2.0 + 200.0 * 0.03)
-    joint.stiffness, joint.damping = 0.0, 0.0  # I6: in the next cycle
-    assert outputs(one, 1) == pytest.approx(2.0)
-
-
-def test_torque_pid() -> None:
-    """P7: u = kff·τ_ref + kp·e + Σ ki·e·T + kd·Δe/T, e = τ_ref − τ measured."""
-    one = resting()
-    gains(one.joint.torque_pid, kff=0.9, kp=0.5, ki_period=0.01, kd=1e-4)
-    one.joint.start(Law.TORQUE)
-    one.joint.command_torque(3.0)
-    k = np.arange(1, 21)
-    expected = 0.9 * 3.0 + 0.5 * 3.0 + 0.01 * 3.0 * k
-    expected[0] += 1e-4 * 3.0 / PERIOD
-    assert outputs(one, 20) == pytest.approx(expected)
-    one.set(torque=5.0)
-    change = 0.5 * -5.0 + 0.01 * -2.0 + 1e-4 * -5.0 / PERIOD
-    assert outputs(one, 1)[0] - expected[-1] == pytest.approx(change)
-
-
-def test_a_torque_reference_is_bounded() -> None:
-    """P7: by the joint's torque limit, and shown as bounded."""
-    one = started(Law.TORQUE)
-    one.joint.command_torque(-1000.0)
-    one.step()
-    assert one.get("torque_reference") == -60.0
-    assert one.get("output") == -60.0
-
-
-def test_held_torque() -> None:
-    """M9: load + clip(kp(q_hold − q) − kd·q̇, ± a tenth of the limit); pushed on, it gives way."""
-    one = resting(torque=5.0)
-    gains(one.joint.torque_pid, kff=1.0)
-    gains(one.joint.position_pid, kp=100.0, kd=10.0)
-    one.joint.start(Law.TORQUE)
-    assert outputs(one, 2) == pytest.approx(5.0)
-    one.set(position=0.02, velocity=0.1)
-    assert outputs(one, 2) == pytest.approx(5.0 - 100.0 * 0.02 - 10.0 * 0.1)
-    one.set(position=0.2, velocity=0.0)
-    assert outputs(one, 2) == pytest.approx(5.0 - 6.0)
-    one.set(position=0.15)  # it was left at 0.2 − 6/100
-    assert outputs(one, 2) == pytest.approx(5.0 - 100.0 * 0.01)
-
-
 @pytest.mark.parametrize("kp", [0.0, 100.0])
 def test_a_torque_reference_ends_the_hold(kp: float) -> None:
     """P7, M9: from the first reference on nothing else acts, wherever the joint is."""
@@ -126,39 +50,6 @@ def test_a_torque_reference_ends_the_hold(kp: float) -> None:
 
 
 # --- output and drive ------------------------------------------------------------------------
-
-
-def test_open_loop() -> None:
-    """P8, P11: the PWM that was given and u_ff, within the limit, whatever is measured."""
-    one = started(Law.OUTPUT, max_output=40.0)
-    assert outputs(one, 1)[0] == 0.0
-    one.joint.output_command = 12.0
-    one.set(position=0.4, torque=3.0, current=2.0)
-    assert outputs(one, 1)[0] == 12.0
-    one.joint.output_offset = 5.0
-    assert outputs(one, 1)[0] == 17.0
-    one.joint.feeds = False  # K6
-    assert outputs(one, 1)[0] == 12.0
-    one.joint.output_command = -90.0
-    assert outputs(one, 1)[0] == -40.0
-
-
-def test_off_is_zero() -> None:
-    """M10: whatever is commanded, fed forward or measured."""
-    one = started(Law.OFF)
-    one.joint.output_command, one.joint.output_offset = 50.0, 20.0
-    one.set(position=0.4, velocity=1.0, torque=3.0)
-    assert outputs(one, 5).tolist() == [0.0] * 5
-
-
-def test_torque_becomes_a_drive() -> None:
-    """P10: drive = τ·per_torque + compensation·per_speed·q̇ + u_ff."""
-    one = started(Law.TORQUE, per_torque=0.4, per_speed=3.0, compensation=0.5, per_feed=0.1)
-    one.joint.command_torque(10.0)
-    one.joint.output_offset = 20.0
-    one.set(velocity=0.2)
-    one.step()
-    assert outputs(one, 3) == pytest.approx(0.4 * 10.0 + 0.5 * 3.0 * 0.2 + 0.1 * 20.0)
 
 
 def test_the_drive_is_ahead_of_the_winding() -> None:
@@ -213,21 +104,6 @@ def test_without_a_sensor_the_current_is_the_torque() -> None:
     assert one.joint.torque == pytest.approx(3.0)
     one.joint.start(Law.POSITION)
     assert outputs(one, 1)[0] == pytest.approx(3.0)
-
-
-def test_acceleration_and_load_are_observed() -> None:
-    """M9: a = Δq̇/T; load = τ − J·a through a low pass of 10 ms."""
-    one = OneJoint(inertia=2.0)
-    one.set(torque=4.0)
-    one.step(2)
-    assert one.joint.load == 4.0
-    loads, load = [], 4.0
-    for k in range(1, 20):
-        one.set(velocity=0.01 * k, torque=7.0)  # 10 rad/s², 20 N·m
-        one.step()
-        load += 0.1 * (7.0 - 2.0 * 10.0 - load)
-        loads.append((one.joint.acceleration, one.joint.load))
-        assert loads[-1] == pytest.approx((10.0, load))
 
 
 def turned_round(known: float, rubs: float = 4.0) -> float:

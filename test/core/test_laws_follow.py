@@ -77,17 +77,6 @@ def test_brake_speed_grows_with_the_distance(
     assert near <= far + 1e-12
 
 
-def test_brake_speed_at_its_ends() -> None:
-    """P9: nothing beyond a limit, no bound where none is known, one cycle for the last step."""
-    assert PYTHON.brake_speed(0.0, 20.0, PERIOD) == 0.0
-    assert PYTHON.brake_speed(-1.0, 20.0, PERIOD) == 0.0
-    assert PYTHON.brake_speed(math.inf, 20.0, PERIOD) == 1e9
-    assert PYTHON.brake_speed(1e300, 20.0, PERIOD) == 1e9
-    assert PYTHON.brake_speed(1e-6, 20.0, PERIOD) == pytest.approx(1e-3)
-    assert PYTHON.brake_speed(2e-5, 20.0, PERIOD) == pytest.approx(0.02)  # a·T² in one cycle
-    assert PYTHON.brake_speed(6e-5, 20.0, PERIOD) == pytest.approx(0.04)  # and in two
-
-
 # --- steps and any sequence ------------------------------------------------------------------
 
 

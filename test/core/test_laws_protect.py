@@ -21,37 +21,6 @@ def commanded(torque: float, **constants: float) -> OneJoint:
     return one
 
 
-# --- the bound by hand -----------------------------------------------------------------------
-
-
-def spare(room: float, period: float = 0.001) -> float:
-    """The torque that may be left over by hand: 0.7 J_min (v_top − q̇)/3 T, with J_min = 1."""
-    return 0.7 * room / (3.0 * period)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_torque_near_the_speed_limit(sign: float) -> None:
-    """P14: τ ≤ τ_last + J (v_top − q̇)/3 T: light where it grows, heavy where it is taken away."""
-    for period in (0.001, 0.004):
-        one = commanded(sign * 50.0, inertia_min=0.8, period=period)
-        one.set(velocity=sign * 2.95, torque=sign * 4.0, current=sign * 4.0)
-        one.step()
-        grown = 4.0 + 0.7 * 0.8 * 0.05 / (3.0 * period)
-        assert outputs(one, 3) == pytest.approx(sign * grown)
-        one.set(velocity=sign * 3.02)
-        one.step()
-        taken = 4.0 - 2.0 * 0.02 / (3.0 * period)
-        assert outputs(one, 3) == pytest.approx(sign * taken)
-
-
-def test_it_reckons_with_no_more_than_four_times_the_lightest() -> None:
-    """P14: min(2 J_mean, 4 · 0.7 J_min) where torque is taken away."""
-    one = commanded(50.0, inertia_min=0.1)
-    one.set(velocity=3.02, torque=4.0, current=4.0)
-    one.step()
-    assert outputs(one, 2) == pytest.approx(4.0 - 4.0 * 0.07 * 0.02 / 0.003)
-
-
 def test_what_accelerates_already_counts() -> None:
     """P14: the bound is taken from the load, τ_last − J·q̈ (1 + lag/3) − lag·Δτ (1 + lag/3)."""
     one = commanded(50.0, lag=0.45)
@@ -62,48 +31,6 @@ def test_what_accelerates_already_counts() -> None:
     assert outputs(one, 1)[0] == pytest.approx(expected)
 
 
-def test_torque_builds_up_no_faster_than_it_can_be_caught() -> None:
-    """P14: from rest 0.7 J·v_top/3 T a cycle, whatever the speed limit; a heavy joint gets all."""
-    one = commanded(50.0, inertia_min=0.02, inertia=0.02)
-    one.step()
-    assert outputs(one, 1)[0] == pytest.approx(spare(3.0) * 0.02)
-    heavy = commanded(50.0)
-    heavy.step()
-    assert outputs(heavy, 1)[0] == pytest.approx(50.0)
-
-
-def test_the_bound_as_a_drive() -> None:
-    """P10, P14: torque bound · per_torque + per_speed·q̇: the back-EMF is there anyway."""
-    one = commanded(50.0, per_torque=0.5, per_speed=4.0)
-    one.set(velocity=2.95, torque=4.0, current=4.0)
-    one.step()
-    assert outputs(one, 2) == pytest.approx(0.5 * (4.0 + spare(0.05)) + 4.0 * 2.95)
-
-
-def test_the_bound_makes_up_for_the_winding() -> None:
-    """P10, P14: a drive beyond the torque by what brings the current there within a cycle."""
-    one = commanded(50.0, lead=1.0)
-    one.set(velocity=2.95, torque=4.0, current=4.0)
-    one.step()
-    assert outputs(one, 2) == pytest.approx(4.0 + 2.0 * spare(0.05))
-    one.joint.in_amps = True  # the current loop makes up for it itself
-    one.joint.percent_per_volt = one.joint.ohms = 1.0
-    one.joint.current_pid.reset(0.0)
-    one.step(2)
-    assert one.joint.current_pid.reference == pytest.approx(4.0 + spare(0.05))
-
-
-@pytest.mark.parametrize("velocity", [-0.2, 0.0, 0.02])
-def test_beyond_a_limit_it_is_taken_back(velocity: float) -> None:
-    """P9: towards the speed −room/0.1 s, whatever is commanded."""
-    one = commanded(50.0)
-    one.set(position=2.003, velocity=velocity)
-    one.step()
-    room = -0.03 - velocity
-    expected = (0.7 if room > 0.0 else 2.0) * room / 0.003
-    assert outputs(one, 3) == pytest.approx(min(expected, 50.0))
-
-
 def test_a_joint_without_calibration_knows_no_limit() -> None:
     """P9, K7: only its speed is bounded."""
     one = commanded(50.0, calibrated=False)
@@ -111,20 +38,6 @@ def test_a_joint_without_calibration_knows_no_limit() -> None:
     one.step()
     assert outputs(one, 3) == pytest.approx(50.0)
     assert not one.joint.on_limit
-
-
-def test_the_position_law_is_bounded_in_speed_only() -> None:
-    """P9, P14: its reference keeps to the limits; 2 % more speed leaves it room to follow."""
-    one = started(Law.POSITION)
-    pid = one.joint.position_pid
-    pid.kp = 100.0
-    one.set(position=2.1, velocity=0.0)
-    one.joint.hold(2.3)
-    one.step()
-    assert outputs(one, 3) == pytest.approx(20.0)
-    one.set(velocity=3.07)
-    one.step()
-    assert outputs(one, 3) == pytest.approx(2.0 * (1.02 * 3.0 - 3.07) / 0.003)
 
 
 # --- strong and slow -------------------------------------------------------------------------
@@ -240,21 +153,3 @@ def test_leaving_a_limit_is_free() -> None:
     body.step(200)
     assert body.position < 1.8
     assert not one.joint.on_limit
-
-
-def test_on_the_limit_until_it_is_left() -> None:
-    """P9: noted beyond it, kept on its edge (a degree, or a hundredth of the range)."""
-    one = commanded(0.0)
-    seen = []
-    for position in (1.995, 2.001, 1.995, 1.98, 1.995, -2.001, -1.99, -1.9):
-        one.set(position=position)
-        one.step()
-        seen.append(bool(one.joint.on_limit))
-    assert seen == [False, True, True, False, False, True, True, False]
-    narrow = commanded(0.0, limit_lower=-0.1, limit_upper=0.1)
-    seen = []
-    for position in (0.101, 0.099, 0.097):
-        narrow.set(position=position)
-        narrow.step()
-        seen.append(bool(narrow.joint.on_limit))
-    assert seen == [True, True, False]

@@ -14,13 +14,11 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.machine.explanations import LEFT
 from control_board_ros.core.machine.machine import Machine
-from control_board_ros.core.terms.events import EVENTS_KEPT, Events
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import CREDIBLE, ROWS, Measurement, Row
 from control_board_ros.core.terms.modes import (
     ACCEPTS,
     CONFIGURED,
-    DIRECT_GAINS,
     SELECTABLE,
     STATES,
     TRANSITIONS,
@@ -123,15 +121,6 @@ def test_entering_a_mode(board: Board, mode: ControlMode, interaction: Interacti
     assert checked is (mode in CONFIGURED)
 
 
-@pytest.mark.parametrize("mode", SELECTABLE)
-def test_each_mode_leads_to_each_that_is_asked_for(board: Board, mode: ControlMode) -> None:
-    """M1: from every mode to every other one, and nowhere else."""
-    for wanted in SELECTABLE:
-        board.engine.machine.enter([0], mode)
-        assert board.set_control_mode("a", wanted)
-        assert board.get_control_mode("a") == [wanted]
-
-
 def test_a_velocity_that_times_out_is_told_of(board: Board) -> None:
     """P12: one event of the joint, with the time that passed; it stays in its mode."""
     timeout = board.config.joints[0].timeouts.velocity
@@ -143,17 +132,6 @@ def test_a_velocity_that_times_out_is_told_of(board: Board) -> None:
     (event,) = board.take_events()
     assert event.text == f"a: no velocity reference for {timeout:g} s; it stops and holds"
     assert (event.level, board.get_control_mode("a")) == ("info", [M.VELOCITY])
-
-
-def test_direct_gains_are_those_of_the_mode(board: Board) -> None:
-    """P4: the second set of gains, where a joint has one, in POSITION_DIRECT only."""
-    pid = replace(CONFIG.joints[0].position_pid, kp=123.0)
-    config = board_config(replace(CONFIG.joints[0], direct_pid=pid), CONFIG.joints[1])
-    board.reconfigure(config)
-    for mode in (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED):
-        board.engine.machine.enter([0], mode)
-        kp = board.engine.controller.joints[0].position_pid.kp
-        assert (kp == 123.0) is (mode in DIRECT_GAINS)
 
 
 def test_a_fault_keeps_its_first_cause(board: Board) -> None:
@@ -173,16 +151,6 @@ def test_a_request_is_carried_out_for_all_its_joints_at_once(board: Board) -> No
     version = board.modes_version
     assert board.set_control_mode(None, "vel")
     assert board.modes_version == version + 1
-
-
-def test_events_are_taken_once_and_the_oldest_dropped() -> None:
-    """What nobody takes does not grow without bound."""
-    events = Events()
-    for k in range(EVENTS_KEPT + 2):
-        events.add("info", "key", "a", str(k))
-    assert len(events) == EVENTS_KEPT
-    assert events.take()[0].text == "2"
-    assert events.take() == []
 
 
 def modes_of(board: Board) -> list[tuple[ControlMode, InteractionMode]]:
@@ -215,19 +183,6 @@ def test_a_request_together_changes_nothing_where_one_refuses(board: Board) -> N
     assert reply.reasons[0] == LEFT.text
     assert reply.reasons[1].startswith("b is in HW_FAULT")
     assert [everything(board.engine.machine, j) for j in range(2)] == before
-
-
-def test_a_request_together_faults_who_does_not_implement_it() -> None:
-    """M5, I7: that joint, for what it lacks; the other one stays as it is."""
-    poor = joint("b", interaction_modes=(STIFF,))
-    board = Board(board_config(joint("a", startup_mode=M.POSITION), poor))
-    board.tick(measured())
-    reply = board.engine.requests.request(
-        board.selector.everyone, [(COMPLIANT, M.VELOCITY)] * 2, together=True
-    )
-    assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED)
-    assert modes_of(board) == [(M.POSITION, STIFF), (M.HW_FAULT, STIFF)]
-    assert board.get_faults("b")[0].code == FaultCode.UNSUPPORTED
 
 
 def test_the_board_configures_its_joints_once(board: Board) -> None:

@@ -12,7 +12,6 @@ import pytest
 from rig import Rig, with_a_slide
 
 from control_board_ros.core.goals.tasks import MoveTask, Outcome
-from control_board_ros.core.terms.reply import Answer, Reply
 
 
 @pytest.fixture
@@ -140,22 +139,6 @@ def test_a_failed_goal_leaves_joints_that_others_move(rig: Rig) -> None:
     assert rig.board.set_control_mode("a", "vel")
     assert not outcome(rig, first)[0]
     assert outcome(rig, second) == (True, "")
-
-
-def test_what_was_bounded_is_told_at_the_end(rig: Rig, monkeypatch: Any) -> None:
-    """P1: what the board says to a move that it accepts is the result's message."""
-    original = rig.board.command
-
-    def bounded(*arguments: Any, **how: Any) -> Reply:
-        reply = original(*arguments, **how)
-        assert reply
-        text = "a: bounded to 0.1 rad (0.2 was requested): software limit"
-        return Reply(reply.joints, (Answer.ACCEPTED,), text, (text,))
-
-    monkeypatch.setattr(rig.board, "command", bounded)
-    success, message = outcome(rig, MoveTask(rig.board, ["a"], [0.2], [0.5]))
-    assert success
-    assert message == "a: bounded to 0.1 rad (0.2 was requested): software limit"
 
 
 def test_a_target_beyond_the_limits_succeeds_and_says_so(rig: Rig) -> None:

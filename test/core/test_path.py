@@ -43,6 +43,10 @@ def test_a_path_meets_its_points(kind: str) -> None:
             np.testing.assert_allclose(here.accelerations, ACCELERATIONS[i], atol=1e-12)
         before = spline.at(time - 1e-9) if i else here
         np.testing.assert_allclose(before.positions, here.positions, atol=1e-8)
+        if chosen.velocities is not None:
+            np.testing.assert_allclose(before.velocities, VELOCITIES[i], atol=1e-6)
+        if chosen.accelerations is not None:
+            np.testing.assert_allclose(before.accelerations, ACCELERATIONS[i], atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", KINDS)

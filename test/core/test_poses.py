@@ -10,7 +10,13 @@ import pytest
 from rig import Rig, with_a_slide
 
 from control_board_ros.core.goals.pose import Pose
-from control_board_ros.core.goals.poses import PoseTask, made_pose, plan_move, pose_now
+from control_board_ros.core.goals.poses import (
+    PoseTask,
+    made_pose,
+    plan_move,
+    pose_now,
+    start_parking,
+)
 from control_board_ros.core.goals.tasks import Outcome
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reason
@@ -153,6 +159,14 @@ def test_cancelling_stops_the_joints(rig: Rig) -> None:
     assert abs(rig.board.get_encoder("b")[0]) < 0.9
 
 
+def test_parking_switches_what_has_power(rig: Rig) -> None:
+    """R6, M2: to POSITION; the move is that to any pose."""
+    rig.board.set_control_mode("b", "vel")
+    task = start_parking(rig.board, READY)
+    assert [mode.code for mode in rig.board.get_control_mode()] == ["pos"] * 3
+    assert arrivals(rig, task)[0] == (True, "")
+
+
 @pytest.mark.parametrize("speed", [-0.1, float("nan"), float("inf")])
 def test_a_speed_that_is_none_is_refused(rig: Rig, speed: float) -> None:
     with pytest.raises(RequestError, match=r"speed .* is not valid; above 0"):
@@ -202,12 +216,3 @@ def test_the_part_of_a_pose() -> None:
     """R1: of a board that has some of its joints."""
     assert READY.of({"c", "a"}) == Pose("ready", ("a", "c"), (0.5, 0.01), 0.4)
     assert READY.of({"elsewhere"}) is None
-
-
-def test_a_plan_tells_what_makes_it_slower(rig: Rig) -> None:
-    """R5, P1: nothing where the speed requested counts; the limit where that does."""
-    pose = Pose("p", ("a",), (0.2,))
-    assert tuple(plan_move(rig.board, pose, 0.1)) == (pytest.approx(2.0), "")
-    time, why = plan_move(rig.board, pose, 3.0)
-    assert time > 1.5 * 0.2 / 3.0
-    assert why

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""references.py and limits of layout.py, each alone."""
+"""references.py, alone."""
 
 from __future__ import annotations
 
@@ -37,22 +37,6 @@ class Made:
 @pytest.fixture
 def made() -> Made:
     return Made()
-
-
-def test_limits_are_those_of_the_configuration() -> None:
-    """One entry per joint, and nobody can write to them."""
-    limits = BoardLimits.of(CONFIG)
-    assert limits.lower.tolist() == [-2.0, -1.0]
-    assert limits.velocity.tolist() == [3.0, 1.0]
-    own = [(j.limits, j.impedance) for j in CONFIG.joints]
-    assert limits.upper.tolist() == [one.upper for one, _ in own]
-    assert limits.acceleration.tolist() == [one.acceleration for one, _ in own]
-    assert limits.torque.tolist() == [one.torque for one, _ in own]
-    assert limits.output.tolist() == [one.output for one, _ in own]
-    assert limits.stiffness.tolist() == [one.max_stiffness for _, one in own]
-    assert limits.damping.tolist() == [one.max_damping for _, one in own]
-    with pytest.raises(ValueError, match="read-only"):
-        limits.torque[0] = 1e6
 
 
 def test_a_reset_holds_where_the_joint_is(made: Made) -> None:

@@ -12,7 +12,8 @@ from rig import STIFF, Held, M, Rig, board_config, held, in_status, joint, ready
 
 from control_board_ros.core.config.config import Brake, Calibration, Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
-from control_board_ros.core.terms.vocabs import BrakeMode, InteractionMode
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import InteractionMode
 
 COMPLIANT = InteractionMode.COMPLIANT
 
@@ -91,18 +92,6 @@ def test_a_joint_is_held_where_it_is_when_its_brake_has_opened() -> None:
     assert rig.board.engine.monitor.joints[0].fed == 1.0  # it heats its winding from now on
 
 
-def test_a_brake_that_was_kept_open_closes_with_a_power_cycle() -> None:
-    """Y4, N1: and is worked automatically again."""
-    rig = ready(board_config(BRAKED, joint("b")))
-    rig.enter("idl", "a")
-    assert rig.board.set_brake("a", "open")
-    rig.tick(30)
-    assert not rig.board.is_joint_braked()[0]
-    rig.board.power_cycle()
-    assert rig.board.get_brake("a") == [BrakeMode.AUTOMATIC]
-    assert rig.board.engine.brakes.orders[0] == 1.0
-
-
 def test_a_calibrator_s_joint_has_no_limits_behind_its_brake_either() -> None:
     """Y4, P9: its angle is not known when the brake has opened."""
     slow = Calibration(type=3, required=False, start=1.0, speed=0.05, timeout=100.0)
@@ -121,20 +110,6 @@ def test_what_clears_a_fault_is_new() -> None:
     assert rig.board.set_control_mode("left", "fidl")
     assert not rig.board.get_faults()[0].active
     assert rig.board.faults_version > before
-
-
-def test_an_output_that_was_no_number_is_a_fault_once() -> None:
-    """F1, F2: cleared, the joint works again."""
-    rig = held(joint("a"))
-    rig.enter("torq")
-    laws = rig.board.engine.controller.joints[0]
-    laws.torque_pid.integral = math.nan
-    rig.tick()
-    assert rig.modes() == [M.HW_FAULT]
-    assert rig.board.set_control_mode("a", "fidl")
-    assert rig.board.set_control_mode("a", "pos")
-    rig.tick(3)
-    assert rig.modes() == [M.POSITION]
 
 
 def test_an_interaction_that_is_stored_is_new() -> None:
@@ -171,16 +146,6 @@ def test_a_stop_keeps_the_gains_of_the_mode(mode: str, kp: float) -> None:
     assert rig.board.engine.controller.joints[0].position_pid.kp == kp
 
 
-def test_begun_before_a_reading_a_joint_waits_for_one() -> None:
-    """N2: at cycle 0 there is none yet, and it holds where it is found."""
-    made = board_config(joint("a", startup_mode=M.POSITION), autoconfigure=False)
-    rig = Rig(made, home=[0.7])
-    assert rig.board.configure()
-    assert rig.modes() == [M.NOT_CONFIGURED]
-    assert rig.tick().position_reference[0] == pytest.approx(0.7)
-    assert rig.modes() == [M.POSITION]
-
-
 def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
     """M5, M7: who could do it stays as it is; who refuses does, too."""
     bare = joint("b", control_modes=(M.IDLE, M.POSITION))
@@ -189,7 +154,8 @@ def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
     rig.plant.inject("c", "external")
     rig.tick(2)
     wanted = [(M.TORQUE,)] * 3
-    assert not rig.board.request(rig.board.selector.select(None), wanted)
+    reply = rig.board.request(rig.board.selector.select(None), wanted)
+    assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED, Answer.REFUSED)
     assert rig.modes() == [M.POSITION, M.HW_FAULT, M.HW_FAULT]
     assert "external" in rig.board.get_faults()[2].text
 
@@ -251,23 +217,6 @@ def test_an_overheated_joint_must_cool_down_under_new_limits_too() -> None:
     assert rig.board.set_control_mode("a", "fidl")
 
 
-def test_a_fault_by_heat_stays_one_when_its_joint_is_reconfigured() -> None:
-    """F6: the winding must cool below its hysteresis all the same."""
-    rig = held(joint("a"))
-    rig.enter("pos")
-    rig.plant.values[Row.TEMPERATURE] = 121.0
-    rig.tick(2)
-    rig.plant.values[Row.TEMPERATURE] = 115.0
-    rig.tick(10)
-    assert not rig.board.set_control_mode("a", "fidl")
-    changed(rig, "a", limits=replace(rig.board.config.joints[0].limits, velocity=2.0))
-    rig.tick(10)
-    assert not rig.board.set_control_mode("a", "fidl")
-    rig.plant.values[Row.TEMPERATURE] = 109.0
-    rig.tick(10)
-    assert rig.board.set_control_mode("a", "fidl")
-
-
 def test_a_fault_and_its_end_forget_the_travel_of_the_motor() -> None:
     """F1: without power it shows nothing."""
     rig = held(joint("a"))
@@ -283,27 +232,3 @@ def test_a_fault_and_its_end_forget_the_travel_of_the_motor() -> None:
     one.travel = 0.01
     assert rig.board.set_control_mode("a", "fidl")
     assert one.travel == 0.0
-
-
-def test_a_brake_works_by_itself_after_a_power_cycle() -> None:
-    """Y4, N1."""
-    rig = ready(board_config(joint("a", brake=Brake(present=True)), joint("b")))
-    assert rig.board.set_manual_brake_active("a", False)
-    rig.tick(50)
-    assert rig.board.engine.brakes.orders[0] == 0.0
-    rig.board.power_cycle()
-    assert rig.board.engine.brakes.orders[0] == 1.0
-    rig.tick(50)
-    assert rig.board.engine.brakes.mode(0) is BrakeMode.AUTOMATIC
-
-
-def test_a_velocity_that_times_out_comes_to_rest() -> None:
-    """P12: its ramp ends, and the joint holds."""
-    rig = ready(board_config(joint("a", timeouts=Timeouts(velocity=0.05))))
-    rig.enter("vel")
-    rig.board.velocity_move("a", 0.3)
-    rig.run(0.5)
-    before = rig.board.snapshot().position[0]
-    shown = rig.run(0.5)
-    assert shown.velocity_reference[0] == 0.0
-    assert shown.position[0] == pytest.approx(before, abs=1e-3)

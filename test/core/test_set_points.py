@@ -17,11 +17,8 @@ from control_board_ros.core.terms.drives import KINDS, SetPoint
 from control_board_ros.core.terms.measurement import (
     HAS,
     ROWS,
-    VALUES,
-    Actuation,
     Measurement,
     Row,
-    Value,
 )
 from control_board_ros.core.terms.modes import SET_POINTS, Law, reachable, set_point_of
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -36,18 +33,6 @@ def one(*drive: SetPoint, **rest) -> BoardConfig:
     config = board_of("joint", **rest)
     joint = replace(config.joints[0], drive=drive, max_travel_error=math.inf)
     return replace(config, joints=(joint,))
-
-
-def test_the_rows_are_those_of_the_specification() -> None:
-    """S1: total, and in this order."""
-    assert set(SET_POINTS) == set(Law)
-    assert SET_POINTS[Law.POSITION] == (
-        S.POSITION, S.IMPEDANCE, S.VELOCITY, S.TORQUE, S.CURRENT, S.PWM,
-    )  # fmt: skip
-    assert SET_POINTS[Law.IMPEDANCE] == (S.IMPEDANCE, S.TORQUE, S.CURRENT, S.PWM)
-    assert SET_POINTS[Law.TORQUE] == (S.TORQUE, S.IMPEDANCE, S.CURRENT, S.PWM)
-    assert SET_POINTS[Law.OUTPUT] == (S.PWM,)
-    assert SET_POINTS[Law.CURRENT] == (S.CURRENT, S.PWM)  # the board's own loop, Y2
 
 
 @pytest.mark.parametrize("law", set(Law) - {Law.OFF})
@@ -188,13 +173,3 @@ def test_a_reference_at_a_limit_stays_within_it_on_every_row() -> None:
             hands.values[Row.POSITION] += 1e-3 * found.velocity
             assert abs(found.velocity[0]) <= 3.0 * 1.021
         assert hands.values[Row.POSITION, 0] == pytest.approx(2.0, abs=1e-3)
-
-
-def test_what_is_handed_down_cannot_be_written() -> None:
-    """The board goes on with its own arrays."""
-    found = Actuation(np.ones(2), np.array([1.0, 0.0])).set_points()
-    assert found.pwm.tolist() == [1.0, 0.0]
-    assert found.values.shape == (VALUES, 2)
-    assert found.powered.tolist() == [True, False]
-    with pytest.raises(ValueError, match="read-only"):
-        found.values[Value.PWM] = 0.0

@@ -422,16 +422,6 @@ def test_a_limit_that_cuts_is_told_at_the_end(rig: Goals) -> None:
     assert "a stays within -114.6° to 114.6° (point 0 asks for 143.2°)" in text
 
 
-def test_desired_is_the_path_where_it_is_followed(rig: Goals) -> None:
-    """Feedback: of all joints, and of the time of the reading."""
-    goal = rig.send(points((1.0, [0.5])), ["b"])
-    rig.cycles(0.5)
-    desired = goal.desired()
-    np.testing.assert_allclose(desired.positions, [0.0, 0.5 * goal.elapsed], atol=1e-9)
-    np.testing.assert_allclose(desired.velocities, [0.0, 0.5], atol=1e-9)
-    assert goal.elapsed == pytest.approx(0.5)
-
-
 def test_the_codes_are_those_of_the_action() -> None:
     """control_msgs' FollowJointTrajectory."""
     assert [(code.name, code.value) for code in Code] == [

@@ -8,16 +8,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from rig import Rig, board_config, joint
 from robots import RobotRig, parts, shown
 
-from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, ConfigError
 from control_board_ros.core.config.layout import joined
-from control_board_ros.core.goals.tasks import MoveTask
-from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 from control_board_ros.settings.loading import load
 from control_board_ros.simulation import made_board
@@ -92,80 +88,6 @@ def test_it_answers_and_moves_as_one_board_would(seed: int) -> None:
     assert robot.robot.unknown_commands > 0
 
 
-@pytest.mark.parametrize(
-    "getter",
-    [
-        "get_target_position",
-        "get_ref_position",
-        "get_ref_velocity",
-        "get_ref_torque",
-        "get_output",
-        "get_ref_speed",
-        "get_ref_acceleration",
-        "get_encoder",
-        "get_encoder_speed",
-        "get_torque",
-        "get_torque_offset",
-        "get_remaining_time",
-        "get_impedance",
-        "get_max_impedance",
-        "check_motion_done",
-        "get_available_modes",
-        "get_drives",
-        "get_calibration",
-    ],
-)
-def test_values_come_in_the_order_asked(getter: str) -> None:
-    """A getter over parts gives what each joint's own board says."""
-    rig = started()
-    rig.robot.set_control_mode(None, "pos")
-    rig.robot.position_move(None, np.linspace(-1.0, 1.0, len(NAMES)))
-    rig.tick(50)
-    asked = ["thumb", "r_elbow", "l_shoulder", "finger"]
-    owner = {name: board for board in rig.robot.parts.values() for name in board.names}
-    single = [getattr(owner[name], getter)(name) for name in asked]
-    found = getattr(rig.robot, getter)(asked)
-    if isinstance(found, tuple):
-        for k, values in enumerate(found):
-            assert values.tolist() == [one[k][0] for one in single]
-    else:
-        assert repr(list(found)) == repr([one[0] for one in single])
-
-
-@pytest.mark.parametrize(
-    ("ask", "why"),
-    [
-        (lambda r: r.set_control_mode(["l_elbow", "r_elbow", "tail"], "vel"), "'tail' unknown"),
-        (lambda r: r.set_control_mode(["l_elbow", "thumb", "l_elbow"], "vel"), "named twice"),
-        (lambda r: r.set_control_mode(["l_elbow", "thumb"], ["vel"] * 3), "3 modes for 2"),
-        (lambda r: r.set_control_mode(["l_elbow", "thumb"], ["vel", "hwfa"]), "status"),
-        (lambda r: r.set_impedance(["l_elbow", "r_elbow"], [10.0, 501.0]), "501 of r_elbow"),
-        (lambda r: r.set_impedance(["l_elbow", "r_elbow"], 10.0, [1.0, -1.0]), "damping -1"),
-        (lambda r: r.set_reference_speed(["l_elbow", "thumb"], [1.0, 9.0]), "speed 9 of thumb"),
-        (lambda r: r.position_move(["l_elbow", "r_elbow"], [1.0]), "1 position references"),
-        (lambda r: r.set_feedforward(["l_elbow", "r_elbow"]), "neither"),
-    ],
-)
-def test_a_request_is_checked_whole_over_all_parts(ask: Callable[[Board], Any], why: str) -> None:
-    """R3, M7: what is wrong for one part changes nothing on any."""
-    rig = started()
-    before = (
-        rig.robot.snapshot().block.tolist(),
-        rig.robot.get_impedance(),
-        rig.robot.get_ref_speed(),
-    )
-    reply = ask(rig.robot)
-    assert not reply
-    assert why in reply.message
-    after = (
-        rig.robot.snapshot().block.tolist(),
-        rig.robot.get_impedance(),
-        rig.robot.get_ref_speed(),
-    )
-    assert repr(after) == repr(before)
-    assert set(rig.robot.get_control_mode()) == {M.IDLE}
-
-
 def test_it_takes_effect_in_the_same_cycle() -> None:
     """R3: the snapshot after the next cycle shows it on every part, the one before on none."""
     rig = started()
@@ -176,53 +98,6 @@ def test_it_takes_effect_in_the_same_cycle() -> None:
     rig.tick()
     cycles = {board.cycle for board in rig.robot.parts.values()}
     assert cycles == {rig.robot.cycle}
-
-
-def test_answers_come_joint_by_joint() -> None:
-    """R3: one part takes it, one does not implement it (M5), one refuses (F2)."""
-    rig = started()
-    rig.plant.inject("r_elbow", "external", persistent=True)
-    rig.tick()
-    reply = rig.robot.set_control_mode(["thumb", "l_elbow", "r_elbow"], "torq")
-    assert reply.joints == ("thumb", "l_elbow", "r_elbow")
-    assert reply.answers == (Answer.UNSUPPORTED, Answer.ACCEPTED, Answer.REFUSED)
-    assert reply.reasons[1] == ""
-    assert "thumb" in reply.message
-    assert "r_elbow" in reply.message
-    modes = rig.robot.get_control_mode(["thumb", "l_elbow", "r_elbow"])
-    assert modes == [M.HW_FAULT, M.TORQUE, M.HW_FAULT]
-
-
-def test_a_fault_stays_in_its_part() -> None:
-    """R2: one arm faults while the other moves on."""
-    rig = started()
-    arms = ["l_shoulder", "r_shoulder"]
-    rig.robot.set_control_mode(arms, "pos")
-    move = MoveTask(rig.robot, ["r_shoulder"], [0.4])
-    rig.robot.position_move("l_shoulder", 0.4)
-    rig.tick(100)
-    rig.plant.inject("l_shoulder", "overcurrent")
-    rig.tick(10)
-    assert rig.robot.get_control_mode(arms) == [M.HW_FAULT, M.POSITION]
-    while (outcome := move.outcome()) is None:
-        rig.tick()
-    assert outcome.success, outcome.message
-    assert rig.robot.get_encoder("r_shoulder")[0] == pytest.approx(0.4, abs=0.01)
-    assert abs(rig.robot.get_encoder("l_shoulder")[0]) < 0.35
-
-
-def test_a_move_over_parts_ends_where_one_faults() -> None:
-    """A goal that joints of several parts share fails with that joint's reason."""
-    rig = started()
-    rig.robot.set_control_mode(None, "pos")
-    move = MoveTask(rig.robot, None, [0.5] * len(NAMES))
-    rig.tick(50)
-    rig.plant.inject("finger", "overcurrent")
-    rig.tick(20)
-    outcome = move.outcome()
-    assert outcome is not None
-    assert not outcome.success
-    assert "finger" in outcome.message
 
 
 def test_the_config_follows_the_parts() -> None:
@@ -286,17 +161,6 @@ def test_a_part_shows_its_own_changes() -> None:
     assert (own.unknown_commands, whole.unknown_commands) == (1, 2)
     rig.tick()
     assert own.cycle + 1 == right.snapshot().cycle
-
-
-def test_a_power_cycle_takes_what_was_set() -> None:
-    """N1: of the part's joints, and of no other."""
-    rig = started()
-    assert rig.robot.set_ref_speed(None, 0.7)
-    rig.robot.parts["left"].power_cycle()
-    assert rig.robot.get_ref_speed(["l_elbow", "r_elbow"]).tolist() == [
-        rig.robot.config.joints[1].reference_speed,
-        0.7,
-    ]
 
 
 def test_a_robot_keeps_its_parts() -> None:

@@ -83,15 +83,6 @@ def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
     np.testing.assert_allclose(rig.robot.get_encoder(fingers), before[4:], atol=1e-3)
 
 
-def test_what_a_limit_cuts_is_told_once(rig: Following) -> None:
-    """T1: beside the end that all parts have in common."""
-    goal = rig.start(["l_elbow", "r_elbow"], [9.0, 0.2])
-    rig.follow(goal, 6000)
-    assert goal.outcome is not None
-    assert goal.outcome.text.startswith("goal reached; l_elbow stays within ")
-    assert goal.outcome.text.count("goal reached") == 1
-
-
 @pytest.mark.parametrize(
     ("joints", "wishes", "code", "told"),
     [
@@ -113,15 +104,6 @@ def test_what_is_wrong_starts_nothing(
     with pytest.raises(GoalError, match=told) as refused:
         rig.start(joints, [0.1, 0.2], wishes=wishes)
     assert refused.value.code is code
-    assert not rig.follower.busy
-
-
-def test_a_joint_in_another_mode_refuses_the_whole(rig: Following) -> None:
-    """T2: all joints in another mode are named, whichever part they are of."""
-    assert rig.robot.set_control_mode(["l_elbow", "r_elbow"], "pos")
-    with pytest.raises(GoalError, match=r"l_elbow.*r_elbow|r_elbow.*l_elbow") as refused:
-        rig.start(ARMS, [0.1, 0.2, 0.3])
-    assert refused.value.code is Code.INVALID_GOAL
     assert not rig.follower.busy
 
 
@@ -166,32 +148,6 @@ def test_where_a_part_fails_the_others_stop(rig: Following) -> None:
     np.testing.assert_allclose(rig.robot.get_encoder(ARMS[1:]), still, atol=1e-3)
 
 
-def test_cancelling_stops_every_part(rig: Following) -> None:
-    goal = rig.start(ARMS, [1.0, 1.0, 1.0])
-    rig.follow(goal, 50)
-    goal.cancel()
-    assert goal.cancelled
-    assert goal.outcome == (Code.SUCCESSFUL, f"cancelled; {', '.join(ARMS)} stopped")
-    rig.follow(None, 1000)
-    assert not rig.follower.busy
-    assert (rig.robot.get_encoder(ARMS) < 0.9).all()
-
-
-def test_a_new_goal_preempts_and_parts_without_joints_in_it_stop(rig: Following) -> None:
-    old = rig.start(ARMS, [1.0, 1.0, 1.0], [2.0, 2.0, 2.0])
-    rig.follow(old, 50)
-    new = rig.start(["l_elbow", "l_shoulder"], [0.3, 0.2])
-    new.take_over(old)
-    assert old.outcome == (Code.INVALID_GOAL, "preempted by a new goal")
-    rig.follow(new, 3000)
-    assert new.outcome is not None
-    assert new.outcome.code is Code.SUCCESSFUL
-    np.testing.assert_allclose(
-        rig.robot.get_encoder(["l_elbow", "l_shoulder"]), [0.3, 0.2], atol=2e-3
-    )
-    assert rig.robot.get_encoder("r_elbow")[0] < 0.9
-
-
 def test_a_parts_own_goal_takes_its_joints(rig: Following) -> None:
     """T1: the newest goal of a joint wins; the robot's ends whole, with the reason."""
     whole = rig.start(ARMS, [1.0, 1.0, 1.0])
@@ -201,17 +157,3 @@ def test_a_parts_own_goal_takes_its_joints(rig: Following) -> None:
     rig.follow(whole, 2)
     assert whole.outcome is not None
     assert "l_elbow: another trajectory took over" in whole.outcome.text
-
-
-def test_paths_of_the_topic_are_joint_by_joint(rig: Following) -> None:
-    """M4: joints in another mode are counted and told, those of all parts else follow."""
-    assert rig.robot.set_control_mode("thumb", "pos")
-    joints = ["r_elbow", "thumb", "l_elbow"]
-    path = make_path(joints, *points([0.2, 0.2, 0.2]))
-    reply = rig.follower.follow(joints, path, rig.robot.time)
-    assert [str(answer) for answer in reply.answers] == ["accepted", "ignored", "accepted"]
-    rig.follow(None, 1000)
-    np.testing.assert_allclose(rig.robot.get_encoder(["r_elbow", "l_elbow"]), 0.2, atol=2e-3)
-    late = rig.follower.follow(joints, path, rig.robot.time - 9.0)
-    assert not late
-    assert "was due" in late.message
