@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from following import Following
 from rig import Held, Rig, board_config, held, joint, ready
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.layout import joined
 from control_board_ros.core.config.parts import Calibration, Constraints
-from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import Path, Points, braking, make_path
 from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.poses import made_pose, plan_move, pose_now
@@ -30,7 +30,6 @@ from control_board_ros.core.goals.trajectory_goal import (
     Wishes,
     chosen,
     configured,
-    start_goal,
 )
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode
@@ -51,46 +50,19 @@ def path(joints: str, *points: tuple[float, ...]) -> Path:
     return make_path(tuple(joints), [p[0] for p in points], *fields)
 
 
-class Bench:
-    """Joints a, b, c in POSITION_DIRECT, with a follower that is used as in the node."""
+class Bench(Following):
+    """Joints a, b, c that stand still, with a follower."""
 
     def __init__(self) -> None:
-        self.rig = held(*(joint(name) for name in NAMES))
-        self.board: Board = self.rig.board
-        assert self.board.set_control_mode(None, "posd")
-        self.rig.tick()
-        self.follower = Follower(self.board)
-        self.goal: TrajectoryGoal | None = None
-        self.board.take_events()
-
-    def cycle(self, count: int = 1) -> list[float]:
-        """Some cycles; the last accepted direct positions after them."""
-        for _ in range(count):
-            measurement = self.rig.plant.read()
-            if self.goal is not None:
-                self.goal.check()
-            self.follower.step(measurement.time)
-            self.rig.plant.write(self.board.tick(measurement))
-        return self.direct()
-
-    def direct(self) -> list[float]:
-        """The last accepted direct positions."""
-        positions: list[float] = self.board.get_ref_position().tolist()
-        return positions
+        super().__init__((still := held(*(joint(name) for name in NAMES))).config, still.plant)
 
     def follow(self, joints: str, *points: tuple[float, ...], ahead: float = 0.0) -> Any:
         """A new path for joints, that begins some time from now."""
         made = path(joints, *points)
         return self.follower.follow(list(joints), made, self.board.time + ahead)
 
-    def send(
-        self,
-        joints: str,
-        *points: tuple[float, ...],
-        ahead: float = 0.0,
-        **wishes: Any,
-    ) -> TrajectoryGoal:
-        """A new goal for joints."""
+    def start(self, joints: str, *points: tuple[float, ...], **how: Any) -> TrajectoryGoal:
+        """A new goal for joints, as :meth:`send`."""
         made = path(joints, *points)
         none: list[list[float]] = [[]] * len(points)
         given = Points(
@@ -99,19 +71,11 @@ class Bench:
             none if made.velocities is None else made.velocities.tolist(),
             none,
         )
-        start = self.board.time + ahead
-        self.goal = start_goal(
-            self.follower, self.board, list(joints), given, start, Wishes(**wishes)
-        )
-        return self.goal
+        return self.send(given, list(joints), **how)
 
     def measured(self, name: str, position: float) -> None:
         """From now on a joint is measured there, at rest."""
-        self.rig.plant.values[Row.POSITION, NAMES.index(name)] = position
-
-    def events(self) -> list[str]:
-        """What the log says since the last call."""
-        return [event.text for event in self.board.take_events()]
+        self.plant.values[Row.POSITION, NAMES.index(name)] = position
 
 
 @pytest.fixture
@@ -136,7 +100,7 @@ def test_a_path_that_overflows_ends_with_its_first_refusal(bench: Bench) -> None
     points = np.array([[1e308]])
     with np.errstate(over="ignore", invalid="ignore"):
         bench.follower.follow(["a"], Path(np.ones(1), points, 0.0 * points), bench.board.time)
-        assert bench.cycle(5) == [0.0, 0.0, 0.0]
+        assert bench.cycle(5).tolist() == [0.0, 0.0, 0.0]
     assert bench.board.rejected_commands.tolist() == [1, 0, 0]
     assert not bench.follower.busy
     (text,) = [text for text in bench.events() if text.startswith("trajectory of a ended: ")]
@@ -172,7 +136,7 @@ def test_two_paths_between_two_cycles_are_both_followed_in_turn(bench: Bench) ->
 
 def test_a_path_begins_in_the_very_cycle_of_its_start(bench: Bench) -> None:
     """T1: with a first point at 0 s, this cycle sends it, and the one before does not."""
-    start = bench.rig.plant.read().time + 10 * PERIOD  # of the eleventh cycle from now
+    start = bench.plant.read().time + 10 * PERIOD  # of the eleventh cycle from now
     assert bench.follower.follow("a", path("a", (0.0, 0.02), (0.2, 0.1)), start)
     assert bench.cycle(10)[0] == 0.0
     assert bench.cycle()[0] == pytest.approx(0.02)
@@ -182,9 +146,9 @@ def test_a_fault_within_a_cycle_takes_one_joint_from_a_path(bench: Bench) -> Non
     """T2, M4: b goes on to its end, and nothing that is sent for a is counted as ignored."""
     bench.follow("ab", (0.2, 0.1))
     bench.cycle(20)
-    bench.rig.plant.values[Row.CURRENT, 0] = 1e3
+    bench.plant.values[Row.CURRENT, 0] = 1e3
     bench.cycle(2)
-    bench.rig.plant.values[Row.CURRENT, 0] = 0.0
+    bench.plant.values[Row.CURRENT, 0] = 0.0
     assert bench.board.get_control_mode("a") == [ControlMode.HW_FAULT]
     assert bench.cycle(100)[1] == pytest.approx(0.1)
     assert bench.board.rejected_commands.tolist() == [0, 0, 0]
@@ -455,7 +419,7 @@ def test_of_several_parts_the_shortest_goal_time_counts() -> None:
 
 def test_what_a_goal_desires_is_its_path_with_its_accelerations(bench: Bench) -> None:
     """Feedback: at rest while it waits; a quarter on its way to 0.4 rad: 0.9 rad/s, 1.2 rad/s²."""
-    goal = bench.send("b", (0.0, 0.0, 0.0), (1.0, 0.4, 0.0), ahead=0.1)
+    goal = bench.start("b", (0.0, 0.0, 0.0), (1.0, 0.4, 0.0), ahead=0.1)
     waiting = goal.desired()
     assert [row.tolist() for row in waiting] == [[0.0, 0.0, 0.0]] * 3
     bench.cycle(50 + 125)
@@ -469,12 +433,12 @@ def test_what_a_goal_desires_is_its_path_with_its_accelerations(bench: Bench) ->
 
 def test_a_joint_at_the_speed_of_its_path_is_within_a_velocity_tolerance(bench: Bench) -> None:
     """T2: 0.25 rad/s desired and measured is an error of 0, within 0.3 rad/s."""
-    goal = bench.send("a", (4.0, 1.0), path=[Wish("a", 0.0, 0.3)])
+    goal = bench.start("a", (4.0, 1.0), path=[Wish("a", 0.0, 0.3)])
     bench.cycle()
-    bench.rig.plant.values[Row.VELOCITY, 0] = 0.25
+    bench.plant.values[Row.VELOCITY, 0] = 0.25
     bench.cycle(5)
     assert goal.outcome is None
-    bench.rig.plant.values[Row.VELOCITY, 0] = -0.25
+    bench.plant.values[Row.VELOCITY, 0] = -0.25
     bench.cycle(2)
     assert goal.outcome is not None
     assert goal.outcome.code is Code.PATH_TOLERANCE_VIOLATED
@@ -483,7 +447,7 @@ def test_a_joint_at_the_speed_of_its_path_is_within_a_velocity_tolerance(bench: 
 
 def test_after_the_last_point_the_tolerance_of_the_way_no_longer_counts(bench: Bench) -> None:
     """T2: 0.03 rad away on the way, within 0.05; 0.06 rad away afterwards, it may still arrive."""
-    goal = bench.send("a", (0.1, 0.03), path=[Wish("a", 0.05, 0.0)], goal=[Wish("a", 0.01, 0.0)])
+    goal = bench.start("a", (0.1, 0.03), path=[Wish("a", 0.05, 0.0)], goal=[Wish("a", 0.01, 0.0)])
     bench.cycle(60)
     assert goal.elapsed > 0.1
     bench.measured("a", -0.03)
@@ -497,7 +461,7 @@ def test_after_the_last_point_the_tolerance_of_the_way_no_longer_counts(bench: B
 
 def test_only_joints_beyond_their_tolerance_stop_where_they_are(bench: Bench) -> None:
     """T2: b at its measured 0; a, which has no tolerance, ahead at its reference, v²/2a on."""
-    goal = bench.send("ab", (4.0, 1.0), path=[Wish("b", 0.05, 0.0)])
+    goal = bench.start("ab", (4.0, 1.0), path=[Wish("b", 0.05, 0.0)])
     while goal.outcome is None:
         bench.cycle()
     assert goal.outcome.code is Code.PATH_TOLERANCE_VIOLATED
@@ -508,7 +472,7 @@ def test_only_joints_beyond_their_tolerance_stop_where_they_are(bench: Bench) ->
 
 def test_a_goal_that_another_path_took_all_joints_of_lets_it_be(bench: Bench) -> None:
     """T2: the goal has ended; the newer path is followed to its 0.1 rad, not braked."""
-    goal = bench.send("a", (4.0, 1.0))
+    goal = bench.start("a", (4.0, 1.0))
     bench.cycle(50)
     bench.follow("a", (0.5, 0.1))
     assert bench.cycle(260)[0] == pytest.approx(0.1)

@@ -13,27 +13,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import Rig, board_config, joint
+from following import Following
+from rig import board_config, joint
 
 from control_board_ros.core.config.parts import Constraints, JointConstraints
-from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import make_path
 from control_board_ros.core.goals.trajectory_goal import (
     Code,
     GoalError,
     Points,
-    TrajectoryGoal,
     Wish,
-    Wishes,
-    start_goal,
 )
+from control_board_ros.core.terms.arguments import Floats
 
 NAMES = ("a", "b")
 #: rad/s², of the joints.
 BRAKE = 2.0
 
 
-class Goals(Rig):
+class Goals(Following):
     """A board that follows goals, used as in the node."""
 
     def __init__(self, own: JointConstraints | None = None, **board: Any) -> None:
@@ -44,47 +42,13 @@ class Goals(Rig):
             for n in NAMES
         ]
         super().__init__(board_config(*joints, **board))
-        self.tick(2)
-        self.follower = Follower(self.board)
-        self.goal: TrajectoryGoal | None = None
         self.blocked: list[str] = []
-        self.request("set_control_mode", None, "posd")
-        self.tick(2)
 
-    def request(self, method: str, *arguments: Any) -> Any:
-        """A request between two cycles."""
-        if method == "stop":
-            arguments = (self.board, *arguments)
-        asked = self.follower if method == "stop" else self.board
-        reply = getattr(asked, method)(*arguments)
-        self.follower.check()
-        return reply
-
-    def send(
-        self,
-        points: Points,
-        joints: Any = None,
-        *,
-        ahead: float = 0.0,
-        **wishes: Any,
-    ) -> TrajectoryGoal:
-        """A new goal, which preempts the old one, as the node does it."""
-        start = self.board.time + ahead
-        goal = start_goal(self.follower, self.board, joints, points, start, Wishes(**wishes))
-        if self.goal is not None:
-            goal.take_over(self.goal)
-        self.goal = goal
-        return goal
-
-    def cycle(self) -> None:
-        measurement = self.plant.read()
-        if self.goal is not None:
-            self.goal.check()
-        self.follower.step(measurement.time)
+    def cycle(self, count: int = 1) -> Floats:
         for name in self.blocked:
             q, rate = self.board.get_encoder(name)[0], self.board.get_encoder_speed(name)[0]
             self.plant.push(name, -1e4 * q - 60.0 * rate)
-        self.plant.write(self.board.tick(measurement))
+        return super().cycle(count)
 
     def cycles(self, seconds: float) -> np.ndarray:
         """Some time; position references of every cycle, shape (cycles, n)."""

@@ -4,54 +4,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from robots import RobotRig, parts
+from following import Following
+from robots import parts
 
-from control_board_ros.core.goals.follower import Follower
+from control_board_ros.core.config.layout import joined
 from control_board_ros.core.goals.path import Points, make_path
 from control_board_ros.core.goals.trajectory_goal import (
     Code,
     GoalError,
-    TrajectoryGoal,
     Wish,
-    Wishes,
     start_goal,
 )
 
-NONE = Wishes()
 ARMS = ["r_elbow", "l_shoulder", "l_elbow"]
-
-
-class Following(RobotRig):
-    """Two arms and a hand in POSITION_DIRECT, with what follows."""
-
-    def __init__(self) -> None:
-        super().__init__(parts())
-        self.follower = Follower(self.robot)
-        self.tick(2)
-        assert self.robot.set_control_mode(None, "posd")
-        self.tick()
-
-    def start(
-        self, joints: list[str], *rows: list[float], wishes: Wishes = NONE
-    ) -> TrajectoryGoal:
-        """Start a goal from now, with a point each 0.2 s."""
-        return start_goal(
-            self.follower, self.robot, joints, points(*rows), self.robot.time, wishes
-        )
-
-    def follow(self, goal: TrajectoryGoal | None, cycles: int) -> None:
-        """Let time pass, until the goal ends at most."""
-        for _ in range(cycles):
-            measurement = self.plant.read()
-            if goal is not None:
-                goal.check()
-                if goal.outcome is not None:
-                    return
-            self.follower.step(measurement.time)
-            self.plant.write(self.robot.tick(measurement))
 
 
 def points(*rows: list[float]) -> Points:
@@ -61,99 +30,100 @@ def points(*rows: list[float]) -> Points:
 
 @pytest.fixture
 def rig() -> Following:
-    return Following()
+    """Two arms and a hand."""
+    return Following(joined(parts()))
 
 
 def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
     """Named in any order; the feedback has all joints of the robot in its order."""
-    before = rig.robot.get_encoder()
-    goal = rig.start(ARMS, [0.1, 0.2, 0.3])
-    rig.follow(goal, 100)
+    before = rig.board.get_encoder()
+    goal = rig.send(points([0.1, 0.2, 0.3]), ARMS)
+    rig.cycle(100)
     desired = goal.desired()
-    assert desired.positions.shape == (rig.robot.count,)
-    moving = rig.robot.get_ref_position()
+    assert desired.positions.shape == (rig.board.count,)
+    moving = rig.board.get_ref_position()
     np.testing.assert_allclose(desired.positions, moving, atol=1e-9)
     assert 0.0 < goal.elapsed < 0.2
-    rig.follow(goal, 2000)
+    rig.cycle(2000)
     assert goal.outcome is not None
     assert goal.outcome.code is Code.SUCCESSFUL
     assert goal.outcome.text == "goal reached"
-    np.testing.assert_allclose(rig.robot.get_encoder(ARMS), [0.1, 0.2, 0.3], atol=2e-3)
+    np.testing.assert_allclose(rig.board.get_encoder(ARMS), [0.1, 0.2, 0.3], atol=2e-3)
     fingers = ["finger", "thumb", "wrist"]
-    np.testing.assert_allclose(rig.robot.get_encoder(fingers), before[4:], atol=1e-3)
+    np.testing.assert_allclose(rig.board.get_encoder(fingers), before[4:], atol=1e-3)
 
 
 @pytest.mark.parametrize(
     ("joints", "wishes", "code", "told"),
     [
-        (["l_elbow", "nose"], Wishes(), Code.INVALID_JOINTS, "nose"),
-        (["l_elbow", "l_elbow"], Wishes(), Code.INVALID_JOINTS, "twice"),
+        (["l_elbow", "nose"], {}, Code.INVALID_JOINTS, "nose"),
+        (["l_elbow", "l_elbow"], {}, Code.INVALID_JOINTS, "twice"),
         (
             ["l_elbow", "r_elbow"],
-            Wishes(path=[Wish("nose", 1.0, 0.0)]),
+            {"path": [Wish("nose", 1.0, 0.0)]},
             Code.INVALID_GOAL,
             "path_tolerance names 'nose'",
         ),
-        (["l_elbow", "r_elbow", "thumb"], Wishes(), Code.INVALID_GOAL, "3"),
+        (["l_elbow", "r_elbow", "thumb"], {}, Code.INVALID_GOAL, "3"),
     ],
 )
 def test_what_is_wrong_starts_nothing(
-    rig: Following, joints: list[str], wishes: Wishes, code: Code, told: str
+    rig: Following, joints: list[str], wishes: dict[str, Any], code: Code, told: str
 ) -> None:
     """R3, M7: the whole goal is refused; nothing moves in any part."""
     with pytest.raises(GoalError, match=told) as refused:
-        rig.start(joints, [0.1, 0.2], wishes=wishes)
+        rig.send(points([0.1, 0.2]), joints, **wishes)
     assert refused.value.code is code
     assert not rig.follower.busy
 
 
 def test_a_part_that_takes_whole_goals_only(rig: Following) -> None:
     """Its joints are named together or not at all; parts that are not named do not matter."""
-    left = rig.robot.parts["left"]
+    left = rig.board.parts["left"]
     left.reconfigure(replace(left.config, allow_partial_joints_goal=False))
     with pytest.raises(GoalError, match="l_shoulder missing"):
-        rig.start(["l_elbow", "r_elbow"], [0.1, 0.2])
-    rig.start(["r_elbow", "thumb"], [0.1, 0.2])
-    rig.start(ARMS, [0.1, 0.2, 0.3])
+        rig.send(points([0.1, 0.2]), ["l_elbow", "r_elbow"])
+    rig.send(points([0.1, 0.2]), ["r_elbow", "thumb"])
+    rig.send(points([0.1, 0.2, 0.3]), ARMS)
 
 
 def test_a_part_that_takes_whole_trajectories_only(rig: Following) -> None:
     """T1: of a trajectory on the topic, too: refused whole, and counted."""
-    left = rig.robot.parts["left"]
+    left = rig.board.parts["left"]
     left.reconfigure(replace(left.config, allow_partial_joints_goal=False))
-    before = rig.robot.rejected_commands.sum()
+    before = rig.board.rejected_commands.sum()
     names = ["l_elbow", "r_elbow"]
     path = make_path(tuple(names), *points([0.1, 0.1]))
-    reply = rig.follower.follow(names, path, rig.robot.time)
+    reply = rig.follower.follow(names, path, rig.board.time)
     assert not reply
     assert "l_shoulder missing" in reply.message
     assert not rig.follower.busy
-    assert rig.robot.rejected_commands.sum() == before + 2
+    assert rig.board.rejected_commands.sum() == before + 2
 
 
 def test_where_a_part_fails_the_others_stop(rig: Following) -> None:
     """T2: one end for all of them, with the reason of the part that failed."""
-    goal = rig.start(ARMS, [0.5, 0.5, 0.5], [1.0, 1.0, 1.0])
-    rig.follow(goal, 100)
-    assert rig.robot.set_control_mode("r_elbow", "pos")
-    rig.follow(goal, 1)
+    goal = rig.send(points([0.5, 0.5, 0.5], [1.0, 1.0, 1.0]), ARMS)
+    rig.cycle(100)
+    assert rig.board.set_control_mode("r_elbow", "pos")
+    rig.cycle(1)
     assert goal.outcome is not None
     assert goal.outcome.code is Code.INVALID_GOAL
     assert "r_elbow is in POSITION" in goal.outcome.text
-    rig.follow(None, 1000)
+    rig.cycle(1000)
     assert not rig.follower.busy
-    still = rig.robot.get_encoder(ARMS[1:])
+    still = rig.board.get_encoder(ARMS[1:])
     assert (still < 0.9).all()
-    rig.follow(None, 100)
-    np.testing.assert_allclose(rig.robot.get_encoder(ARMS[1:]), still, atol=1e-3)
+    rig.cycle(100)
+    np.testing.assert_allclose(rig.board.get_encoder(ARMS[1:]), still, atol=1e-3)
 
 
 def test_a_parts_own_goal_takes_its_joints(rig: Following) -> None:
     """T1: the newest goal of a joint wins; the robot's ends whole, with the reason."""
-    whole = rig.start(ARMS, [1.0, 1.0, 1.0])
-    rig.follow(whole, 20)
-    left = rig.robot.parts["left"]
+    whole = rig.send(points([1.0, 1.0, 1.0]), ARMS)
+    rig.cycle(20)
+    left = rig.board.parts["left"]
     start_goal(rig.follower, left, ["l_elbow"], points([0.1]), left.time)
-    rig.follow(whole, 2)
+    rig.cycle(2)
     assert whole.outcome is not None
     assert "l_elbow: another trajectory took over" in whole.outcome.text
