@@ -8,19 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import MOTOR, M, Rig, board_config, held, joint
+from rig import MOTOR, M, board_config, held, joint
 
 from control_board_ros.core.config.config import ConfigError, Timeouts
 from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import Measurement, Row
-
-
-def with_joint(rig: Rig, name: str, **changes: Any) -> None:
-    """Reconfigure one joint."""
-    config = rig.board.config
-    joints = [replace(one, **changes) if one.name == name else one for one in config.joints]
-    rig.board.reconfigure(replace(config, joints=tuple(joints)))
 
 
 def test_a_reading_that_is_no_number_is_the_last_good_one_for_the_laws() -> None:
@@ -87,7 +80,7 @@ def test_new_limits_bound_commands_and_settings_at_once() -> None:
     rig.enter("posd")
     own = rig.board.config.joints[0].limits
     tighter = replace(own, lower=-0.5, upper=0.5, peak_current=12.0)
-    with_joint(rig, "a", limits=tighter)
+    rig.change("a", limits=tighter)
     rig.board.set_position(None, 1.0)
     rig.tick()
     assert rig.board.get_ref_position().tolist() == [0.5, 1.0]
@@ -104,10 +97,10 @@ def test_new_timeouts_of_an_external_torque() -> None:
     rig.board.update_torque_sensor("a", 2.0)
     rig.tick(50)  # 0.1 s
     assert rig.board.snapshot().torque_sensor[0]
-    with_joint(rig, "a", timeouts=Timeouts(torque_sensor=0.05))
+    rig.change("a", timeouts=Timeouts(torque_sensor=0.05))
     rig.tick()
     assert not rig.board.snapshot().torque_sensor[0]
-    with_joint(rig, "a", timeouts=slow)
+    rig.change("a", timeouts=slow)
     rig.tick()
     assert rig.board.snapshot().torque_sensor[0]
 

@@ -62,9 +62,8 @@ def test_an_encoder_spike_in_the_cycle_of_a_new_parameter_is_found(spiked: str) 
     rig = held(joint("left"), joint("right"))
     rig.enter("pos")
     rig.tick(5)
-    left, right = rig.board.config.joints
-    slower = replace(left, limits=replace(left.limits, velocity=0.9 * left.limits.velocity))
-    rig.board.reconfigure(replace(rig.board.config, joints=(slower, right)))
+    own = rig.board.config.joints[0].limits
+    rig.change("left", limits=replace(own, velocity=0.9 * own.velocity))
     rig.plant.values[Row.POSITION, rig.board.names.index(spiked)] += 0.5
     rig.tick()
     (fault,) = rig.board.get_faults(spiked)
@@ -106,9 +105,7 @@ def test_new_limits_are_watched_at_once(
     rig.plant.values[row] = value
     rig.tick(10)
     assert rig.modes() == [M.POSITION]
-    one = rig.board.config.joints[0]
-    changed = replace(one, limits=replace(one.limits, **limits))
-    rig.board.reconfigure(replace(rig.board.config, joints=(changed,)))
+    rig.change("left", limits=replace(rig.board.config.joints[0].limits, **limits))
     rig.tick(10)
     assert rig.modes() == [M.HW_FAULT]
     assert rig.board.get_faults("left")[0].code == FaultCode[code]

@@ -23,13 +23,6 @@ def events(rig: Rig, key: str) -> list[str]:
     return [event.joint for event in rig.board.take_events() if event.key == key]
 
 
-def changed(rig: Rig, name: str, **fields: Any) -> None:
-    """Reconfigure one joint."""
-    config = rig.board.config
-    joints = [replace(one, **fields) if one.name == name else one for one in config.joints]
-    rig.board.reconfigure(replace(config, joints=tuple(joints)))
-
-
 def test_a_joint_at_its_limit_is_told_of_again_after_a_power_cycle() -> None:
     """P9, N1."""
     rig = ready(board_config(joint("a"), joint("b")), home=[1.9, 0.0])
@@ -49,7 +42,7 @@ def test_new_timeouts_hold_for_the_reference_that_runs() -> None:
     rig.enter("vel")
     rig.board.velocity_move(None, 0.1)
     rig.tick(10)
-    changed(rig, "a", timeouts=Timeouts(velocity=0.04))
+    rig.change("a", timeouts=Timeouts(velocity=0.04))
     rig.tick(8)
     assert events(rig, "velocity timeout") == []
     rig.tick(5)
@@ -61,7 +54,7 @@ def test_a_reconfiguration_leaves_a_calibrator_its_range() -> None:
     rig = in_status(M.CALIBRATING)
     laws = rig.board.engine.controller.joints[0]
     assert math.isinf(laws.upper)
-    changed(rig, "left", reference_speed=0.3)
+    rig.change("left", reference_speed=0.3)
     assert math.isinf(laws.upper)
     assert math.isinf(laws.lower)
 
@@ -193,7 +186,7 @@ def test_brakes_follow_power_cycles_and_new_times() -> None:
     rig.board.power_cycle()
     rig.tick(12)
     assert rig.board.is_joint_braked()[0] is True
-    changed(rig, "a", brake=Brake(present=True, release_time=0.05))
+    rig.change("a", brake=Brake(present=True, release_time=0.05))
     assert rig.board.set_control_mode("a", "pos")
     rig.tick(24)
     assert not rig.board.state.powered[0]
@@ -210,7 +203,7 @@ def test_an_overheated_joint_must_cool_down_under_new_limits_too() -> None:
     rig.plant.values[Row.TEMPERATURE, 0] = 115.0
     rig.tick(2)
     assert not rig.board.set_control_mode("a", "fidl")
-    changed(rig, "a", reference_speed=0.3)
+    rig.change("a", reference_speed=0.3)
     assert not rig.board.set_control_mode("a", "fidl")
     rig.plant.values[Row.TEMPERATURE, 0] = 109.0
     rig.tick(2)

@@ -128,9 +128,15 @@ class Held:
 class Rig:
     """A board and its plant; ``run`` and ``tick`` let time pass."""
 
-    def __init__(self, config: BoardConfig, plant: Any = None, **per_joint: Any) -> None:
+    def __init__(
+        self,
+        config: BoardConfig,
+        plant: Any = None,
+        levels: Sequence[Sequence[str]] = (),
+        **per_joint: Any,
+    ) -> None:
         self.config = config
-        self.board = Board(config)
+        self.board = Board(config, levels)
         self.plant: Any = plant or SimulatedPlant(config, simulation_config(config, **per_joint))
         self.period = config.period
 
@@ -154,6 +160,12 @@ class Rig:
         reply = self.board.set_control_mode(joints, mode)
         assert reply, reply.message
         self.tick(2)
+
+    def change(self, name: str, **fields: Any) -> None:
+        """Reconfigure one joint."""
+        config = self.board.config
+        joints = [replace(one, **fields) if one.name == name else one for one in config.joints]
+        self.board.reconfigure(replace(config, joints=tuple(joints)))
 
     def modes(self) -> list[ControlMode]:
         """The control modes of all joints."""

@@ -6,13 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rig import board_config, joint, plain, simulation_config
+from rig import Rig, board_config, joint, plain
 
-from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, Calibration
 from control_board_ros.core.config.layout import joined
 from control_board_ros.core.state import Snapshot
-from control_board_ros.sim.plant import SimulatedPlant
 
 #: The iiwa as two parts.
 LOWER = [f"lbr_iiwa_joint_{k}" for k in (1, 2, 3, 4)]
@@ -34,8 +32,8 @@ def calibrated(name: str, zero: float = 0.0, **changes: Any) -> Any:
     return joint(name, calibration=calibration, **changes)
 
 
-class RobotRig:
-    """A robot and its plant; ``tick`` lets time pass."""
+class RobotRig(Rig):
+    """A robot and its plant; ``robot`` is its board."""
 
     def __init__(
         self,
@@ -43,14 +41,8 @@ class RobotRig:
         levels: Sequence[Sequence[str]] = (),
         **per_joint: Any,
     ) -> None:
-        self.robot = Board(joined(configs), levels)
-        config = self.robot.config
-        self.plant = SimulatedPlant(config, simulation_config(config, **per_joint))
-
-    def tick(self, cycles: int = 1) -> None:
-        """Some control cycles."""
-        for _ in range(cycles):
-            self.plant.write(self.robot.tick(self.plant.read()))
+        super().__init__(joined(configs), levels=levels, **per_joint)
+        self.robot = self.board
 
     def codes(self) -> dict[str, set[str]]:
         """The codes of the control modes that each part is in."""
