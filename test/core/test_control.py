@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""control.py: gains that change under way, anti-windup, constants, the drive."""
+"""control.py: gains that change under way, constants, the drive."""
 
 from __future__ import annotations
 
@@ -102,63 +102,6 @@ def test_gains_as_the_loops_hold_them() -> None:
     assert (loop.kp, loop.kd, loop.kff, loop.limit) == (3.0, 0.2, 0.7, 6.0)
     assert loop.ki_period == pytest.approx(0.1)
     assert loop.alpha == pytest.approx(1.0 - math.exp(-2.0 * math.pi * 40.0 * 0.002))
-
-
-# --- anti-windup -----------------------------------------------------------------------------
-
-
-def wound(kind: str) -> OneJoint:
-    """A joint whose output is cut at 5 by one of its bounds, its error positive for a while."""
-    bounds = {
-        "torque": {"max_torque": 5.0},
-        "drive": {"max_drive": 5.0},
-        "current": {"max_output": 5.0, "in_amps": True, "percent_per_volt": 1.0},
-    }
-    one = resting(**bounds[kind])
-    loop = one.joint.current_pid if kind == "current" else one.joint.torque_pid
-    gains(one.joint.torque_pid, kff=1.0)
-    gains(loop, kp=0.1, ki_period=0.1)
-    one.joint.start(Law.TORQUE)
-    one.joint.command_torque(3.0)
-    assert outputs(one, 200)[-1] == 5.0
-    return one
-
-
-@pytest.mark.parametrize("kind", ["torque", "drive", "current"])
-def test_no_loop_winds_up(kind: str) -> None:
-    """I5, P7, P10: while the output is cut the integral part stands still, and leaves at once."""
-    one = wound(kind)
-    loop = one.joint.current_pid if kind == "current" else one.joint.torque_pid
-    reached = loop.integral
-    assert 0.0 < reached <= 5.0
-    outputs(one, 100)
-    assert loop.integral == reached
-    one.set(torque=4.0, current=4.0)  # the error is −1 now
-    change = outputs(one, 5)
-    assert change[0] < 5.0
-    assert np.diff(change) == pytest.approx(-0.1)
-
-
-def test_the_position_loop_does_not_wind_up() -> None:
-    """I5: nor where the lead of the reference over a blocked joint is bounded (P14)."""
-    one = resting(max_torque=5.0)
-    gains(one.joint.position_pid, kp=10.0, ki_period=1.0)
-    one.joint.start(Law.POSITION)
-    one.joint.hold(0.4)
-    assert outputs(one, 300)[-1] == 5.0
-    assert 0.0 <= one.joint.position_pid.integral <= 5.0
-    one.set(position=0.5)
-    assert outputs(one, 6)[-1] < 0.0
-
-
-def test_an_integral_that_helps_goes_on() -> None:
-    """I5: only what pushes further beyond the bound is taken back."""
-    one = wound("torque")
-    loop = one.joint.torque_pid
-    loop.integral = 50.0
-    one.set(torque=3.5)  # the error is −0.5, the output still cut
-    assert outputs(one, 10).tolist() == [5.0] * 10
-    assert loop.integral == pytest.approx(50.0 - 10 * 0.1 * 0.5)
 
 
 # --- constants and conversions ---------------------------------------------------------------

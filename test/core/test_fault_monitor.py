@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import MOTOR, RATE, Held, Rig, board_config, held, joint, plain, ready
+from rig import MOTOR, RATE, board_config, held, joint, plain, ready
 
 from control_board_ros.core.config.config import JointConfig, Timeouts
 from control_board_ros.core.config.parts import DEGREE
@@ -111,22 +111,6 @@ def test_new_limits_are_watched_at_once(
     assert rig.board.get_faults("left")[0].code == FaultCode[code]
 
 
-@pytest.mark.parametrize(
-    ("position", "mode"), [(1.0, M.IDLE), (3.0, M.IDLE), (0.8, M.HW_FAULT), (3.2, M.HW_FAULT)]
-)
-def test_hard_limits_need_not_lie_about_zero(position: float, mode: ControlMode) -> None:
-    """F1: up to hard_margin beyond either."""
-    limits = {"lower": 1.2, "upper": 2.8, "hard_lower": 1.0, "hard_upper": 3.0}
-    config = board_config(joint("left", limits=limits | {"hard_margin": 0.1}))
-    plant = Held(config)
-    plant.values[Row.POSITION] = position
-    rig = ready(config, plant)
-    rig.tick(10)
-    assert rig.modes() == [mode]
-    if mode is M.HW_FAULT:
-        assert rig.board.get_faults("left")[0].code == FaultCode.HARD_LIMIT
-
-
 # Heat (F6) -----------------------------------------------------------------------------------
 
 HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
@@ -175,36 +159,6 @@ def test_a_jump_is_an_angle_or_a_length(kind: str, step: float) -> None:
     rig.plant.values[Row.POSITION] += 1.01 * allowed
     rig.tick()
     assert rig.board.get_faults("left")[0].code == FaultCode.ENCODER_SPIKE
-
-
-def spikes(readings: list[float]) -> list[bool]:
-    """Whether each of a row of readings is an encoder spike, of a joint at rest in IDLE."""
-    plant = Held(board_config(joint("a")))
-    rig = Rig(board_config(joint("a")), plant)
-    rig.tick(3)
-    found = []
-    for reading in readings:
-        plant.values[Row.POSITION, 0] = reading
-        rig.tick()
-        fault = rig.board.get_faults("a")[0]
-        found.append(fault.active and fault.code == FaultCode.ENCODER_SPIKE)
-    return found
-
-
-def test_a_joint_that_is_thrown_is_no_spike() -> None:
-    """F1: it may go on as in the last cycle, or stop at once; both are true readings."""
-    bound = checked_limits(joint("a"), 1.0 / RATE)["max_jump"]
-    thrown = np.cumsum([0.0, *(0.9 * bound * np.arange(1, 6)), *([4.5 * bound] * 3), 0.0, 0.0])
-    assert not any(spikes(thrown.tolist()))
-
-
-@pytest.mark.parametrize("jump", [1.1, -1.1, 30.0, -30.0])
-def test_a_reading_off_the_motion_is_a_spike(jump: float) -> None:
-    """F1: in the cycle that shows it, at rest and in motion, either way."""
-    bound = checked_limits(joint("a"), 1.0 / RATE)["max_jump"]
-    for speed in (0.0, math.copysign(0.8 * bound, jump)):
-        steady = [speed * k for k in range(4)]
-        assert spikes([*steady, steady[-1] + speed + jump * bound]) == [False] * 4 + [True]
 
 
 def test_the_bound_of_a_light_joint_is_what_its_torque_does_to_it() -> None:
