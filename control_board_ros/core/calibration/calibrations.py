@@ -176,7 +176,7 @@ def groups_of(config: BoardConfig) -> list[Group]:
 
 
 class JointAccess:
-    """What a calibrator may do with its joint; see calibrator.Hand."""
+    """What a calibrator may do with its joint; see calibration.Hand."""
 
     __slots__ = ("_j", "_machine")
 

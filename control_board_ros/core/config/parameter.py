@@ -171,18 +171,10 @@ def parameter(
     run_time: bool = False,
     derived: str = "",
 ) -> Any:
-    """A field that is a parameter; see :class:`Parameter`.
+    """A field that is a parameter, with the attributes of :class:`Parameter`.
 
-    Args:
-        text: What it is.
-        unit: Of numbers.
-        default: Where the configuration is made without it; none: it must be given.
-        low: Least value.
-        high: Greatest value.
-        above: What the value is greater than.
-        choices: The values allowed: texts, or modes, which users write by their code.
-        run_time: Whether it can change while the board runs.
-        derived: What a parameter file that leaves it out derives it from; empty: the default.
+    Without ``default`` it must be given; ``choices`` are the values allowed: texts, or modes,
+    which users write by their code.
     """
     known = {
         "text": text,
@@ -206,16 +198,10 @@ def part(
     units: Mapping[str, str] | None = None,
     derived: Mapping[str, str] | None = None,
 ) -> Any:
-    """A field that is a configuration of its own.
+    """A field that is a configuration of its own, with the attributes of :class:`Part`.
 
-    Its parameters have its name and a dot in front of theirs.
-
-    Args:
-        text: See :class:`Part`, also for the rest.
-        default: The part where the configuration is made without it; none: it must be given.
-        in_files: Its parameters where a parameter file leaves them out; None: as the default's.
-        units: Of its parameters, by name.
-        derived: What its parameters are derived from, by name.
+    Its parameters have its name and a dot in front of theirs. Without ``default`` it must be
+    given; ``in_files`` None: as the default's.
     """
     in_files = in_files or _or_none(default)
     known = {"text": text, "in_files": in_files, "units": units or {}, "derived": derived or {}}

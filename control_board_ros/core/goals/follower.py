@@ -85,13 +85,9 @@ class Follower:
     def take(
         self, joints: NDArray[np.intp], path: Path, start: float, *, held: bool = False
     ) -> Run:
-        """Follow a path with joints that are known to be in POSITION_DIRECT.
+        """Follow a path, as :meth:`follow`, with joints that are known to be in POSITION_DIRECT.
 
-        Args:
-            joints: indices, of the path's columns.
-            path: to follow.
-            start: time of the board at which the path begins, s.
-            held: stay at the last point, and watch the joints, until the run is ended.
+        ``held``: stay at the last point, and watch the joints, until the run is ended.
         """
         board = self.board
         run = Run(joints, [board.state.interaction_modes[j] for j in joints], path, start, held)

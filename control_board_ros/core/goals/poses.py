@@ -40,10 +40,7 @@ class Plan(NamedTuple):
 class PoseTask:
     """The move to a pose, started for all of its joints or for none.
 
-    Args:
-        board: the group that moves.
-        pose: the target.
-        speed: mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
+    ``speed`` is the mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
 
     Raises:
         RequestError: a joint cannot move, or the speed is not valid; nothing has changed.

@@ -60,10 +60,6 @@ def tolerance(kind: JointKind) -> float:
 class CalibrationTask:
     """The calibration of some joints; refusals are reported at the end.
 
-    Args:
-        board: whose joints are calibrated.
-        joints: as in every request.
-
     Raises:
         RequestError: no joint accepts it.
 

@@ -142,14 +142,7 @@ def excess(errors: Array, tolerances: Array) -> Excess | None:
 
 
 def explain(found: Excess, name: str, kind: JointKind, which: str) -> str:
-    """What is beyond which tolerance, and by how much.
-
-    Args:
-        found: the excess.
-        name: of the joint.
-        kind: of the joint, for the unit.
-        which: ``path`` or ``goal``.
-    """
+    """What is beyond which tolerance, ``path`` or ``goal``, and by how much."""
     rate = "/s" if found.quantity == "velocity" else ""
     units = kind.unit + rate
     return (
@@ -261,15 +254,9 @@ def configured(board: JointGroup, selection: Selection) -> Tolerances:
 
 
 class TrajectoryGoal:
-    """A trajectory under way, or waiting for its start; see ``start_goal``.
+    """A trajectory under way, or waiting for its start; ``start_goal`` makes it.
 
-    Args:
-        follower: of the board that follows it.
-        group: whose joints move.
-        joints: the board's numbers, of the path's columns; all in POSITION_DIRECT.
-        path: to follow.
-        start: time of the board at which the path begins, s.
-        tolerances: of the same joints.
+    Its joints are the board's numbers, of the path's columns; all are in POSITION_DIRECT.
 
     Attributes: joints, names (theirs), start, notes (what a limit cuts), outcome (None while it is
     under way), cancelled.

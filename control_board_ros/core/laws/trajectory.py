@@ -111,15 +111,7 @@ def durations_within(
     T is the time given. A start velocity goes on into the move where that neither overshoots nor
     passes a limit within T; else it is braked within T_b ≥ 1.5|v0|/a_max.
 
-    Args:
-        distance: Δ, target minus start, rad.
-        time: T, s; at least what :func:`durations` asks for.
-        velocity: v0, reference velocity at the start, rad/s.
-        max_velocity: limit of the peak speed, rad/s.
-        max_acceleration: limit of the peak acceleration, rad/s².
-
-    Returns:
-        T and T_b (0 where nothing is braked), s.
+    Arguments and results are those of :func:`durations`; T is no less than what that asks for.
     """
     limits = max_velocity, max_acceleration
     if velocity == 0.0:

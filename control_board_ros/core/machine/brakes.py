@@ -84,10 +84,7 @@ class JointBrake:
 
 
 class Brakes:
-    """The brakes of a board's joints.
-
-    Args:
-        machine: whose laws wait for them.
+    """The brakes of a board's joints; the machine's laws wait for them.
 
     Attributes: orders (1.0 where the brake is to be closed, shape (n,)), closed (where it is, or
     is still while it opens, shape (n,)), slips (where one does not hold, shape (n,)), there (some

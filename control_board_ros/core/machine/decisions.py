@@ -179,13 +179,7 @@ def _decide_calibration(facts: Facts) -> Verdict:
 
 
 def decide_brake(facts: Facts, mode: BrakeMode, *, present: bool) -> Verdict:
-    """The verdict on a brake mode (Y4): a brake closes by hand only without power.
-
-    Args:
-        facts: Of one joint.
-        mode: The requested one.
-        present: Whether the joint has a brake.
-    """
+    """The verdict on a brake mode (Y4): a brake closes by hand only without power."""
     if not present:
         return Verdict(Answer.REFUSED, Reason.UNSUPPORTED)
     if mode is BrakeMode.CLOSED and facts.mode in DRIVEN:

@@ -230,7 +230,7 @@ class Actuation:
         pwm: Percent, shape (n,).
         powered: 1.0 where the bridge is on, 0.0 where it is open and no current can flow, (n,).
         kinds: SetPoint that each joint's drive follows, shape (n,); None: PWM everywhere.
-        values: Of the set-points of other kinds, shape (VALUES, n), see ``set_points.Value``.
+        values: Of the set-points of other kinds, shape (VALUES, n), see Value.
         brakes: 1.0 where the brake is to be closed, shape (n,); None: all of them.
     """
 
