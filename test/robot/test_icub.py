@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole iCub on ROS: start-up, requests over parts, faults, whole-body references (SPEC R)."""
+"""The whole iCub on ROS: its start-up, and whole-body references (SPEC R)."""
 
 from __future__ import annotations
 
@@ -77,31 +77,6 @@ def test_it_starts_level_by_level_and_stops_where_a_part_fails(
     assert robot.call("configure", Trigger).success
     robot.wait("modes", lambda m: set(m.control_modes) == {"pos"})
     robot.state(lambda s: len(s.calibrated) == 32 and all(s.calibrated))
-
-
-def test_a_request_over_three_parts(talkers: dict[str, Talker]) -> None:
-    """R3: whole, in one cycle, answered in the order asked."""
-    robot = talkers["robot"]
-    asked = ["l_knee", "l_elbow", "neck_yaw"]
-    reply = robot.set_mode(asked, "vel", "posd", "torq")
-    assert (list(reply.names), list(reply.modes)) == (asked, ["vel", "posd", "torq"])
-    leg = talkers["left_leg"].wait("modes", lambda m: m.control_modes[3] == "vel")
-    arm = talkers["left_arm"].wait("modes", lambda m: m.control_modes[3] == "posd")
-    assert leg.header.stamp == arm.header.stamp
-    assert robot.set_mode([], "pos").success
-
-
-def test_one_arm_faults_while_the_other_moves_on(talkers: dict[str, Talker]) -> None:
-    """R2."""
-    robot, arm = talkers["robot"], talkers["left_arm"]
-    goal = robot.goal("move", action.Move, names=["r_elbow"], positions=[1.4], speeds=[0.5])
-    robot.state(lambda s: s.velocity[s.names.index("r_elbow")] > 0.05)
-    arm.call("inject_fault", srv.InjectFault, names=[], fault="overcurrent")
-    arm.wait("modes", lambda m: set(m.control_modes) == {"hwfa"})
-    result = robot.result(goal).result
-    assert result.success, result.message
-    assert arm.set_mode([], "fidl").success
-    assert robot.set_mode([], "pos").success
 
 
 @pytest.fixture

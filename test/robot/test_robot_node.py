@@ -90,21 +90,6 @@ def test_a_request_over_parts(talkers: Talkers) -> None:
     assert list(whole.names) == NAMES
 
 
-def test_a_request_that_is_wrong_in_one_part_changes_none(talkers: Talkers) -> None:
-    """R3, M7."""
-    robot = talkers["robot"]
-    reply = robot.set_mode([UPPER[0], LOWER[0], "tail"], "vel")
-    assert not reply.success
-    assert "'tail' unknown" in reply.message
-    reply = robot.call(
-        "set_impedance", srv.SetImpedance, names=[UPPER[0], LOWER[0]], stiffness=[1.0, 1e9]
-    )
-    assert not reply.success
-    assert set(robot.modes()) == {"pos"}
-    reply = talkers["upper"].set_mode([LOWER[0]], "vel")
-    assert not reply.success, "a joint of another part"
-
-
 def test_whole_body_references_in_one_message(talkers: Talkers) -> None:
     """All parts of one message, and none of it elsewhere."""
     robot = talkers["robot"]
@@ -250,15 +235,6 @@ def test_a_saved_robot_starts_again(board: BoardProcess, tmp_path: Path) -> None
         assert f"{LOWER[0]}.position_pid.kp" in settings.where
         assert (f"{UPPER[0]}.position_pid.kp" in settings.where) is others
         assert ("physics" in settings.where) is others
-
-
-def test_a_part_alone_is_a_board(talkers: Talkers) -> None:
-    """R1: its power cycle leaves the other part alone."""
-    robot, upper = talkers["robot"], talkers["upper"]
-    robot.set_mode([], "vel")
-    assert upper.call("power_cycle", Trigger).success
-    upper.wait("modes", lambda m: set(m.control_modes) == {"pos"})
-    assert set(talkers["lower"].modes()) == {"vel"}
 
 
 def test_references_over_parts_all_or_none(talkers: Talkers) -> None:
