@@ -11,7 +11,8 @@ References of torque, output and velocity expire (P12), counted in control cycle
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -71,11 +72,6 @@ class ReferenceTimeouts:
         late = np.flatnonzero(self._deadline <= cycle)
         self.cancel(late.tolist())
         return late
-
-
-#: A joint, its target and its speed, or its time; and what plans moves, stretched by a factor.
-Move = tuple[Joint, float, float]
-Planner = Callable[[float], list[Plan]]
 
 
 class Moves(NamedTuple):
@@ -160,70 +156,51 @@ class References:
 
     def plan_moves(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
         """The plan of such moves, from the present state."""
-
-        def planner(moves: Sequence[Move]) -> Planner:
-            first = [planned(durations, *move) for move in moves]
-
-            def plan(factor: float) -> list[Plan]:
-                if factor == 1.0:
-                    return first
-                return [
-                    planned(durations_within, joint, target, factor * max(made))
-                    for (joint, target, _), made in zip(moves, first, strict=True)
-                ]
-
-            return plan
-
-        return self._stretched(joints, targets, speeds, planner)
+        each = zip(joints.tolist(), targets.tolist(), speeds.tolist(), strict=True)
+        plans = [planned(durations, self._joints[j], target, speed) for j, target, speed in each]
+        return self._stretched(joints, targets, plans, [max(plan) for plan in plans])
 
     def move_within(self, joints: Indices, targets: Array, time: float) -> Moves:
         """Start moves that all arrive after ``time`` s, at least that of ``plan_moves``."""
-
-        def planner(moves: Sequence[Move]) -> Planner:
-            return lambda factor: [
-                planned(durations_within, joint, target, factor * lasting)
-                for joint, target, lasting in moves
-            ]
-
-        times = np.full(len(targets), time)
-        return self._start(joints, targets, self._stretched(joints, targets, times, planner))
+        each = zip(joints.tolist(), targets.tolist(), strict=True)
+        plans = [planned(durations_within, self._joints[j], target, time) for j, target in each]
+        moves = self._stretched(joints, targets, plans, [time] * len(plans))
+        return self._start(joints, targets, moves)
 
     def _stretched(
-        self,
-        joints: Indices,
-        targets: Array,
-        along: Array,
-        planner: Callable[[Sequence[Move]], Planner],
+        self, joints: Indices, targets: Array, plans: list[Plan], times: list[float]
     ) -> Moves:
-        """Moves that the torques of each part's arm allow."""
-        chosen, moves = joints.tolist(), list(self._with(joints, targets, along))
+        """Moves as planned, longer than ``times`` (s) where torques of a part's arm ask for it."""
+        chosen, places = joints.tolist(), targets.tolist()
         efforts = [self._efforts[j] for j in chosen]
-        if not any(efforts):
-            return Moves([1.0] * len(moves), planner(moves)(1.0))
-        found: dict[int, tuple[float, Plan]] = {}
+        factors, made = [1.0] * len(plans), list(plans)
+
+        def plan(some: list[int], factor: float) -> list[Plan]:
+            if factor == 1.0:
+                return [plans[k] for k in some]
+            return [
+                planned(durations_within, self._joints[chosen[k]], places[k], factor * times[k])
+                for k in some
+            ]
+
         for effort in dict.fromkeys(efforts):
-            places = [k for k, its in enumerate(efforts) if its is effort]
-            plan, factor = planner([moves[k] for k in places]), 1.0
-            plans = plan(factor)
-            if effort is not None:
-                some = [chosen[k] for k in places]
-                factor, plans = effort.stretched(some, [moves[k][1] for k in places], plan)
-            found |= {k: (factor, one) for k, one in zip(places, plans, strict=True)}
-        factors, made = zip(*(found[k] for k in range(len(moves))), strict=True)
-        return Moves(list(factors), list(made))
+            if effort is None:
+                continue
+            some = [k for k, its in enumerate(efforts) if its is effort]
+            factor, stretched = effort.stretched(
+                [chosen[k] for k in some], [places[k] for k in some], partial(plan, some)
+            )
+            for k, one in zip(some, stretched, strict=True):
+                factors[k], made[k] = factor, one
+        return Moves(factors, made)
 
     def _start(self, joints: Indices, targets: Array, moves: Moves) -> Moves:
         self._state.done[joints] = False
-        for (joint, target, _), (time, brake) in zip(
-            self._with(joints, targets, targets), moves.plans, strict=True
+        for j, target, (time, brake) in zip(
+            joints.tolist(), targets.tolist(), moves.plans, strict=True
         ):
-            joint.move(target, time, brake)
+            self._joints[j].move(target, time, brake)
         return moves
-
-    def _with(self, joints: Indices, targets: Array, along: Array) -> Iterator[Move]:
-        """Joints with target and speed, or time."""
-        chosen = [self._joints[j] for j in joints.tolist()]
-        return zip(chosen, targets.tolist(), along.tolist(), strict=True)
 
     def step(self, joints: Indices, positions: Array, velocities: Array | None) -> None:
         """Step the position reference (P4), with its velocities where given."""
