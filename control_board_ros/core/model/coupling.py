@@ -238,7 +238,7 @@ class Coupling:
 
     def axis_positions(self, joints: Array) -> Array:
         """Positions of the axes, shape (n,), for those of the physical joints, shape (m,)."""
-        back, offset = self._straight if self.curved else (self.inverse, self._back_offset)
+        back, offset = self._straight
         found: Array = back @ joints - offset
         return found
 
@@ -294,11 +294,6 @@ class Coupling:
             offset = float(self.offset[i] - ratio * self.offset[leader])
             found.append(Gear(name, names[leader], ratio, offset, self.curved.get(i)))
         return tuple(found)
-
-    @cached_property
-    def _back_offset(self) -> Array:
-        found: Array = self.inverse @ self.offset
-        return found
 
     def _back(self, at: Array | None) -> Array:
         """The pseudo-inverse of J, shape (n, m)."""
