@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from control_board_ros.core.terms.reply import Reply
-
-    from .output import Asker
 
 #: Step and line by code of a reply.
 STEPS = {
@@ -22,13 +21,18 @@ STEPS = {
 }
 
 
-def advice(session: Asker, reply: Reply, mode: str = "pos") -> str:
-    """The lines to type for joints that did not accept a request, which requires a mode."""
+def advice(
+    reply: Reply, everyone: Sequence[str], line: Callable[..., str], mode: str = "pos"
+) -> str:
+    """The lines to type for joints that did not accept a request, which requires a mode.
+
+    ``everyone`` are the names of all joints; ``line`` composes a line from words.
+    """
     texts = []
     for code in dict.fromkeys(reply.codes):
         if code in STEPS:
             what, words = STEPS[code]
             names = [n for n, its in zip(reply.joints, reply.codes, strict=True) if its == code]
-            joints = "all" if len(names) == len(session.names) else " ".join(names)
-            texts.append(f"{what}: {session.line(words.format(joints=joints, mode=mode))}")
+            joints = "all" if len(names) == len(everyone) else " ".join(names)
+            texts.append(f"{what}: {line(words.format(joints=joints, mode=mode))}")
     return ", then ".join(texts)

@@ -168,7 +168,8 @@ def conclude(
         mode: control mode that the request requires.
         more: further fields of the JSON.
     """
-    message = "; ".join(filter(None, (reply.message, advice(session, reply, mode))))
+    next_step = advice(reply, session.names, session.line, mode) if any(reply.codes) else ""
+    message = "; ".join(filter(None, (reply.message, next_step)))
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
         answer(session, {"success": bool(reply), "message": message, "joints": joints} | more)
