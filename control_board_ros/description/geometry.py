@@ -71,19 +71,6 @@ def rotation_of_rpy(angles: Array) -> Array:
     )
 
 
-def quaternion_of_rpy(angles: Array) -> Array:
-    """Unit quaternion x, y, z, w, shape (4,), of roll, pitch and yaw about fixed axes, rad."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(0.5 * angles), np.sin(0.5 * angles)
-    return np.array(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ]
-    )
-
-
 def rpy_of_rotation(rotation: Array) -> Array:
     """Roll, pitch and yaw, shape (3,), rad, of a rotation matrix: inverse of rotation_of_rpy."""
     across = np.hypot(rotation[0, 0], rotation[1, 0])

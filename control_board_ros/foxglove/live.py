@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any
 
 import foxglove
+import numpy as np
 from foxglove.websocket import Capability, Parameter, ServerListener, Service, ServiceRequest
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
@@ -21,6 +22,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.client.executor_thread import ExecutorThread
 from control_board_ros.core.selection import RequestError
+from control_board_ros.frames import Frames, tf_message
 from control_board_ros.interface import (
     COMMAND_TOPICS,
     JOINT_STATES,
@@ -32,8 +34,9 @@ from control_board_ros.interface import (
     Endpoint,
 )
 from control_board_ros.recording.topics import ROSOUT
+from control_board_ros.urdf_xml import DescribedJoint, heard_joints
 
-from .frames import ENCODING, Frame, frames_of, message, schema, service_schema
+from .schemas import ENCODING, schema, service_schema
 
 #: s between polls.
 PERIOD = 0.01
@@ -139,7 +142,8 @@ class Live(ServerListener):
         self._frames_channel = foxglove.Channel(
             TF.name, message_encoding=ENCODING, schema=schema(TF.type), context=context
         )
-        self._frames: list[Frame] = []
+        self._joints: dict[str, DescribedJoint] = {}
+        self._frames = Frames({}, ())
         self._all_shown = False
         self._publishers: dict[str, Any] = {}
         self._clients: dict[Endpoint, Any] = {}
@@ -185,19 +189,23 @@ class Live(ServerListener):
             if count % SUBSCRIBE_EVERY == 0:
                 forwarded.follow(always=framed and topic in (JOINT_STATES, ROBOT_DESCRIPTION))
             if forwarded.take() and topic is ROBOT_DESCRIPTION:
-                self._frames = frames_of(forwarded.read().data)
+                self._joints = heard_joints(forwarded.read().data)
+                self._frames = Frames(self._joints, self._frames.names)
         if framed and states.last and count % FRAMES_EVERY == 0:
             self._show_frames(states.read(), whole=count % ALL_FRAMES_EVERY == 0)
 
     def _show_frames(self, state: Any, *, whole: bool) -> None:
         """Send the frames of moving links, or of all: periodically, and to a new client."""
         positions = dict(zip(state.name, state.position, strict=False))
-        chosen = [frame for frame in self._frames if frame.leader in positions]
+        if self._frames.names != tuple(positions):
+            self._frames = Frames(self._joints, tuple(positions))
+        frames = self._frames
+        edges, poses = frames.moving, frames.poses(np.array([*positions.values()]))
         if whole or not self._all_shown:
-            chosen, self._all_shown = self._frames, True
-        self._frames_channel.log(
-            bytes(serialize_message(message(chosen, positions, state.header.stamp)))
-        )
+            edges, poses = edges + frames.standing, np.vstack([poses, frames.standing_poses])
+            self._all_shown = True
+        message = tf_message(edges, poses, state.header.stamp)
+        self._frames_channel.log(bytes(serialize_message(message)))
 
     # --- requests of clients; in the server's threads -----------------------------------------
 

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 from plants import described
 
-from control_board_ros.description.frames import Frames
-from control_board_ros.description.geometry import (
-    quaternion_of_rpy,
-    rotation_of_rpy,
-    rotations_about,
-)
+from control_board_ros.description.geometry import rotation_of_rpy, rotations_about
 from control_board_ros.description.robots import load_robot
 from control_board_ros.description.urdf import Urdf
+from control_board_ros.frames import Frames, quaternions_of_rpy
+from control_board_ros.node.wiring.transforms import frames_of
 from control_board_ros.settings.loading import load
 from control_board_ros.sim.bodies.world import bullet, connect
 from control_board_ros.sim.bodies.world import load as load_body
@@ -77,7 +74,7 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
     """Every link, in ten random poses, to 0.01 mm and 0.01 mrad: pybullet has single precision."""
     urdf = described(SLANTED) if name == "slanted" else load_robot(name)
     names = tuple(one for one in urdf.independent if one != "spare")
-    frames, random = Frames(urdf, names), np.random.default_rng(5)
+    frames, random = frames_of(urdf, names), np.random.default_rng(5)
     client = connect(gui=False)
     try:
         body = load_body(client, urdf.text, load(None).simulation, visuals=False)
@@ -101,7 +98,7 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
 
 def test_what_moves_and_what_stands() -> None:
     """Followers move with their leaders; a joint of nobody stands; axes have any length."""
-    frames = Frames(described(SLANTED.replace("0 0.6 0.8", "0 3 4")), ["rail", "shoulder"])
+    frames = frames_of(described(SLANTED.replace("0 0.6 0.8", "0 3 4")), ["rail", "shoulder"])
     assert [edge.child for edge in frames.moving] == ["arm", "slide", "finger"]
     assert [edge.child for edge in frames.standing] == ["plate", "thumb"]
     assert frames.standing[0].parent == "arm"
@@ -112,14 +109,14 @@ def test_what_moves_and_what_stands() -> None:
 
 def test_a_joint_that_follows_and_is_driven_is_its_own() -> None:
     """As in the plant: what the board drives follows none."""
-    frames = Frames(described(SLANTED), ["rail", "claw"])
+    frames = frames_of(described(SLANTED), ["rail", "claw"])
     pose = frames.poses(np.array([0.7, 0.0]))[1]
-    assert pose[3:] == pytest.approx(quaternion_of_rpy(np.array([0.0, 0.0, 3.0])), abs=1e-12)
+    assert pose[3:] == pytest.approx(quaternions_of_rpy(np.array([[0.0, 0.0, 3.0]]))[0], abs=1e-12)
 
 
 @pytest.mark.parametrize("angles", [(0.3, -1.2, 2.5), (-3.0, 1.5707963, 0.1), (0.0, 0.0, 3.14)])
 def test_a_quaternion_is_its_rotation(angles: tuple[float, float, float]) -> None:
-    quaternion = quaternion_of_rpy(np.array(angles))
+    quaternion = quaternions_of_rpy(np.array([angles]))[0]
     assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-15)
     turned = 2.0 * np.arctan2(np.linalg.norm(quaternion[:3]), quaternion[3])
     axis = quaternion[:3] / np.linalg.norm(quaternion[:3])

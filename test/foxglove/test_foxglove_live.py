@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("foxglove", reason="extra foxglove")
@@ -25,9 +26,10 @@ from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
 from control_board_ros.cli.verbs.servers import layout
-from control_board_ros.foxglove.frames import frames_of
+from control_board_ros.frames import Frames
 from control_board_ros.interface import PUBLISHED, SERVICES, TF, TF_STATIC
 from control_board_ros.testing import BoardProcess
+from control_board_ros.urdf_xml import heard_joints
 
 pytestmark = pytest.mark.ros
 BOARD = "/control_board"
@@ -170,16 +172,19 @@ def test_state_modes_and_description_come(foxglove: Foxglove, talker: Talker) ->
 
 def test_frames_come_with_the_positions(foxglove: Foxglove, talker: Talker) -> None:
     """Transforms of all links, though the board publishes no /tf."""
-    description = foxglove.message("/robot_description", String).data
-    all_of_them = {frame.child for frame in frames_of(description)}
-    frames = foxglove.message(
+    joints = heard_joints(foxglove.message("/robot_description", String).data)
+    all_of_them = {joint.child for joint in joints.values()}
+    told = foxglove.message(
         TF.name, TFMessage, lambda m: {t.child_frame_id for t in m.transforms} == all_of_them
     )
-    at = foxglove.message("/joint_states", JointState).position[3]
-    link = next(t for t in frames.transforms if t.child_frame_id == "lbr_iiwa_link_4")
+    state = foxglove.message("/joint_states", JointState)
+    frames = Frames(joints, state.name)
+    k = [edge.child for edge in frames.moving].index("lbr_iiwa_link_4")
+    link = next(t for t in told.transforms if t.child_frame_id == "lbr_iiwa_link_4")
     turn = link.transform.rotation
-    assert 2.0 * abs(turn.w) <= 2.0 + 1e-9
-    assert at < 0.0
+    wanted = frames.poses(np.array(state.position))[k, 3:]
+    assert [turn.x, turn.y, turn.z, turn.w] == pytest.approx(wanted, abs=1e-2)
+    assert state.position[3] < -0.1
 
 
 def test_a_mode_a_stop_and_a_recovery(foxglove: Foxglove, talker: Talker) -> None:

@@ -13,9 +13,10 @@ from sensor_msgs.msg import JointState
 from talk import until
 from tf2_msgs.msg import TFMessage
 
-from control_board_ros.description.frames import POSE, Edge, Frames
+from control_board_ros.frames import POSE, Edge, tf_message
 from control_board_ros.node.wiring import prepared
-from control_board_ros.node.wiring.transforms import prepared_frames, tf_message
+from control_board_ros.node.wiring.messages import stamp
+from control_board_ros.node.wiring.transforms import frames_of, prepared_frames
 from control_board_ros.settings.loading import load
 from control_board_ros.testing import board_process, ros_node
 
@@ -33,7 +34,7 @@ def test_the_bytes_read_as_the_message(count: int, prefix: str) -> None:
         poses = np.random.default_rng(seed).normal(size=(count, POSE))
         sent = made.of(poses, STAMP + seed)
         assert isinstance(sent, bytes)
-        meant = tf_message(EDGES[:count], poses, STAMP + seed, prefix)
+        meant = tf_message(EDGES[:count], poses, stamp(STAMP + seed), prefix)
         assert deserialize_message(sent, TFMessage) == meant
         assert all(one.header.frame_id.startswith(prefix + "b") for one in meant.transforms)
 
@@ -45,7 +46,7 @@ def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.Monkey
     made = prepared_frames(EDGES)
     assert "are in" in made.fallback
     poses = np.ones((len(EDGES), POSE))
-    assert made.of(poses, STAMP) == tf_message(EDGES, poses, STAMP, "")
+    assert made.of(poses, STAMP) == tf_message(EDGES, poses, stamp(STAMP))
 
 
 @pytest.mark.ros
@@ -53,7 +54,7 @@ def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.Monkey
 def test_a_board_tells_the_frames_of_its_joint_states() -> None:
     """Every link but the base, once: moving ones with each reading's stamp, fixed ones latched."""
     settings = load("panda")
-    frames = Frames(settings.urdf, settings.board.names)
+    frames = frames_of(settings.urdf, settings.board.names)
     states: dict[tuple[int, int], Any] = {}
     moving: list[Any] = []
     standing: list[Any] = []
@@ -79,9 +80,8 @@ def test_a_board_tells_the_frames_of_its_joint_states() -> None:
         until(lambda: len(pairs()) > 5 and bool(standing))
     state, message = pairs()[-1]
     assert tuple(state.name) == settings.board.names
-    seconds, nanoseconds = time_of(state)
     poses = frames.poses(np.array(state.position))
-    assert message == tf_message(frames.moving, poses, seconds * 10**9 + nanoseconds, "")
+    assert message == tf_message(frames.moving, poses, state.header.stamp)
     (fixed,) = standing
     told = [one.child_frame_id for one in [*message.transforms, *fixed.transforms]]
     assert sorted(told) == sorted(set(settings.urdf.tree.links) - {settings.urdf.tree.base})

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from parameter_files import refusal, written
 
-from control_board_ros.description.frames import Frames
 from control_board_ros.description.robots import SHIPPED
+from control_board_ros.node.wiring.transforms import frames_of
 from control_board_ros.settings.loading import load
 
 HAND = str(SHIPPED / "icub_left_hand.urdf")
@@ -210,7 +210,7 @@ def test_the_mk3_hand_has_the_ranges_of_its_joints() -> None:
 def test_frames_of_links_follow_the_axes(tmp_path: Path) -> None:
     """Y3: /tf has every link of a finger turned by its joint, not by the axis."""
     made = load(written(tmp_path, START + INDEX))
-    frames = Frames(made.urdf, made.board.names)
+    frames = frames_of(made.urdf, made.board.names)
     assert len(frames.moving) == 20
     at = np.zeros(19)
     at[made.board.names.index("index")] = 1.0

@@ -6,16 +6,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from rclpy.node import Node
-from std_msgs.msg import Header
-from tf2_msgs.msg import TFMessage
 
 from ...core.state import Snapshot
 from ...core.terms.measurement import Array
-from ...description.frames import POSE, Edge, Frames
+from ...description.couplings import coupling_of
+from ...description.urdf import Urdf
+from ...frames import POSE, Edge, Frames, tf_message
 from ...interface import TF, TF_STATIC
 from ...settings.loading import Settings
+from ...urdf_xml import joints_in
 from ..loop.loop import ControlLoop
 from .messages import split_time, stamp
 from .prepared import MARK, STAMP, PreparedMessage
@@ -28,7 +28,7 @@ def offer_transforms(
     """Publish /tf with every state and /tf_static at once, where ``publish_tf`` is set."""
     if not settings.values["publish_tf"]:
         return
-    frames = Frames(settings.urdf, settings.board.names)
+    frames = frames_of(settings.urdf, settings.board.names)
     prefix = str(settings.values.get("frame_prefix", ""))
     moving, standing = publisher(node, TF), publisher(node, TF_STATIC)
     message = prepared_frames(frames.moving, prefix)
@@ -40,25 +40,14 @@ def offer_transforms(
             moving.publish(message.of(frames.poses(snapshot.position), nanoseconds))
 
     states.also.append(publish)
-    now = loop.snapshots.now()
+    now = stamp(loop.snapshots.now())
     standing.publish(tf_message(frames.standing, frames.standing_poses, now, prefix))
 
 
-def tf_message(edges: Sequence[Edge], poses: Array, nanoseconds: int, prefix: str) -> TFMessage:
-    """Frames as a message; poses of shape (len(edges), 7)."""
-    at = stamp(nanoseconds)
-    return TFMessage(
-        transforms=[
-            TransformStamped(
-                header=Header(stamp=at, frame_id=prefix + edge.parent),
-                child_frame_id=prefix + edge.child,
-                transform=Transform(
-                    translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=a, y=b, z=c, w=w)
-                ),
-            )
-            for edge, (x, y, z, a, b, c, w) in zip(edges, poses.tolist(), strict=True)
-        ]
-    )
+def frames_of(urdf: Urdf, names: Sequence[str]) -> Frames:
+    """The frames of a robot of which these joints, or axes, are driven."""
+    coupling = coupling_of(urdf, names, followers=False)
+    return Frames(joints_in(urdf.tree.root), names, coupling)
 
 
 def prepared_frames(edges: Sequence[Edge], prefix: str = "") -> PreparedMessage:
@@ -72,7 +61,7 @@ def prepared_frames(edges: Sequence[Edge], prefix: str = "") -> PreparedMessage:
 
     numbers = np.arange(float(len(edges) * POSE)).reshape(-1, POSE)
     return PreparedMessage(
-        lambda poses, nanoseconds: tf_message(edges, poses, nanoseconds, prefix),
+        lambda poses, nanoseconds: tf_message(edges, poses, stamp(nanoseconds), prefix),
         pieces,
         blank=np.zeros_like(numbers),
         marked=np.full_like(numbers, np.frombuffer(bytes([MARK]) * 8)),
