@@ -73,7 +73,6 @@ class Endpoint:
         qos: of the topic; of a service's requests and responses, and of an action's services.
         meaning: in sentences.
         reference: the kind of reference that a command sets, if any.
-        optional: whether some boards do not offer it.
     """
 
     kind: Literal["topic", "command", "service", "action"]
@@ -82,7 +81,6 @@ class Endpoint:
     qos: QoS
     meaning: str
     reference: CommandKind | None = None
-    optional: bool = False
 
     @property
     def short(self) -> str:
@@ -109,9 +107,9 @@ def full(kind: str, name: str) -> str:
     return name if "/" in name else f"control_board_msgs/{kind}/{name}"
 
 
-def topic(name: str, type_: str, qos: QoS, meaning: str, *, optional: bool = False) -> Endpoint:
+def topic(name: str, type_: str, qos: QoS, meaning: str) -> Endpoint:
     """A topic that the board publishes."""
-    return Endpoint("topic", name, full("msg", type_), qos, meaning, optional=optional)
+    return Endpoint("topic", name, full("msg", type_), qos, meaning)
 
 
 def command(name: str, type_: str, meaning: str, reference: K | None = None) -> Endpoint:
@@ -182,7 +180,6 @@ CLOCK = topic(
     NEWEST,
     "The time of the stamps, where `publish_clock` or `use_sim_time` is set or "
     "`real_time_factor` is or has been other than 1. See [Time](#time).",
-    optional=True,
 )
 TF = topic(
     "/tf",
@@ -191,14 +188,12 @@ TF = topic(
     "The frame of each link on a joint that moves, in that of the link before it, `state_rate` "
     "times a second, where `publish_tf` is set: for RViz and Foxglove without "
     "robot_state_publisher.",
-    optional=True,
 )
 TF_STATIC = topic(
     "/tf_static",
     "tf2_msgs/msg/TFMessage",
     LATCHED,
     "The frames of links on fixed joints, once, where `publish_tf` is set.",
-    optional=True,
 )
 
 # -- commands ---------------------------------------------------------------------------------
@@ -451,72 +446,69 @@ LIFECYCLE = (
 # -- for clients of YARP ------------------------------------------------------------------------
 
 #: Offered with ``yarp_interface``; here ``~`` is ``yarp_msgs_name``.
-YARP: tuple[Endpoint, ...] = tuple(
-    replace(endpoint, optional=True)
-    for endpoint in (
-        topic(
-            "joint_states/controlModes",
-            "std_msgs/msg/Int8MultiArray",
-            STREAM,
-            "The first letter of each joint's control mode, with every `joint_states`: its vocab "
-            "modulo 256. POSITION shares it with POSITION_DIRECT, CALIBRATING with "
-            "NOT_CONFIGURED.",
-        ),
-        topic(
-            "joint_states/controlModeVocabs",
-            "std_msgs/msg/Int32MultiArray",
-            STREAM,
-            "The whole vocab of each joint's control mode, with every `joint_states`.",
-        ),
-        command(
-            "~/position",
-            "yarp_control_msgs/msg/Position",
-            "Position moves; `ref_velocities` stay the set reference speeds.",
-            K.POSITION,
-        ),
-        command(
-            "~/position_direct",
-            "yarp_control_msgs/msg/PositionDirect",
-            "Position steps.",
-            K.POSITION_DIRECT,
-        ),
-        command(
-            "~/velocity",
-            "yarp_control_msgs/msg/Velocity",
-            "Velocities; `ref_accelerations` stay the set reference accelerations.",
-            K.VELOCITY,
-        ),
-        service(
-            "~/get_modes",
-            "yarp_control_msgs/srv/GetControlModes",
-            "Read the control modes of joints.",
-        ),
-        service(
-            "~/set_modes",
-            "yarp_control_msgs/srv/SetControlModes",
-            "Set the control modes of joints: all of them, or none.",
-        ),
-        service(
-            "~/get_position",
-            "yarp_control_msgs/srv/GetPosition",
-            "Read the measured positions of joints.",
-        ),
-        service(
-            "~/get_velocity",
-            "yarp_control_msgs/srv/GetVelocity",
-            "Read the measured velocities of joints.",
-        ),
-        service(
-            "~/get_available_modes",
-            "yarp_control_msgs/srv/GetAvailableControlModes",
-            "Read the modes that can be set, or those that every joint implements.",
-        ),
-        service(
-            "~/get_joints_names",
-            "yarp_control_msgs/srv/GetJointsNames",
-            "Read the names of joints by their indices.",
-        ),
-    )
+YARP: tuple[Endpoint, ...] = (
+    topic(
+        "joint_states/controlModes",
+        "std_msgs/msg/Int8MultiArray",
+        STREAM,
+        "The first letter of each joint's control mode, with every `joint_states`: its vocab "
+        "modulo 256. POSITION shares it with POSITION_DIRECT, CALIBRATING with "
+        "NOT_CONFIGURED.",
+    ),
+    topic(
+        "joint_states/controlModeVocabs",
+        "std_msgs/msg/Int32MultiArray",
+        STREAM,
+        "The whole vocab of each joint's control mode, with every `joint_states`.",
+    ),
+    command(
+        "~/position",
+        "yarp_control_msgs/msg/Position",
+        "Position moves; `ref_velocities` stay the set reference speeds.",
+        K.POSITION,
+    ),
+    command(
+        "~/position_direct",
+        "yarp_control_msgs/msg/PositionDirect",
+        "Position steps.",
+        K.POSITION_DIRECT,
+    ),
+    command(
+        "~/velocity",
+        "yarp_control_msgs/msg/Velocity",
+        "Velocities; `ref_accelerations` stay the set reference accelerations.",
+        K.VELOCITY,
+    ),
+    service(
+        "~/get_modes",
+        "yarp_control_msgs/srv/GetControlModes",
+        "Read the control modes of joints.",
+    ),
+    service(
+        "~/set_modes",
+        "yarp_control_msgs/srv/SetControlModes",
+        "Set the control modes of joints: all of them, or none.",
+    ),
+    service(
+        "~/get_position",
+        "yarp_control_msgs/srv/GetPosition",
+        "Read the measured positions of joints.",
+    ),
+    service(
+        "~/get_velocity",
+        "yarp_control_msgs/srv/GetVelocity",
+        "Read the measured velocities of joints.",
+    ),
+    service(
+        "~/get_available_modes",
+        "yarp_control_msgs/srv/GetAvailableControlModes",
+        "Read the modes that can be set, or those that every joint implements.",
+    ),
+    service(
+        "~/get_joints_names",
+        "yarp_control_msgs/srv/GetJointsNames",
+        "Read the names of joints by their indices.",
+    ),
 )
 
 #: A part of a robot has its readings below its own name; the robot's are in its namespace.

@@ -34,10 +34,11 @@ GETTERS = (
     GET_REFERENCES,
 )
 
-#: Optional endpoints: of simulations, or for existing programs.
+#: Optional endpoints: of simulations, for existing programs, or enabled by parameters.
 EXTRAS = frozenset(
     {
         "clear_injected_faults",
+        "clock",
         "external_torque",
         "follow_joint_trajectory",
         "inject_fault",
@@ -47,6 +48,8 @@ EXTRAS = frozenset(
         "requests",
         "reset",
         "step",
+        "tf",
+        "tf_static",
     }
 )
 
@@ -60,7 +63,7 @@ def all_offered(bench: Bench) -> str:
         *((services, e, e.of(board), e.type) for e in SERVICES),
         *((services, e, f"{e.of(board)}/_action/send_goal", "") for e in ACTIONS),
     ]
-    wanted = [row for row in wanted if not (row[1].optional or row[1].short in EXTRAS)]
+    wanted = [row for row in wanted if row[1].short not in EXTRAS]
     for there, endpoint, name, kind in wanted:
         expect(name in there, f"{endpoint.kind} {endpoint.name} is not offered")
         types = there[name]

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..core.config.parameter import Parameter
+from ..description.meshes import share_folders
 from ..description.urdf import Urdf
 from ..text import nearest
 from .params_file import Entries, Entry, Layer, SettingsError, convert, shown
@@ -166,9 +165,8 @@ def config_folders() -> list[Path]:
     """Folders of configurations: beside the sources, else as installed by ROS or pip."""
     checkout = Path(__file__).resolve().parents[2]
     folders = [checkout / "config"] if (checkout / "package.xml").is_file() else []
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    folders += [Path(p) / "share" / PACKAGE / "config" for p in [*prefixes, sys.prefix] if p]
-    return [folder for folder in dict.fromkeys(folders) if folder.is_dir()]
+    folders += [share / PACKAGE / "config" for share in share_folders()]
+    return [folder for folder in folders if folder.is_dir()]
 
 
 def find_config(name: str) -> Path:
