@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle, NotInitializedException
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -21,6 +22,18 @@ POLL = 0.002  # s between polls of states without an rclpy event: matching
 #: Raised by rclpy for destroyed entities and contexts that were shut down.
 GONE = (InvalidHandle, NotInitializedException, rclpy_implementation.RCLError)
 PAUSE = 0.01  # s after an error: limits the load of a persistent one
+
+
+def hidden_node(name: str, context: Context, namespace: str | None = None) -> Node:
+    """A node without the program's arguments, log topic and parameter services."""
+    return Node(
+        name,
+        context=context,
+        namespace=namespace,
+        use_global_arguments=False,
+        enable_rosout=False,
+        start_parameter_services=False,
+    )
 
 
 class ExecutorThread:

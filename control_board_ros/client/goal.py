@@ -13,14 +13,13 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from unique_identifier_msgs.msg import UUID
 
 from control_board_ros.core.terms.reply import Reply, accepted, refused
 from control_board_ros.interface import Endpoint
 
 from .errors import BoardError
-from .executor_thread import GONE
+from .executor_thread import GONE, hidden_node
 from .services import Services, whole
 from .waiting import Wait
 
@@ -216,13 +215,7 @@ def cancel_over_new_context(domain: int, service: str, goal_id: Any, timeout: fl
     context = Context()
     context.init(args=[], initialize_logging=False, domain_id=domain)
     try:
-        node = Node(
-            "_board_client_cancel",
-            context=context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        node = hidden_node("_board_client_cancel", context)
         client: Any = node.create_client(CancelGoal, service)
         if not client.wait_for_service(timeout):
             return False

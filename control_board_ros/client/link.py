@@ -25,7 +25,7 @@ from control_board_ros.interface import GET_CONTROL_MODE, MODES, NOT_KNOWN_YET, 
 
 from .checking import check_response
 from .errors import BoardError, BoardNotFound, BoardTimeout, one_line
-from .executor_thread import GONE, ExecutorThread
+from .executor_thread import GONE, ExecutorThread, hidden_node
 
 #: s from the match of a subscription until delivery to it is certain.
 MATCHING = 0.05
@@ -56,14 +56,8 @@ class Link:
         self.name = node.resolve_topic_name(self._board)
         self.domain = node.context.get_domain_id()
         self.find_timeout, self.answer_timeout = find_timeout, answer_timeout
-        self._node = Node(
-            f"_{node.get_name()}_board_client_{next(_numbers)}",
-            namespace=node.get_namespace(),
-            context=node.context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        name = f"_{node.get_name()}_board_client_{next(_numbers)}"
+        self._node = hidden_node(name, node.context, node.get_namespace())
         self._node.destroy_publisher(self._node._parameter_event_publisher)
         self._group = ReentrantCallbackGroup()
         self._entities: dict[Endpoint, Any] = {}

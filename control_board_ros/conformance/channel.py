@@ -16,6 +16,7 @@ from rclpy.node import Node
 
 from control_board_ros.client import BoardTimeout, State
 from control_board_ros.client.executor_thread import ExecutorThread
+from control_board_ros.client.link import MATCHING
 from control_board_ros.interface import JOINT_STATES, MODES, STATE, Endpoint
 
 from .rules import OutOfTime
@@ -25,8 +26,6 @@ from .shapes import Malformed, check_modes, check_state
 KEPT = 10_000
 #: Queue length of a topic: none may be lost.
 DEPTH = 100
-#: s from the match of a subscription until delivery to it is certain.
-MATCHING = 0.05
 
 
 class Channel:

@@ -18,11 +18,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from ..client.executor_thread import GONE, ExecutorThread
+from ..client.executor_thread import GONE, ExecutorThread, hidden_node
 from ..interface import MODES, QoS
 from .errors import RecordingError
 from .parameters import Parameters
@@ -142,7 +141,7 @@ class Recorder:
         self._latched = {known.topic: known.message() for known in parameters}
         self._early: list[tuple[Topic, int, bytes]] = []
         self._start = time.monotonic()
-        self._node = node_of(context)
+        self._node = hidden_node(f"_recorder_{next(_numbers)}", context)
         topics = topics_of(self._boards) + topics_for_yarp(self._node, self._boards)
         self._awaited = {topic for topic in topics if topic.latched and topic.board}
         loaded = [(topic, load(topic)) for topic in topics]
@@ -173,7 +172,7 @@ class Recorder:
         context.init(args=[], domain_id=self._context.get_domain_id())
         self._release()
         self._context, self._own_context = context, True
-        self._node = node_of(context)
+        self._node = hidden_node(f"_recorder_{next(_numbers)}", context)
         self._subscribe()
 
     def _release(self) -> None:
@@ -287,16 +286,6 @@ class Recorder:
 
     def _report(self, error: Exception) -> None:
         self.ended = self.ended or f"{type(error).__name__}: {error}"
-
-
-def node_of(context: Context) -> Node:
-    return Node(
-        f"_recorder_{next(_numbers)}",
-        context=context,
-        use_global_arguments=False,
-        enable_rosout=False,
-        start_parameter_services=False,
-    )
 
 
 def load(topic: Topic) -> Any:
