@@ -9,7 +9,6 @@ with Simulation.load("iiwa") as simulation:
 
 from __future__ import annotations
 
-from types import TracebackType
 from typing import Self
 
 from .core.board import Board
@@ -87,10 +86,5 @@ class Simulation:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
