@@ -69,7 +69,6 @@ def _axis(k: int, coupling: Coupling, joints: Mapping[str, UrdfJoint]) -> UrdfJo
     return UrdfJoint(
         name=coupling.axes[k],
         kind=JointKind.PRISMATIC if own[0].kind.slides else turning,
-        parent=own[0].parent,
         child=own[0].child,
         lower=low,
         upper=high,

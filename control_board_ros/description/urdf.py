@@ -119,7 +119,6 @@ class UrdfJoint:
 
     name: str
     kind: JointKind
-    parent: str
     child: str
     lower: float
     upper: float
@@ -281,7 +280,6 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
     return UrdfJoint(
         name=name,
         kind=JointKind(kind),
-        parent=has.parent,
         child=has.child,
         lower=has.lower,
         upper=has.upper,
