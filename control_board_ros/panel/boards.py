@@ -224,7 +224,7 @@ class Board:
         stiffness, damping = await aio.get_max_impedance()
         self.info = {
             "names": names,
-            "kinds": [self.robot.kinds.get(name, "") for name in names],
+            "kinds": list(map(self.robot.kind, names)),
             "limits": await self._limits(names),
             "control": [[mode.code for mode in control] for control, _ in available],
             "interaction": [[mode.code for mode in both] for _, both in available],
@@ -236,7 +236,7 @@ class Board:
 
     async def _coupling(self, names: list[str]) -> list[tuple[str, list[tuple[int, float]]]]:
         """Joints of the description that axes move: each with the axes' numbers and shares."""
-        if not self.robot.kinds or all(name in self.robot.kinds for name in names):
+        if not self.robot.joints or all(name in self.robot.joints for name in names):
             return []
         try:
             coupling = await self.client.aio.get_coupling()
@@ -251,7 +251,8 @@ class Board:
             known = limits_of(names, values.values())
         except (BoardError, RequestError):
             known = {}
-        rows = [known.get(n) or JointLimits(*self.robot.stops.get(n, ())) for n in names]
+        stops = {n: JointLimits(one.lower, one.upper) for n, one in self.robot.joints.items()}
+        rows = [known.get(n) or stops.get(n, JointLimits()) for n in names]
         return {field: [finite(getattr(row, field)) for row in rows] for field in FIELDS}
 
     async def ask_targets(self) -> bool:

@@ -143,7 +143,7 @@ class Operating:
         given, do = request.given, request.do
         if given["joint"] not in board.names or given["joint"].startswith("-"):
             return {"ok": False, "message": f"{board.name} has no joint {given['joint']}"}
-        unit = "m" if board.robot.kinds.get(given["joint"]) == "prismatic" else "rad"
+        unit = "m" if board.robot.kind(given["joint"]) == "prismatic" else "rad"
         size = given.get("size", given.get("amplitude"))
         option = "--size" if do == "step" else "--amplitude"
         options = [] if size is None else [f"{option}={size:.6g}{unit}"]

@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
-from control_board_ros.urdf_xml import UrdfError, heard, joints_in
+from control_board_ros.urdf_xml import DescribedJoint, UrdfError, heard, joints_in
 
 #: Supported mesh types and their media types.
 MEDIA = {
@@ -30,17 +30,19 @@ MAX_MESHES = 1000
 class Robot:
     """The content of a description.
 
-    Attributes: kinds (``revolute``, ``prismatic``, … by joint), stops (hard, rad or m; infinite
-    if missing), urdf (with meshes by number), meshes (their files).
+    Attributes: joints (by name), urdf (with meshes by number), meshes (their files).
     """
 
-    kinds: dict[str, str]
-    stops: dict[str, tuple[float, float]]
+    joints: dict[str, DescribedJoint]
     urdf: str
     meshes: tuple[Path, ...]
 
+    def kind(self, joint: str) -> str:
+        """``revolute``, ``prismatic``, …; empty if unknown."""
+        return self.joints[joint].kind if joint in self.joints else ""
 
-NO_ROBOT = Robot({}, {}, "", ())
+
+NO_ROBOT = Robot({}, "", ())
 
 
 def read(urdf: str, prefix: str) -> Robot:
@@ -54,9 +56,6 @@ def read(urdf: str, prefix: str) -> Robot:
         root = heard(urdf)
     except UrdfError:
         return NO_ROBOT
-    joints = joints_in(root)
-    kinds = {name: joint.kind for name, joint in joints.items()}
-    stops = {name: (joint.lower, joint.upper) for name, joint in joints.items()}
     numbers: dict[Path, int] = {}
     for link in root.iter("link"):
         for collision in link.findall("collision"):  # invisible
@@ -68,7 +67,7 @@ def read(urdf: str, prefix: str) -> Robot:
             continue
         number = numbers.setdefault(path, len(numbers))
         mesh.set("filename", f"{prefix}{number}{path.suffix.lower()}")
-    return Robot(kinds, stops, ElementTree.tostring(root, "unicode"), tuple(numbers))
+    return Robot(joints_in(root), ElementTree.tostring(root, "unicode"), tuple(numbers))
 
 
 def mesh_file(name: str) -> Path | None:

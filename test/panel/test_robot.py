@@ -9,7 +9,7 @@ import pytest
 
 from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.panel.boards import moved_by_axes
-from control_board_ros.panel.robot import MAX_MESHES, NO_ROBOT, mesh_file, read
+from control_board_ros.panel.robot import MAX_MESHES, mesh_file, read
 
 
 def described(*meshes: str) -> str:
@@ -30,22 +30,6 @@ def test_meshes_get_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert [path.name for path in robot.meshes] == ["a.STL", "b.dae"]
     assert robot.urdf.count('filename="mesh/3/0.stl"') == 2
     assert robot.urdf.count('filename="mesh/3/1.dae"') == 1
-
-
-def test_kinds_and_stops() -> None:
-    joint = '<joint name="{}" type="{}"><limit lower="-1" upper="{}"/></joint>'
-    urdf = f"<robot>{joint.format('a', 'revolute', 2)}{joint.format('b', 'continuous', 2)}"
-    robot = read(f"{urdf}{joint.format('c', 'prismatic', 'wide')}</robot>", "")
-    assert robot.kinds == {"a": "revolute", "b": "continuous", "c": "prismatic"}
-    assert robot.stops["a"] == (-1.0, 2.0)
-    assert robot.stops["b"] == robot.stops["c"] == (float("-inf"), float("inf"))
-
-
-@pytest.mark.parametrize(
-    "urdf", ["", "<robot>", "<!DOCTYPE a [<!ENTITY b 'c'>]><robot>&b;</robot>", "\0"]
-)
-def test_what_is_no_description(urdf: str) -> None:
-    assert read(urdf, "") is NO_ROBOT
 
 
 def test_only_meshes_are_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
