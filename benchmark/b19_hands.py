@@ -95,10 +95,11 @@ def _bare(engine: str, body: Any, state: Any) -> Callable[[], None]:
 
     The torques are zeros: what they are costs the engine nothing.
     """
+    world = body.engine
     if engine == "mujoco":
         import mujoco
 
-        model, data, torques = body._model, body._data, np.zeros(body._model.nv)
+        model, data, torques = world._model, world._data, np.zeros(world._model.nv)
 
         def in_mujoco() -> None:
             body.restore(state)
@@ -111,7 +112,7 @@ def _bare(engine: str, body: Any, state: Any) -> Callable[[], None]:
         return in_mujoco
     from control_board_ros.sim.bodies.world import bullet
 
-    robot, joints, client = body._body, body._joints, body._client
+    robot, joints, client = world._body, world._joints, world._client
     nothing = [0.0] * len(joints)
 
     def in_pybullet() -> None:

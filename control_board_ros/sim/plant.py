@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from ..core.terms.drives import SetPoint
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Actuation, Array, Measurement, Row
 from .bodies.ideal import IdealBody
+from .bodies.transmission import CoupledBody
 from .config import IDEAL, MUJOCO, PYBULLET, SimulationConfig
 from .errors import PlantError, PlantGone
 from .injection import DEAF, Injector
@@ -79,10 +80,13 @@ def make_body(board: BoardConfig, simulation: SimulationConfig) -> Body:
     if engine == MUJOCO:
         from .bodies.mujoco import MujocoBody
 
-        return MujocoBody(board, simulation)
-    from .bodies.bullet import BulletBody
+        made: Any = MujocoBody(board, simulation)
+    else:
+        from .bodies.bullet import BulletBody
 
-    return BulletBody(board, simulation)
+        made = BulletBody(board, simulation)
+    body: Body = made if made.coupling is None else CoupledBody(made)
+    return body
 
 
 class SimulatedPlant:

@@ -15,6 +15,7 @@ from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import Array
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.settings.loading import load
+from control_board_ros.sim.bodies.transmission import CoupledBody
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.simulation import Simulation
 
@@ -37,8 +38,8 @@ bend.motor: {{supply_voltage: 12.0, inertia: 1.0e-7, torque_constant: 0.02, resi
 def joint_states(plant: SimulatedPlant) -> dict[str, float]:
     """Positions of the physical joints, as the engine has them."""
     body = plant.body
-    fitted = getattr(body, "_fitted", None) or body._model.fitted  # type: ignore[attr-defined]
-    return dict(zip(fitted.names, body._joint_state[0].tolist(), strict=True))  # type: ignore[attr-defined]
+    assert isinstance(body, CoupledBody)
+    return dict(zip(body.coupling.physical_joints, body.joints[0].tolist(), strict=True))
 
 
 @pytest.fixture(params=ENGINES)
@@ -329,7 +330,7 @@ def test_an_axis_finds_its_stop_while_its_motors_hold_the_others(tmp_path: Path)
         assert board.get_control_mode() == [M.POSITION] * 3
         assert moved < 0.01
         assert board.get_encoder()[2] == pytest.approx(0.1, abs=0.01)
-        assert joint_states(simulation.plant)["lbr_iiwa_joint_3"] == pytest.approx(0.1, abs=0.01)
+        assert simulation.plant._motors.state[0, 2] == pytest.approx(0.1, abs=0.01)
 
 
 def test_an_encoder_is_that_of_its_axis(shoulder: Simulation) -> None:

@@ -27,7 +27,7 @@ from ..drive import StateReader
 from ..errors import PlantError, PlantGone
 from .camera import Camera
 from .prepare import prepare
-from .transmission import Followers, Transmission
+from .transmission import Followers
 from .world import Box, bullet, connect, load
 
 MOVING = (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)
@@ -39,6 +39,8 @@ MOST_JOINTS = 127
 class BulletBody:
     """A robot in a physics server of its own; see ``plant.Body``.
 
+    Attributes: coupling (of axes with its joints, for a ``CoupledBody``, or None).
+
     Raises:
         ConfigError: there is no URDF, or it lacks a joint of the board.
         PlantError: the URDF cannot be loaded, or a window is requested without a display.
@@ -47,7 +49,7 @@ class BulletBody:
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
         self._model, self._simulation = prepare(board, simulation), simulation
         fitted = self._model.fitted
-        self._transmission = Transmission(fitted.coupling, board.names)
+        self.coupling = fitted.coupling
         self._camera: Camera | None = None
         self._boxes: dict[int, Box] = {}
         self._followers = Followers(fitted.mimics, fitted.names)
@@ -58,7 +60,7 @@ class BulletBody:
         except BaseException:
             self.close()
             raise
-        self.attach(np.zeros((2, len(board.joints))))
+        self.attach(np.zeros((2, len(fitted.names))))
         self._saved = bullet.saveState(physicsClientId=self._client)
 
     def _load(self, *, shapes: bool) -> None:
@@ -98,11 +100,8 @@ class BulletBody:
 
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
-        self._state = self._joint_state = state
-        if self._transmission.there:
-            self._joint_state = np.zeros((2, len(self._joints)))
-        rows = [row.data for row in self._joint_state]
-        self._read_states = StateReader(*rows).read
+        self._state = state
+        self._read_states = StateReader(*(row.data for row in state)).read
         self._refresh()
 
     def step(self, torque: Array) -> bool:
@@ -112,8 +111,6 @@ class BulletBody:
             PlantGone: the physics server is gone.
         """
         try:
-            if self._transmission.there:
-                torque = self._transmission.torques(torque, self._state)
             self._apply(forces=torque.tolist())
             if self._following:
                 self._drive_followers()
@@ -132,11 +129,10 @@ class BulletBody:
         try:
             bullet.restoreState(self._saved, physicsClientId=self._client)
             self._state[:] = state
-            self._joint_state[:] = joints = self._transmission.joints(state)
-            positions, velocities = self._followers.targets(joints)
+            positions, velocities = self._followers.targets(state)
             indices = [*self._joints, *self._following]
-            positions = [*joints[0].tolist(), *positions]
-            velocities = [*joints[1].tolist(), *velocities]
+            positions = [*state[0].tolist(), *positions]
+            velocities = [*state[1].tolist(), *velocities]
             for index, position, velocity in zip(indices, positions, velocities, strict=True):
                 bullet.resetJointState(self._body, index, position, velocity, self._client)
         except bullet.error:
@@ -173,7 +169,7 @@ class BulletBody:
         """Origin of the child link of a joint, m, in world axes."""
         x, y, z = bullet.getLinkState(
             self._body,
-            self._joints[self._model.fitted.names.index(self._transmission.movers[joint])],
+            self._joints[joint],
             computeForwardKinematics=True,
             physicsClientId=self._client,
         )[4]
@@ -196,8 +192,6 @@ class BulletBody:
     def _refresh(self) -> bool:
         states = bullet.getJointStates(self._body, self._joints, self._client)
         good: bool = self._read_states(states)
-        if self._transmission.there:
-            self._transmission.read(self._joint_state, self._state)
         return good
 
     def _mesh(self, gear: Gear, joints: dict[str, int]) -> int:
@@ -290,7 +284,7 @@ class BulletBody:
 
     def _drive_followers(self) -> None:
         """Per step: followers track their leaders, without feedback to them."""
-        positions, velocities = self._followers.targets(self._joint_state)
+        positions, velocities = self._followers.targets(self._state)
         bullet.setJointMotorControlArray(
             self._body,
             self._following,

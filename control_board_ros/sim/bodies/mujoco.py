@@ -26,7 +26,7 @@ from ..config import SimulationConfig
 from ..errors import PlantError, PlantGone
 from .mujoco_spec import FOLLOWER_ARMATURE, GEAR, Builder
 from .prepare import Fitted, fit
-from .transmission import Followers, Transmission
+from .transmission import Followers
 
 Indices = slice | NDArray[np.intp]
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -47,6 +47,8 @@ class MujocoBody:
         count: Of robots, joint after joint, robot after robot; obstacles and pictures are those
             of one.
 
+    Attributes: coupling (of axes with its joints, for a ``CoupledBody``, or None).
+
     Raises:
         ConfigError: there is no URDF, or it lacks a joint of the board.
         PlantError: MuJoCo cannot load the URDF, or has several robots of coupled joints.
@@ -61,7 +63,7 @@ class MujocoBody:
         if count > 1 and fitted.coupling is not None:
             raise PlantError("the arm has coupled joints; use one arm")
         self._prefixes = ["", *(f"{k}/" for k in range(1, count))]
-        self._transmission = Transmission(fitted.coupling, board.names)
+        self.coupling = fitted.coupling
         self._followers = Followers(fitted.mimics, fitted.names)
         self._curved = [gear for gear in fitted.gears if gear.function is not None]
         self._period = simulation.physics_step
@@ -70,13 +72,11 @@ class MujocoBody:
         self._boxes_ever = 0
         self._advance: Callable[..., None] = mujoco.mj_step
         self._load()
-        self.attach(np.zeros((2, count * len(board.joints))))
+        self.attach(np.zeros((2, count * len(fitted.names))))
 
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
-        self._state = self._joint_state = state
-        if self._transmission.there:
-            self._joint_state = np.zeros((2, len(self._fitted.names)))
+        self._state = state
         self._refresh()
 
     def step(self, torque: Array) -> bool:
@@ -85,8 +85,6 @@ class MujocoBody:
         Raises:
             PlantGone: the body is closed.
         """
-        if self._transmission.there:
-            torque = self._transmission.torques(torque, self._state)
         self._force[self._dofs] = torque
         if self._driven:
             self._drive_followers()
@@ -105,9 +103,8 @@ class MujocoBody:
             self._gone()
         mujoco.mj_resetData(self._model, self._data)
         self._state[:] = state
-        self._joint_state[:] = joints = self._transmission.joints(state)
-        self._positions[self._coordinates], self._velocities[self._dofs] = joints
-        positions, velocities = self._followers.targets(joints)
+        self._positions[self._coordinates], self._velocities[self._dofs] = state
+        positions, velocities = self._followers.targets(state)
         self._positions[self._following], self._velocities[self._driven] = positions, velocities
 
     def close(self) -> None:
@@ -132,7 +129,7 @@ class MujocoBody:
     def link_position(self, joint: int) -> tuple[float, float, float]:
         """Origin of the child link of a joint, m, in world axes."""
         mujoco.mj_kinematics(self._model, self._data)
-        name = self._transmission.movers[joint]
+        name = self._fitted.names[joint]
         x, y, z = self._data.xpos[self._model.joint(name).bodyid[0]].tolist()
         return x, y, z
 
@@ -176,11 +173,9 @@ class MujocoBody:
         self._leads = [model.joint(gear.leader).qposadr[0] for gear in self._curved]
 
     def _refresh(self) -> bool:
-        position, velocity = self._joint_state
+        position, velocity = self._state
         position[:] = self._positions[self._coordinates]
         velocity[:] = self._velocities[self._dofs]
-        if self._transmission.there:
-            self._transmission.read(self._joint_state, self._state)
         return math.isfinite(position.dot(position))
 
     def _drive_followers(self) -> None:
@@ -188,7 +183,7 @@ class MujocoBody:
 
         a = (v + e/h − v_f)/h: the leader's speed plus removal of the error e in one step.
         """
-        positions, velocities = self._followers.targets(self._joint_state)
+        positions, velocities = self._followers.targets(self._state)
         for k, (coordinate, dof) in enumerate(zip(self._following, self._driven, strict=True)):
             error = positions[k] - self._positions[coordinate]
             wanted = velocities[k] + error / self._period - self._velocities[dof]

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between the axes of a board and the joints of a body: couplings (SPEC Y3), and followers."""
+"""What bodies of both engines have in common: coupled axes (SPEC Y3), and followers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,39 +13,53 @@ from ...core.terms.measurement import Array
 from ...description.urdf import Mimic
 
 
-class Transmission:
-    """States and torques from axes to joints and back.
+class CoupledBody:
+    """A body whose joints are moved by coupled axes; see ``plant.Body``.
 
     Args:
-        coupling: of the axes with the joints; None: the axes are the joints.
-        names: of the axes.
+        engine: The body of the joints, with their coupling.
 
-    Attributes: there (whether there is a coupling), movers (of each axis the first joint that it
-    moves).
+    Attributes: engine, coupling, joints (their state, shape (2, m)).
     """
 
-    def __init__(self, coupling: Coupling | None, names: Sequence[str]) -> None:
-        self._coupling = coupling or Coupling.plain(names)
-        self.there = coupling is not None
-        first = np.argmax(np.abs(self._coupling.matrix) > 0.0, axis=0).tolist()
-        self.movers = [self._coupling.physical_joints[i] for i in first]
+    def __init__(self, engine: Any) -> None:
+        self.engine = engine
+        self.coupling: Coupling = engine.coupling
+        self.joints = np.zeros((2, len(self.coupling.physical_joints)))
+        engine.attach(self.joints)
+        self.attach(np.zeros((2, len(self.coupling.axes))))
+        self.close, self.render = engine.close, engine.render
+        self.add_obstacle, self.remove_obstacle = engine.add_obstacle, engine.remove_obstacle
+        self.mimic_positions = engine.mimic_positions
 
-    def torques(self, axes: Array, state: Array) -> Array:
-        """Torques of the joints for those of the axes in their state, shape (2, n)."""
-        return self._coupling.torques(axes, state[0])
+    def attach(self, state: Array) -> None:
+        self._state = state
+        self._read()
 
-    def joints(self, state: Array) -> Array:
-        """The state of the joints, shape (2, m), for that of the axes."""
-        if not self.there:
-            return state
+    def step(self, torque: Array) -> bool:
+        good: bool = self.engine.step(self.coupling.torques(torque, self._state[0]))
+        self._read()
+        return good
+
+    def restore(self, state: Array) -> None:
         position, velocity = state
-        coupling = self._coupling
-        return np.array([coupling.positions(position), coupling.velocities(velocity, position)])
+        coupling = self.coupling
+        self.engine.restore(
+            np.array([coupling.positions(position), coupling.velocities(velocity, position)])
+        )
+        self._state[:] = state
 
-    def read(self, joints: Array, axes: Array) -> None:
-        """Take the state of the axes, shape (2, n), from that of the joints."""
-        axes[0] = self._coupling.axis_positions(joints[0])
-        axes[1] = self._coupling.axis_velocities(joints[1], axes[0])
+    def link_position(self, axis: int) -> tuple[float, float, float]:
+        """Origin of the child link of the first joint that an axis moves, m, in world axes."""
+        first = int(np.argmax(np.abs(self.coupling.matrix[:, axis]) > 0.0))
+        found: tuple[float, float, float] = self.engine.link_position(first)
+        return found
+
+    def _read(self) -> None:
+        """Take the state of the axes from that of the joints."""
+        position, velocity = self.joints
+        self._state[0] = self.coupling.axis_positions(position)
+        self._state[1] = self.coupling.axis_velocities(velocity, self._state[0])
 
 
 class Followers:
