@@ -74,7 +74,7 @@ def make_body(board: BoardConfig, simulation: SimulationConfig) -> Body:
     """The configured body; imports its engine. Raises PlantError where it is not installed."""
     engine = simulation.physics
     if simulation.urdf is None or engine == IDEAL:
-        return IdealBody(board, simulation)
+        return IdealBody.of_board(board, simulation)
     if find_spec(engine) is None:
         raise PlantError(f"physics: {engine} is not installed; {WAYS_OUT[engine]}")
     if engine == MUJOCO:

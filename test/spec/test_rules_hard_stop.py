@@ -28,15 +28,19 @@ Load = Callable[[float, float, float], float]
 class LoadedBody(IdealBody):
     """The ideal body with a load on its first joint."""
 
-    def __init__(self, config: BoardConfig, simulation: SimulationConfig, load: Load) -> None:
-        super().__init__(config, simulation)
-        self._load = load
+    load: Load
 
     def step(self, torque: Array) -> bool:
         loaded = torque.copy()
         position, velocity = float(self._position[0]), float(self._velocity[0])
-        loaded[0] += self._load(float(torque[0]), position, velocity)
+        loaded[0] += self.load(float(torque[0]), position, velocity)
         return super().step(loaded)
+
+
+def loaded(config: BoardConfig, simulation: SimulationConfig, load: Load) -> Rig:
+    body = LoadedBody.of_board(config, simulation)
+    body.load = load
+    return Rig(config, SimulatedPlant(config, simulation, body))
 
 
 def rig_with(
@@ -47,8 +51,7 @@ def rig_with(
     """A joint at 0.5 rad whose encoder reads 0.7 more, with a load; it must calibrate."""
     config = board_config(joint("left", calibration=calibration, **changes))
     simulation = simulation_config(config, home=[0.5], zero=[0.7])
-    body = LoadedBody(config, simulation, load)
-    return Rig(config, SimulatedPlant(config, simulation, body))
+    return loaded(config, simulation, load)
 
 
 def calibrate(rig: Rig) -> str:
@@ -194,7 +197,7 @@ def finger(load: Load, calibration: Calibration = FINGER) -> Rig:
     )
     config = board_config(one)
     simulation = simulation_config(config, home=[0.02], zero=[0.001])
-    return Rig(config, SimulatedPlant(config, simulation, LoadedBody(config, simulation, load)))
+    return loaded(config, simulation, load)
 
 
 def test_a_sliding_joint_finds_its_stop() -> None:

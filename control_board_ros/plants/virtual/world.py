@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from ...core.terms.measurement import Array
-from ...sim.bodies.ideal import FreeBody
+from ...sim.bodies.ideal import IdealBody
 from ...sim.plant import Body
 from ..drives.axes import Axis
 
@@ -134,5 +134,5 @@ def free_world(
 ) -> World:
     """A world of free joints, each of INERTIA, with a little friction and no gravity."""
     n = len(axes)
-    body = FreeBody(STEP, np.full(n, INERTIA), np.full(n, -20.0), np.full(n, 20.0))
+    body = IdealBody(STEP, np.full(n, INERTIA), np.full(n, -20.0), np.full(n, 20.0))
     return World(axes, drives, body, np.full((3, n), [[0.01], [0.01], [0.05]]), clock=clock)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import Self
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ..config import SimulationConfig
 from ..motor import rotors_at_axes
 
 
-class FreeBody:
+class IdealBody:
     """Independent joints; semi-implicit Euler, exact at constant torque in dq.
 
     At a hard stop a joint has zero velocity until driven away. See ``plant.Body``.
@@ -29,6 +30,17 @@ class FreeBody:
         self._lower, self._upper = lower, upper
         self._change = np.zeros(len(inertia))
         self.attach(np.zeros((2, len(inertia))))
+
+    @classmethod
+    def of_board(cls, board: BoardConfig, simulation: SimulationConfig) -> Self:
+        """The joints of a board, between their hard limits."""
+        inertia = np.array([joint.inertia for joint in simulation.joints])
+        return cls(
+            simulation.physics_step,
+            inertia + rotors_at_axes(board, simulation),
+            np.array([joint.limits.hard_lower for joint in board.joints]),
+            np.array([joint.limits.hard_upper for joint in board.joints]),
+        )
 
     def attach(self, state: Array) -> None:
         self._state = state
@@ -51,16 +63,3 @@ class FreeBody:
 
     def close(self) -> None:
         """Nothing to release."""
-
-
-class IdealBody(FreeBody):
-    """The joints of a board, between their hard limits."""
-
-    def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
-        inertia = np.array([joint.inertia for joint in simulation.joints])
-        super().__init__(
-            simulation.physics_step,
-            inertia + rotors_at_axes(board, simulation),
-            np.array([joint.limits.hard_lower for joint in board.joints]),
-            np.array([joint.limits.hard_upper for joint in board.joints]),
-        )
