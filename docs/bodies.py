@@ -8,7 +8,6 @@ Writes docs/images/bodies.png, and the table of docs/bodies.md between its marke
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +20,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from control_board_ros.description.geometry import numbers_of, rotation_of_rpy
-from control_board_ros.description.urdf_tree import Tree
+from control_board_ros.description.rotor import add_rotor_inertia
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.mujoco import MujocoBody
 from control_board_ros.sim.bodies.mujoco_spec import LINK, quaternion
-from control_board_ros.sim.bodies.prepare import prepare
+from control_board_ros.sim.bodies.prepare import fit
 from control_board_ros.sim.plant import Body
 from control_board_ros.simulation import Simulation
 
@@ -114,12 +113,11 @@ SECONDS = 30.0
 def with_rotors_of_pybullet(settings: Settings) -> MujocoBody:
     """MuJoCo with J N² as a part of its link's tensor instead of an armature."""
     body = MujocoBody(settings.board, settings.simulation)
-    model, prepared = body._model, prepare(settings.board, settings.simulation)
+    model, fitted = body._model, fit(settings.board, settings.simulation)
     model.dof_armature[:] = 0.0
-    tree = Tree(ET.fromstring(prepared.text(shapes=False)), "")
-    for name, moments in prepared.moments.items():
+    for name, moments in add_rotor_inertia(fitted.tree, fitted.rotors).items():
         link = model.body(LINK + name).id
-        turn = rotation_of_rpy(numbers_of(tree.links[name].find("inertial/origin"), "rpy"))
+        turn = rotation_of_rpy(numbers_of(fitted.tree.links[name].find("inertial/origin"), "rpy"))
         model.body_inertia[link], model.body_iquat[link] = moments, quaternion(turn)
     mujoco.mj_setConst(model, body._data)
     return body

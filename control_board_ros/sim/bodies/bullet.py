@@ -11,6 +11,7 @@ picture.
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NoReturn
@@ -21,12 +22,12 @@ from numpy.typing import NDArray
 from ...core.config.config import BoardConfig
 from ...core.model.coupling import Gear
 from ...core.terms.measurement import Array
-from ...description.rotor import Moments
+from ...description.rotor import add_rotor_inertia
 from ..config import SimulationConfig
 from ..drive import StateReader
 from ..errors import PlantError, PlantGone
 from .camera import Camera
-from .prepare import prepare
+from .prepare import fit
 from .transmission import Followers
 from .world import Box, bullet, connect, load
 
@@ -47,8 +48,10 @@ class BulletBody:
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
-        self._model, self._simulation = prepare(board, simulation), simulation
-        fitted = self._model.fitted
+        self._fitted, self._simulation = fit(board, simulation), simulation
+        fitted = self._fitted
+        self._moments = add_rotor_inertia(fitted.tree, fitted.rotors)
+        ET.indent(fitted.tree.root)  # pybullet cannot read long lines
         self.coupling = fitted.coupling
         self._camera: Camera | None = None
         self._boxes: dict[int, Box] = {}
@@ -66,16 +69,17 @@ class BulletBody:
     def _load(self, *, shapes: bool) -> None:
         """Load the robot into the world, with or without shapes."""
         self._solid = shapes
-        text, gui = self._model.text(shapes=shapes), self._simulation.gui
+        text, gui = self._fitted.text(shapes=shapes), self._simulation.gui
         self._body = load(self._client, text, self._simulation, visuals=gui)
-        joints = self._find_joints(self._model.moments)
-        self._joints = [joints[name] for name in self._model.fitted.names]
+        joints = self._find_joints()
+        self._joints = [joints[name] for name in self._fitted.names]
         self._disable_motors(list(joints.values()))
-        for stop, index in zip(self._model.fitted.joints, self._joints, strict=True):
+        for stop, index in zip(self._fitted.joints, self._joints, strict=True):
             if math.isfinite(stop.upper - stop.lower):
                 self._limit(index, stop.lower, stop.upper)
-        gears = self._model.fitted.gears
-        self._gears = [(gear, self._mesh(gear, joints), joints[gear.leader]) for gear in gears]
+        self._gears = [
+            (gear, self._mesh(gear, joints), joints[gear.leader]) for gear in self._fitted.gears
+        ]
         self._following = [joints[name] for name in self._followers.joints]
         self._apply: Callable[..., None] = partial(
             bullet.setJointMotorControlArray,
@@ -183,7 +187,7 @@ class BulletBody:
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """A picture of the robot and the obstacles, RGB, shape (height, width, 3)."""
         if self._camera is None:
-            self._camera = Camera(self._model.text(shapes=True), self._simulation)
+            self._camera = Camera(self._fitted.text(shapes=True), self._simulation)
         every = range(bullet.getNumJoints(self._body, self._client))
         states = bullet.getJointStates(self._body, every, self._client)
         positions = [state[0] for state in states]
@@ -236,7 +240,7 @@ class BulletBody:
     def _gone(self, **_: Any) -> NoReturn:
         raise PlantGone("the physics server is gone; restart the board") from None
 
-    def _find_joints(self, moments: Moments) -> dict[str, int]:
+    def _find_joints(self) -> dict[str, int]:
         """Indices of the movable joints; also sets the dynamics of every link."""
         joints = {}
         if (count := bullet.getNumJoints(self._body, self._client)) > MOST_JOINTS:
@@ -247,8 +251,8 @@ class BulletBody:
         for index in range(count):
             info = bullet.getJointInfo(self._body, index, self._client)
             extra = {}
-            if (link := info[12].decode()) in moments:
-                extra["localInertiaDiagonal"] = moments[link]
+            if (link := info[12].decode()) in self._moments:
+                extra["localInertiaDiagonal"] = self._moments[link]
             bullet.changeDynamics(
                 self._body,
                 index,

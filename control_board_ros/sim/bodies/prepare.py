@@ -14,7 +14,6 @@ from ...core.terms.joint_kind import JointKind
 from ...description.couplings import coupling_of, rotors_at_joints
 from ...description.geometry import as_text, axis_of
 from ...description.merge import merge_fixed
-from ...description.rotor import Moments, add_rotor_inertia
 from ...description.urdf import Mimic, Urdf
 from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
@@ -48,29 +47,9 @@ class Fitted:
         """How joints follow others by a coupling."""
         return () if self.coupling is None else self.coupling.gears
 
-
-class Stops(NamedTuple):
-    """Hard stops of a joint, rad or m; none where they are infinite."""
-
-    name: str
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """The description loaded by pybullet.
-
-    Attributes: fitted (the robot), moments (inertia to set afterwards, by link, kg·m²; see
-    ``rotor``).
-    """
-
-    fitted: Fitted
-    moments: Moments
-
     def text(self, *, shapes: bool) -> str:
         """The URDF with its shapes, possibly large meshes, or with masses and joints only."""
-        root = self.fitted.tree.root
+        root = self.tree.root
         if shapes:
             return ET.tostring(root, encoding="unicode")
         links = [(link, list(link)) for link in root.iter("link")]
@@ -80,6 +59,14 @@ class Model:
         for link, elements in links:
             link[:] = elements
         return text
+
+
+class Stops(NamedTuple):
+    """Hard stops of a joint, rad or m; none where they are infinite."""
+
+    name: str
+    lower: float
+    upper: float
 
 
 def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
@@ -137,15 +124,3 @@ def _coupled(board: BoardConfig, urdf: Urdf) -> tuple[Coupling | None, tuple[Sto
         own[name] if name not in coupled else Stops(name, given[name].lower, given[name].upper)
         for name in coupling.physical_joints
     )
-
-
-def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
-    """A robot fitted to its board, for pybullet.
-
-    Raises:
-        ConfigError: there is no description, or it does not fit the board.
-    """
-    fitted = fit(board, simulation)
-    moments = add_rotor_inertia(fitted.tree, fitted.rotors)
-    ET.indent(fitted.tree.root)  # pybullet cannot read long lines
-    return Model(fitted, moments)
