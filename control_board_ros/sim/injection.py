@@ -152,7 +152,7 @@ class Injector:
             )
 
     def add(self, joint: int, kind: str, persistent: bool, cycle: int, truth: Array) -> None:
-        """Start a fault with the reading of this cycle.
+        """Start a fault, which ``check`` allows, with the reading of this cycle.
 
         Args:
             joint: Index of the joint.
@@ -160,11 +160,7 @@ class Injector:
             persistent: Until cleared; otherwise until detectable by the board.
             cycle: The present control cycle.
             truth: True readings of this cycle, shape (ROWS, n).
-
-        Raises:
-            ValueError: see :meth:`check`.
         """
-        self.check(joint, kind)
         config = self._joints[joint]
         self._faults[joint, kind] = Injection(
             joint,

@@ -34,7 +34,6 @@ from control_board_ros.core.config.config import ConfigError, Motor
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.description.geometry import rotation_of_rpy, rpy_of_rotation
 from control_board_ros.description.rotor import add_rotor_inertia
-from control_board_ros.description.urdf import UrdfError
 from control_board_ros.sim.config import MotorModel
 from control_board_ros.sim.plant import SimulatedPlant
 
@@ -141,11 +140,6 @@ def test_angles_and_rotations_are_inverse():
         rotation = rotation_of_rpy(np.array(angles))
         np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
         np.testing.assert_allclose(rotation_of_rpy(rpy_of_rotation(rotation)), rotation, atol=1e-9)
-
-
-def test_an_axis_without_length_is_refused(make):
-    with pytest.raises(UrdfError, match=r"joint 'hinge': its <axis> is zero"):
-        make(PENDULUM.replace("0 1 0", "0 0 0"), "hinge")
 
 
 def test_rotor_inertia_of_a_prismatic_joint_is_refused():

@@ -225,13 +225,6 @@ def test_a_passing_silence_outlasts_the_timeout(pair):
         assert rig.board.set_control_mode("a", "fidl")
 
 
-def test_a_sensor_that_is_not_there_cannot_break():
-    """I7: one line that says so."""
-    rig = Rig(board_config())
-    with pytest.raises(ValueError, match="bare has no torque sensor to break"):
-        rig.plant.inject("bare", "torque_sensor")
-
-
 def test_a_reset_mends_and_lets_go(pair):
     """A reset removes persistent faults and pushes."""
     plant, sound = pair
@@ -290,9 +283,9 @@ def test_a_reset_ends_the_alarm_of_a_divergence():
 
 
 def test_a_fault_that_one_joint_cannot_have_breaks_none():
-    """All joints that are named, or none of them."""
+    """I7: all joints that are named, or none of them."""
     plant = Rig(board_config()).plant
-    with pytest.raises(ValueError, match="bare has no torque sensor"):
+    with pytest.raises(ValueError, match="bare has no torque sensor to break"):
         plant.inject(["left", "bare"], "torque_sensor", persistent=True)
     with pytest.raises(ValueError, match="'nobody' unknown"):
         plant.inject(["left", "nobody"], "encoder", persistent=True)
