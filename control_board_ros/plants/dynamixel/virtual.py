@@ -24,6 +24,8 @@ FAILED, BAD_INSTRUCTION, NO_ACCESS, ALERT = 1, 2, 7, 0x80
 GOALS = range(t.GOAL_PWM.address, t.GOAL_POSITION.address + 4)
 EEPROM = 64
 REBOOT_TIME = 0.01
+NUMBER = 1020
+MODEL = t.MODELS[NUMBER]
 
 
 def checksum(data: bytes) -> int:
@@ -55,19 +57,19 @@ def unpacked(data: bytes) -> Packet | None:
 
 
 class VirtualDynamixel:
-    """One servo; see ``virtual.world.VirtualDrive``.
+    """One servo of MODEL; see ``virtual.world.VirtualDrive``.
 
     Attributes: table (its control table), motor (with its loops).
     """
 
     SOME_FAULT = 32
 
-    def __init__(self, drive: int, model: int = 1020) -> None:
-        self.id, self._model, self.silent, self.persists = drive, t.MODELS[model], False, 0
+    def __init__(self, drive: int) -> None:
+        self.id, self.silent, self.persists = drive, False, 0
         self.motor = ServoMotor(constant=1.8, resistance=5.0, supply=12.0)
         self.table = Table(1024)
         for item, value in (
-            (t.MODEL, model),
+            (t.MODEL, NUMBER),
             (t.FIRMWARE, 45),
             (t.ID, drive),
             (t.MODE, t.POSITION_MODE),
@@ -82,7 +84,7 @@ class VirtualDynamixel:
     def reboot(self) -> None:
         self.table.bytes[EEPROM:] = bytes(len(self.table.bytes) - EEPROM)
         for k in range(28):
-            self.table.set(Item(t.INDIRECT + 2 * k, 2), self._model.data + k)
+            self.table.set(Item(t.INDIRECT + 2 * k, 2), MODEL.data + k)
         self._quiet, self._away = 0.0, 0.0
         self._hold = 0.0
         if self.persists:
@@ -131,7 +133,7 @@ class VirtualDynamixel:
 
     def _direct(self, address: int) -> int:
         """Indirect data are those at their addresses."""
-        number = address - self._model.data
+        number = address - MODEL.data
         if 0 <= number < 28:
             return self.table.get(Item(t.INDIRECT + 2 * number, 2))
         return address
@@ -155,10 +157,7 @@ class VirtualDynamixel:
         return 0
 
     def _refresh(self) -> None:
-        if not self._model.ampere:
-            current = round(self.torque / self.motor.constant * 100.0)
-        else:
-            current = round(self.torque / self.motor.constant / self._model.ampere)
+        current = round(self.torque / self.motor.constant / MODEL.ampere)
         self.table.set(t.CURRENT, max(-32768, min(32767, current)))
         self.table.set(t.VELOCITY, round(self.motor.velocity / t.SPEED))
         self.table.set(t.POSITION, self._count())
@@ -177,7 +176,7 @@ class VirtualDynamixel:
         if on and 0 < watch < t.TRIPPED and self._quiet > watch * t.WATCHDOG_STEP:
             self.table.set(t.WATCHDOG, t.TRIPPED)
             self._hold = position
-        most = self.table.get(t.CURRENT_LIMIT) * (self._model.ampere or 1e-2) * self.motor.constant
+        most = self.table.get(t.CURRENT_LIMIT) * MODEL.ampere * self.motor.constant
         torque = self._torque() if on else 0.0
         self.torque = max(-most, min(most, torque))
         return self.torque
@@ -191,7 +190,7 @@ class VirtualDynamixel:
         if mode in (t.CURRENT_MODE, t.PWM_MODE) and stopped:
             return 0.0
         if mode == t.CURRENT_MODE:
-            amps = table.get(t.GOAL_CURRENT, signed=True) * self._model.ampere
+            amps = table.get(t.GOAL_CURRENT, signed=True) * MODEL.ampere
             return amps * motor.constant
         if mode == t.PWM_MODE:
             return motor.at_output(table.get(t.GOAL_PWM, signed=True) / t.FULL_PWM)
@@ -207,7 +206,7 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualDynamixel:
     made = VirtualDynamixel(axis.id)
     if joint is not None:
         made.motor.fit(joint, axis.ratio)
-        most = min(32767, int(joint.limits.peak_current / 2.69e-3))
+        most = min(32767, int(joint.limits.peak_current / MODEL.ampere))
         made.table.set(t.CURRENT_LIMIT, most)
         made.table.set(t.VELOCITY_LIMIT, int(1.5 * joint.limits.velocity * axis.ratio / t.SPEED))
     return made
