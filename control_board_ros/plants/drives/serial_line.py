@@ -26,6 +26,10 @@ class Item(NamedTuple):
     address: int
     length: int
 
+    def pack(self, value: int) -> bytes:
+        """A number, its lowest byte first; of one that does not fit, the lowest bits."""
+        return (value % (1 << 8 * self.length)).to_bytes(self.length, "little")
+
 
 class Library(NamedTuple):
     """What the protocols of two makers' libraries differ in.
@@ -171,7 +175,9 @@ class ServoBus:
         error = 0
         for attempt in range(4 * ATTEMPTS):
             self._settle(attempt)
-            result, error = self.protocol.writeTxRx(self.port, drive, *item, _bytes(item, value))
+            result, error = self.protocol.writeTxRx(
+                self.port, drive, *item, list(item.pack(value))
+            )
             if result == 0 and not error & self._library.refusal:
                 return
         if error & self._library.refusal:
@@ -253,7 +259,3 @@ class ServoBus:
         if attempt:
             time.sleep(PATIENCE)
             self.port.clearPort()
-
-
-def _bytes(item: Item, value: int) -> list[int]:
-    return list((value % (1 << 8 * item.length)).to_bytes(item.length, "little"))

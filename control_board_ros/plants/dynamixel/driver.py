@@ -155,14 +155,8 @@ class DynamixelDrives:
         return round(value[Value.POSITION] / t.COUNT) + t.CENTRE
 
     def _sync(self, item: Item, values: Mapping[int, int]) -> None:
-        half = 1 << 8 * item.length
-        self._bus.sync(
-            item,
-            {
-                self._axes[k].id: (value % half).to_bytes(item.length, "little")
-                for k, value in values.items()
-            },
-        )
+        packed = {self._axes[k].id: item.pack(value) for k, value in values.items()}
+        self._bus.sync(item, packed)
 
     def _read(self, drives: Collection[int]) -> None:
         """What is read of each, by the place of its indirect data."""

@@ -61,7 +61,7 @@ class Framer:
 
 
 class Table:
-    """The memory of a servo; its numbers have their lowest byte first.
+    """The memory of a servo; see ``Item`` for its numbers.
 
     Attributes:
         bytes: All of it.
@@ -75,9 +75,7 @@ class Table:
         return int.from_bytes(data, "little", signed=signed)
 
     def set(self, item: Item, value: int) -> None:
-        """Write a number; of one that is too large or negative, the lowest bits."""
-        data = (value % (1 << 8 * item.length)).to_bytes(item.length, "little")
-        self.bytes[item.address : item.address + item.length] = data
+        self.bytes[item.address : item.address + item.length] = item.pack(value)
 
 
 class ServoMotor:
