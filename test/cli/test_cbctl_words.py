@@ -259,102 +259,60 @@ def test_stamps() -> None:
 
 SHOULDER = JointLimits(-1.666789, 0.139626, -1.701696, 0.174533, 1.7, 20.0, 40.0, 100.0)
 IIWA = JointLimits(-2.93215, 2.93215, -2.96706, 2.96706, 1.5, 15.0, 320.0, 100.0)
-KINDS = (JointKind.REVOLUTE, JointKind.PRISMATIC)
 RAIL = JointLimits(0.0, 0.4, -0.01, 0.41, 0.5, 2.0, 100.0, 100.0)
-
-
-@pytest.mark.parametrize(
-    ("joint", "word", "text"),
-    [
-        (
-            SHOULDER,
-            "30deg",
-            "joint: 0.5236 rad = 30.0° is outside its limits, -1.667 to 0.1396 rad "
-            "= -95.5° to 8.0°",
-        ),
-        (
-            IIWA,
-            "30",
-            "joint: 30 rad = 1718.9° is outside its limits, -2.932 to 2.932 rad "
-            "= -168.0° to 168.0°; did you mean 30deg?",
-        ),
-        (
-            RAIL,
-            "30",
-            "joint: 30 m = 30000.0 mm is outside its limits, 0 to 0.4 m "
-            "= 0.0 mm to 400.0 mm; did you mean 30mm?",
-        ),
-        (
-            IIWA,
-            "500",
-            "joint: 500 rad = 28647.9° is outside its limits, -2.932 to 2.932 rad "
-            "= -168.0° to 168.0°",
-        ),
-        (
-            IIWA,
-            "30rad",
-            "joint: 30 rad = 1718.9° is outside its limits, -2.932 to 2.932 rad "
-            "= -168.0° to 168.0°",
-        ),
-    ],
-)
-def test_targets_outside_the_limits(joint: JointLimits, word: str, text: str) -> None:
-    """P9: what was understood in both units, what is allowed, and what may have been meant."""
-    target = {"joint": quantity(word, "position")}
-    with pytest.raises(Refused) as refused:
-        check_limits("position", target, {"joint": joint}, {"joint": KINDS[joint is RAIL]})
-    assert str(refused.value) == text
-
-
-def test_targets_within_the_limits() -> None:
-    """A limit itself is allowed however it is rounded; without limits the board decides."""
-    for word in ("168deg", "-168°", "168.04deg", "2.9322", "0"):
-        check_limits("position", {"joint": quantity(word, "position")}, {"joint": IIWA}, {})
-    check_limits("position", {"joint": Quantity(1e9)}, {"joint": None}, {})
-    check_limits("position", {"joint": Quantity(1e9)}, {}, {})
+OF_IIWA = "is outside its limits, -2.932 to 2.932 rad = -168.0° to 168.0°"
+OF_RAIL = "is outside its limits, 0 to 0.4 m = 0.0 mm to 400.0 mm"
+OF_SHOULDER = "is outside its limits, -1.667 to 0.1396 rad = -95.5° to 8.0°"
 
 
 @pytest.mark.parametrize(
     ("joint", "kind", "word", "text"),
     [
+        (SHOULDER, "position", "30deg", f"0.5236 rad = 30.0° {OF_SHOULDER}"),
+        (IIWA, "position", "30", f"30 rad = 1718.9° {OF_IIWA}; did you mean 30deg?"),
+        (RAIL, "position", "30", f"30 m = 30000.0 mm {OF_RAIL}; did you mean 30mm?"),
+        (IIWA, "position", "500", f"500 rad = 28647.9° {OF_IIWA}"),
+        (IIWA, "position", "30rad", f"30 rad = 1718.9° {OF_IIWA}"),
         (
             IIWA,
             "speed",
             "-20",
-            "joint: -20 rad/s = -1145.9°/s is beyond its limit, 1.5 rad/s = 85.9°/s; "
+            "-20 rad/s = -1145.9°/s is beyond its limit, 1.5 rad/s = 85.9°/s; "
             "did you mean -20deg?",
         ),
         (
             RAIL,
             "speed",
             "2",
-            "joint: 2 m/s = 2000.0 mm/s is beyond its limit, 0.5 m/s = 500.0 mm/s; "
-            "did you mean 2mm?",
+            "2 m/s = 2000.0 mm/s is beyond its limit, 0.5 m/s = 500.0 mm/s; did you mean 2mm?",
         ),
         (
             IIWA,
             "acceleration",
             "2000deg",
-            "joint: 34.91 rad/s² = 2000.0°/s² is beyond its limit, 15 rad/s² = 859.4°/s²",
+            "34.91 rad/s² = 2000.0°/s² is beyond its limit, 15 rad/s² = 859.4°/s²",
         ),
-        (IIWA, "torque", "-400", "joint: -400 N·m is beyond its limit, 320 N·m"),
-        (RAIL, "torque", "101N", "joint: 101 N is beyond its limit, 100 N"),
-        (IIWA, "output", "120%", "joint: 120 % is beyond its limit, 100 %"),
+        (IIWA, "torque", "-400", "-400 N·m is beyond its limit, 320 N·m"),
+        (RAIL, "torque", "101N", "101 N is beyond its limit, 100 N"),
+        (IIWA, "output", "120%", "120 % is beyond its limit, 100 %"),
     ],
 )
-def test_other_values_beyond_the_limits(
-    joint: JointLimits, kind: str, word: str, text: str
-) -> None:
-    """P14: velocities, accelerations, torques and outputs, as positions."""
+def test_values_beyond_the_limits(joint: JointLimits, kind: str, word: str, text: str) -> None:
+    """P9, P14: what was understood in both units, what is allowed, what may have been meant."""
+    joints = {"joint": JointKind.PRISMATIC if joint is RAIL else JointKind.REVOLUTE}
     with pytest.raises(Refused) as refused:
-        check_limits(
-            kind,
-            {"joint": quantity(word, kind)},
-            {"joint": joint},
-            {"joint": KINDS[joint is RAIL]},
-        )
-    assert str(refused.value) == text
-    check_limits(kind, {"joint": quantity("0.2", kind)}, {"joint": joint}, {})
+        check_limits(kind, {"joint": quantity(word, kind)}, {"joint": joint}, joints)
+    assert str(refused.value) == f"joint: {text}"
+
+
+def test_values_within_the_limits() -> None:
+    """A limit itself is allowed however it is rounded; without limits the board decides."""
+    for word in ("168deg", "-168°", "168.04deg", "2.9322", "0"):
+        check_limits("position", {"joint": quantity(word, "position")}, {"joint": IIWA}, {})
+    for kind in ("speed", "acceleration", "torque", "output"):
+        check_limits(kind, {"joint": quantity("0.2", kind)}, {"joint": IIWA}, {})
+    check_limits("position", {"joint": Quantity(1e9)}, {"joint": None}, {})
+    check_limits("position", {"joint": Quantity(1e9)}, {}, {})
 
 
 def test_every_joint_that_is_outside_is_named() -> None:
