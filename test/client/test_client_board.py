@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from talk import TIMEOUT, patient
+from talk import TIMEOUT
 
 from control_board_ros import protocols
 from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient, MoveFeedback
@@ -24,7 +24,7 @@ from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.interface import CALIBRATE
-from control_board_ros.testing import BoardProcess, ros_node
+from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
@@ -518,32 +518,6 @@ def answered(ask: Callable[[], Any]) -> None:
             assert ask()
             return
         assert time.monotonic() < deadline, "no answer in time"
-
-
-@pytest.mark.slow
-def test_a_hundred_clients_at_once(process: BoardProcess) -> None:
-    """100 calls in flight lose none."""
-    with ros_node(process.domain, "many", spin=False) as node:
-        clients = [patient(node, process.name) for _ in range(10)]
-        answers: list[Any] = []
-        lock = threading.Lock()
-
-        def ask(client: ControlBoardClient) -> None:
-            for _ in range(10):
-                modes = client.get_control_mode()
-                with lock:
-                    answers.append(modes)
-
-        threads = [threading.Thread(target=ask, args=(c,)) for c in clients for _ in range(10)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        for client in clients:
-            client.close()
-    assert len(answers) == 1000
-    assert all(len(modes) == 7 for modes in answers)
-    assert np.all([modes == answers[0] for modes in answers])
 
 
 def test_poses(client: ControlBoardClient) -> None:

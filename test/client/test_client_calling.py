@@ -26,12 +26,6 @@ def spinning(process: BoardProcess) -> Iterator[Any]:
         yield node
 
 
-def test_beside_a_spinning_executor(process: BoardProcess, spinning: Any) -> None:
-    """The user's node spins elsewhere."""
-    with patient(spinning, process.name) as client:
-        assert client.get_control_mode(0) == [M.POSITION]
-
-
 def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
     """A call from a callback of the executor that spins the node does not deadlock."""
     answers: list[Any] = []

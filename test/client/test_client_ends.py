@@ -23,37 +23,22 @@ from control_board_ros.testing import BoardProcess, ros_node
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 
-def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
-    """A call after close, and one that waits while another thread closes."""
-    client = patient(node, process.name)
-    assert client.names
-    ended: list[Any] = []
-
-    def wait() -> None:
-        try:
-            client.wait_for_state(lambda _: False, TIMEOUT)
-        except BoardError as error:
-            ended.append(str(error))
-
-    thread = threading.Thread(target=wait)
-    thread.start()
-    time.sleep(0.3)
-    client.close()
-    thread.join()
-    assert ended == ["the client was closed"]
-    with pytest.raises(BoardError, match="closed"):
-        client.get_control_mode()
-    client.close()
-
-
-def test_a_context_that_is_shut_down(process: BoardProcess) -> None:
-    """rclpy.shutdown() under a waiting call ends it with an error."""
+@pytest.mark.parametrize(
+    ("end", "text"), [("close", "the client was closed"), ("shutdown", "context was shut down")]
+)
+def test_a_call_that_waits_ends_with_its_client(
+    process: BoardProcess, end: str, text: str
+) -> None:
+    """Closed by another thread, or by rclpy.shutdown(); later calls say so, too."""
     with ros_node(process.domain, "short", spin=False) as node:
         client = patient(node, process.name)
         assert client.names
-        threading.Timer(0.3, node.context.shutdown).start()
-        with pytest.raises(BoardError, match="context was shut down"):
+        ends = {"close": client.close, "shutdown": node.context.shutdown}
+        threading.Timer(0.3, ends[end]).start()
+        with pytest.raises(BoardError, match=text):
             client.wait_for_state(lambda _: False, TIMEOUT)
+        with pytest.raises(BoardError, match=text):
+            client.get_control_mode()
         client.close()
 
 
@@ -63,27 +48,16 @@ from control_board_ros.client import ControlBoardClient
 rclpy.init()
 node = rclpy.create_node("program")
 client = ControlBoardClient(node, "control_board", find_timeout=60.0, answer_timeout=60.0)
-print(client.get_control_mode(0)[0].name)
-if {shut_down}:
-    rclpy.shutdown()
 """
+ASKING = f"{PROGRAM}print(client.get_control_mode(0)[0].name)"
+MOVING = f"{PROGRAM}client.move(0, 1.5, 0.1, lambda feedback: print('moving', flush=True))"
 
 
-@pytest.mark.parametrize("shut_down", [False, True])
-def test_a_program_just_ends(process: BoardProcess, shut_down: bool) -> None:
+@pytest.mark.parametrize("end", ["", "; rclpy.shutdown()"], ids=["as it is", "shut down"])
+def test_a_program_just_ends(process: BoardProcess, end: str) -> None:
     """Nothing needs to be closed: the program ends with code 0 and says nothing."""
-    done = python(PROGRAM.format(shut_down=shut_down), env=process.environment)
+    done = python(ASKING + end, env=process.environment)
     assert (done.stdout, done.stderr) == ("POSITION\n", "")
-
-
-MOVING = """
-import rclpy
-from control_board_ros.client import ControlBoardClient
-rclpy.init()
-node = rclpy.create_node("program")
-client = ControlBoardClient(node, "control_board", find_timeout=60.0, answer_timeout=60.0)
-client.move(0, 1.5, 0.1, lambda feedback: print("moving", flush=True))
-"""
 
 
 def test_ctrl_c_where_rclpy_handles_signals(process: BoardProcess, node: Any) -> None:

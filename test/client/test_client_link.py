@@ -16,7 +16,7 @@ from control_board_msgs.msg import JointModes, PositionCommand
 from control_board_msgs.srv import GetControlMode, SetControlMode
 from rclpy.action import ActionServer
 from rclpy.qos import QoSProfile
-from talk import until
+from talk import state_of, until
 
 from control_board_ros.client import BoardNotFound, BoardTimeout, InvalidAnswer, state
 from control_board_ros.client.link import Link
@@ -191,14 +191,6 @@ def test_an_old_state_counts_only_if_the_board_answers(
         with pytest.raises(BoardTimeout, match="no answer from /board/get_control_mode"):
             run(view.latest())
         assert run(view.latest(fresh=False)).names == ("a",)
-
-
-def state_of(names: list[str], **other: Any) -> Any:
-    """A state with one value of each kind for each joint, but for the other fields."""
-    floats = {field: [0.0] * len(names) for field in state.FLOAT_FIELDS}
-    flags = {field: [True] * len(names) for field in ("motion_done", "calibrated")}
-    counts = {"rejected_commands": [0] * len(names)}
-    return STATE.load()(**({"names": names} | floats | flags | counts | other))
 
 
 @pytest.mark.parametrize("field", ["position", "temperature", "motion_done", "calibrated"])

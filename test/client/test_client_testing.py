@@ -173,17 +173,26 @@ def test_nodes_of_tests() -> None:
 
 @pytest.mark.ros
 @pytest.mark.physics
-def test_the_fixture(pytester: Any) -> None:
-    """A user's own test, as the documentation shows it."""
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("from control_board_ros.testing import control_board", ()),
+        ("", ("-p", "control_board_ros.testing")),
+    ],
+    ids=["imported", "plugin"],
+)
+def test_the_fixture(pytester: Any, line: str, words: tuple[str, ...]) -> None:
+    """A user's own test, as the documentation shows it; as a plugin, without a word of import."""
     pytester.makepyfile(
-        """
+        f"""
         import pytest
         from control_board_ros.client import ControlBoardClient
-        from control_board_ros.testing import control_board, ros_node
+        from control_board_ros.testing import ros_node
+        {line}
 
         @pytest.fixture
         def control_board_options():
-            return {"params": {"state_rate": 50.0}, "name": "arm", "namespace": "left"}
+            return {{"params": {{"state_rate": 50.0}}, "name": "arm", "namespace": "left"}}
 
         def test_my_controller(control_board):
             assert control_board.name == "/left/arm"
@@ -192,26 +201,5 @@ def test_the_fixture(pytester: Any) -> None:
                     assert client.set_control_mode(None, "vel")
         """
     )
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
-    result.assert_outcomes(passed=1)
-
-
-@pytest.mark.ros
-@pytest.mark.physics
-def test_the_plugin_needs_no_import(pytester: Any) -> None:
-    """The fixtures are there, and options may be overridden, without a word of import."""
-    pytester.makepyfile(
-        """
-        import pytest
-
-        @pytest.fixture
-        def control_board_options():
-            return {"name": "arm"}
-
-        def test_my_controller(control_board):
-            assert control_board.name == "/arm"
-        """
-    )
-    plugin = ("-p", "control_board_ros.testing")
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", *plugin)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", *words)
     result.assert_outcomes(passed=1)

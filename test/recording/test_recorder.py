@@ -16,7 +16,7 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
-from talk import until
+from talk import state_of, until
 
 from control_board_ros.cli.board.experiments import await_states
 from control_board_ros.cli.line.words import Refused
@@ -162,14 +162,9 @@ def test_a_recorder_receives_the_board_again(
         modes.publish(MODES.load()(names=["a"], control_modes=["pos"], interaction_modes=["stif"]))
 
         def send() -> None:
-            message = STATE.load()(names=["a"], motion_done=[True], rejected_commands=[0])
-            for field in ("position", "velocity", "torque", "position_reference"):
-                setattr(message, field, [0.0])
-            for field in ("velocity_reference", "torque_reference", "output", "current"):
-                setattr(message, field, [0.0])
-            message.temperature = [20.0]
-            now = time.time_ns()
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
+            message = state_of(["a"])
+            stamp = message.header.stamp
+            stamp.sec, stamp.nanosec = divmod(time.time_ns(), 10**9)
             states.publish(message)
 
         def received() -> int:

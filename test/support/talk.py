@@ -19,6 +19,7 @@ from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
 from control_board_ros.client import ControlBoardClient
+from control_board_ros.client.state import FLOAT_FIELDS
 from control_board_ros.testing import BoardProcess, ros_node
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -217,6 +218,14 @@ def talking_to(board: BoardProcess, name: str = "talker", to: str = "") -> Itera
     """A talker in a node of its own, to the board, or to another one of the same process."""
     with ros_node(board.domain, name) as node:
         yield Talker(node, to or board.name)
+
+
+def state_of(names: list[str], **other: Any) -> Any:
+    """A state with one value of each kind for each joint, but for the other fields."""
+    floats = {field: [0.0] * len(names) for field in FLOAT_FIELDS}
+    flags = {field: [True] * len(names) for field in ("motion_done", "calibrated")}
+    counts = {"rejected_commands": [0] * len(names)}
+    return msg.BoardState(**({"names": names} | floats | flags | counts | other))
 
 
 def stamp_of(message: Any) -> float:
