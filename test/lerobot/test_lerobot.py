@@ -19,30 +19,17 @@ import pytest
 FOLDER = Path(__file__).resolve().parents[2] / "integrations/lerobot"
 PACKAGE = "lerobot_robot_control_board"
 #: The ten members that a robot must have, and those of a teleoperator.
-ROBOT = [
-    "observation_features",
+BOTH = [
     "action_features",
     "is_connected",
     "connect",
     "is_calibrated",
     "calibrate",
     "configure",
-    "get_observation",
-    "send_action",
     "disconnect",
 ]
-TELEOPERATOR = [
-    "action_features",
-    "feedback_features",
-    "is_connected",
-    "connect",
-    "is_calibrated",
-    "calibrate",
-    "configure",
-    "get_action",
-    "send_feedback",
-    "disconnect",
-]
+ROBOT = [*BOTH, "observation_features", "get_observation", "send_action"]
+TELEOPERATOR = [*BOTH, "feedback_features", "get_action", "send_feedback"]
 
 
 @dataclass(kw_only=True)
