@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from talk import TIMEOUT
 
-from control_board_ros import protocols
 from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient, MoveFeedback
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Answer
@@ -29,20 +28,6 @@ from control_board_ros.testing import BoardProcess
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 NAMES = tuple(f"lbr_iiwa_joint_{k}" for k in range(1, 8))
-
-
-INTERFACES = [
-    kind
-    for kind in vars(protocols).values()
-    if getattr(kind, "_is_protocol", False) and kind.__module__ == protocols.__name__
-]
-
-
-def test_it_offers_the_interfaces(client: ControlBoardClient) -> None:
-    """A, D1: the client offers every interface."""
-    assert len(INTERFACES) == 13
-    for protocol in INTERFACES:
-        assert isinstance(client, protocol)
 
 
 def test_joints_by_name_index_sequence_and_none(client: ControlBoardClient) -> None:

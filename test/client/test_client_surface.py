@@ -54,11 +54,16 @@ def test_each_method_has_a_docstring_and_shows_in_help(name: str) -> None:
     assert any(line.startswith(f"{name}(self") for line in lines)
 
 
+INTERFACES = [
+    kind
+    for kind in vars(protocols).values()
+    if getattr(kind, "_is_protocol", False) and kind.__module__ == protocols.__name__
+]
+assert len(INTERFACES) == 13
 PROMISED = [
-    pytest.param(name, method, id=f"{protocol.__name__}.{name}")
-    for protocol in vars(protocols).values()
-    if getattr(protocol, "_is_protocol", False) and protocol.__module__ == protocols.__name__
-    for name, method in vars(protocol).items()
+    pytest.param(name, method, id=f"{kind.__name__}.{name}")
+    for kind in INTERFACES
+    for name, method in vars(kind).items()
     if not name.startswith("_")
 ]
 assert len(PROMISED) > 30
@@ -66,7 +71,7 @@ assert len(PROMISED) > 30
 
 @pytest.mark.parametrize(("name", "method"), PROMISED)
 def test_parameters_are_those_of_the_interfaces(name: str, method: Any) -> None:
-    """A: names, order and defaults of parameters, so that one script serves board and client."""
+    """A, D1: names, order, defaults of parameters, so that one script serves board and client."""
     promised = inspect.signature(method).parameters
     offered = inspect.signature(METHODS[name]).parameters
     assert list(offered)[: len(promised)] == list(promised)
