@@ -121,6 +121,18 @@ def test_what_was_published_is_settled_when_a_call_has_been_answered(link: Link)
         assert board.sent == ["lost", "answered"]
 
 
+def test_a_board_that_does_not_answer_and_does_again(link: Link) -> None:
+    with ros_node(link.domain, "board") as node:
+        board = Board(node)
+        run(link.call(GET_CONTROL_MODE))
+        link.answer_timeout, board.loses = 0.5, math.inf
+        match = r"no answer from .*/board/get_control_mode after 0\.5 s"
+        with pytest.raises(BoardTimeout, match=match):
+            run(link.call(GET_CONTROL_MODE))
+        link.answer_timeout, board.loses = GUARD, 0
+        run(link.call(GET_CONTROL_MODE))
+
+
 def test_a_request_waits_until_the_board_has_heard_of_the_client(link: Link) -> None:
     """It is made once, however often the way of its answer was tried before."""
     made: list[list[str]] = []
