@@ -13,13 +13,11 @@ from documents import ROOT
 from processes import ended
 
 
-@pytest.fixture(scope="module")
-def build() -> ModuleType:
-    sys.path.insert(0, str(ROOT / "docs" / "site"))
-    try:
-        import build
-    finally:
-        sys.path.remove(str(ROOT / "docs" / "site"))
+@pytest.fixture
+def build(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(ROOT / "docs" / "site")
+    import build
+
     return build
 
 

@@ -102,11 +102,14 @@ def test_a_hold_ends_when_nobody_confirms_it(panel: Panel) -> None:
     assert not panel.hub.operating.holds
 
 
-def test_a_hold_ends_with_its_connection(panel: Panel) -> None:
+def test_what_is_held_ends_with_its_connection(panel: Panel) -> None:
     browser = panel.browser()
     assert browser.ask("hold", **HOLD)["ok"]
+    browser.send("move", board="/b", joints=["a"], positions=[1.0])
+    panel.board().calls.wait_for("move", ["a"], 1.0)
     browser.socket.close()
     panel.board().calls.wait_for("velocity_move", "b", 0.0)
+    panel.board().calls.wait_for("move cancelled")
 
 
 @pytest.mark.parametrize("how", ["release", "stop"])
@@ -139,14 +142,6 @@ def test_a_hold_that_the_board_refuses_is_not_repeated(panel: Panel) -> None:
     assert answer["ok"] is False
     assert answer["message"] == "mode is POSITION"
     assert not panel.hub.operating.holds
-
-
-def test_a_move_is_cancelled_with_its_connection(panel: Panel) -> None:
-    browser = panel.browser()
-    browser.send("move", board="/b", joints=["a"], positions=[1.0])
-    panel.board().calls.wait_for("move", ["a"], 1.0)
-    browser.socket.close()
-    panel.board().calls.wait_for("move cancelled")
 
 
 def test_stop_stops_everything(panel: Panel) -> None:
