@@ -23,8 +23,6 @@ from control_board_ros import __version__
         (["mode"], "required: JOINT… MODE; see cbctl mode --help"),
         (["mode", "vel"], "name joints, then a mode, e.g. cbctl mode all pos"),
         (["move", "joint_1"], "'joint_1' is not valid; write JOINT=VALUE"),
-        (["move", "joint_1=90grad"], "'90grad' is not valid; write a number"),
-        (["velocity", "0=1", "--for", "x"], "time 'x' is not valid"),
         (["velocity", "0=1", "--for", "1s", "--once"], "exclude each other"),
         (["modes", "--nonsense"], "unrecognized arguments: --nonsense; see cbctl modes --help"),
         (["modes", "--timeout", "0"], "--timeout 0 is not valid"),

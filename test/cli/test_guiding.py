@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cbctl_process import Asker, Cbctl, until
+from cbctl_process import Asker, Cbctl, interrupted, until
 from cbctl_terminal import terminal
 from hand import JOINT, Hand
 
@@ -43,10 +43,9 @@ def test_a_guided_way_is_replayed(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path
     hand.push(0.0)
     time.sleep(1.0)
     guided = hand.position()
-    guiding.send_signal(2)
-    out, err = guiding.communicate()
-    assert guiding.returncode == 0, err
-    assert "recording" in out
+    guidance = interrupted(guiding)
+    assert guidance.code == 0, guidance.err
+    assert "recording" in guidance.out
     assert {row["interaction_mode"] for row in ask("modes").values()} == {"stif"}
     assert {row["control_mode"] for row in ask("modes").values()} == {"pos"}
     assert as_set(ask) == before

@@ -11,7 +11,7 @@ import pytest
 
 from control_board_ros.cli.line.options import Options
 from control_board_ros.cli.verbs.streams import lasting
-from control_board_ros.core.terms.reply import accepted, refused
+from control_board_ros.core.terms.reply import accepted
 
 ASKED = {"elbow": 500.0, "wrist": 2.0}
 SESSION: Any = SimpleNamespace(options=Options(), shared=False, names=list(ASKED), line=str)
@@ -29,11 +29,3 @@ def test_a_bounded_reference_is_reported(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == (
         "torque references: elbow 176, wrist 2; they stay until changed\n"
     )
-
-
-def test_a_refused_reference_is_not_reported(capsys: pytest.CaptureFixture[str]) -> None:
-    def refuse(*_: Any) -> Any:
-        return refused("elbow is in POSITION", ("elbow",))
-
-    assert lasting(SESSION, refuse, ASKED, None, "torque references", "{:g}", "torq") == 1
-    assert capsys.readouterr().out == ""

@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+import math
 import shutil
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import context_of, ended, panel_beside
-from cbctl_process import GUARD
+from browsing import context_of, operate, panel_beside
+from cbctl_process import interrupted, until
 from standins import Panel, StandIn, panel_of
+from talk import patient
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.panel import robot
@@ -28,6 +31,8 @@ ARGUMENTS = [
     "--disable-sync",
 ]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+#: The joint that carries the arm, rad, away from its limits.
+CARRIER, CARRYING = "lbr_iiwa_joint_2", math.radians(30.0)
 #: Notes down which controls are used, by what a screen reader calls them.
 USED = """
 window.used = new Set();
@@ -76,11 +81,12 @@ def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BoardProcess]:
 
 
 @pytest.fixture(scope="module")
-def client(process: BoardProcess) -> Iterator[ControlBoardClient]:
-    """What the board itself says."""
+def client(process: BoardProcess, request: pytest.FixtureRequest) -> Iterator[ControlBoardClient]:
+    """What the board itself says, or that which the file names."""
+    name = getattr(request.module, "BOARD", "control_board")
     with (
         ros_node(process.domain, "user", spin=False) as node,
-        ControlBoardClient(node, find_timeout=GUARD, answer_timeout=GUARD) as client,
+        patient(node, name) as client,
     ):
         yield client
 
@@ -97,8 +103,8 @@ def address(process: BoardProcess, recordings: Path) -> Iterator[str]:
     words = ("--takeover", "10min", "--recordings", str(recordings))
     with panel_beside(process.environment, *words) as (panel, address):
         yield address
-        code, out, err = ended(panel)
-    assert (code, err) == (0, ""), out + err
+        done = interrupted(panel, signal.SIGTERM)
+    assert (done.code, done.err) == (0, ""), done
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +123,24 @@ def page(browser: Any, address: str) -> Iterator[Any]:
     size = {"width": 1440, "height": 900}
     with context_of(browser, viewport=size, color_scheme="dark") as context:
         yield from operated(context, address)
+
+
+@pytest.fixture
+def rested(page: Any, client: ControlBoardClient) -> Iterator[None]:
+    """The page operates, all joints hold, no question is open."""
+    operate(page)
+    client.set_control_mode(None, "pos")
+    if abs(client.get_encoder(CARRIER)[0] - CARRYING) > 0.005:  # it fell in a test before
+        moved = client.move(CARRIER, CARRYING, 1.0)
+        assert moved, moved.message
+    until(lambda: page.evaluate("panel.cards.every((card) => card.joint.mode === 'pos')"))
+    yield
+    operate(page)
+    stops = "panel.log.entries.filter((entry) => entry.what === 'stop').length"
+    before = page.evaluate(stops)
+    page.keyboard.press("Escape")
+    until(lambda: page.evaluate(stops) > before)
+    until(lambda: all(client.check_motion_done()))
 
 
 def operated(context: Any, address: str) -> Iterator[Any]:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import context_of, ended, panel_beside
-from cbctl_process import GUARD, until
+from browsing import context_of, panel_beside
+from cbctl_process import GUARD, interrupted, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess
@@ -27,11 +27,11 @@ def address(process: BoardProcess) -> Iterator[str]:
     """Where the panel is; of strangers it complains in lines, and in nothing else."""
     with panel_beside(process.environment) as (panel, address):
         yield address
-        code, out, err = ended(panel)
-    assert code == 0, out + err
-    assert "Traceback" not in err, err
-    own = [line for line in err.splitlines() if "RTPS_" not in line]  # not the middleware's
-    assert all(line.isprintable() for line in own), err
+        done = interrupted(panel, signal.SIGTERM)
+    assert done.code == 0, done
+    assert "Traceback" not in done.err, done.err
+    own = [line for line in done.err.splitlines() if "RTPS_" not in line]  # not the middleware's
+    assert all(line.isprintable() for line in own), done.err
 
 
 @pytest.fixture(autouse=True, params=["words", "lengths", "many", "nan", "laughs"])

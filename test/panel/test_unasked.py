@@ -15,14 +15,12 @@ from cbctl_process import until
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process
 
-pytestmark = [pytest.mark.slow, pytest.mark.ros]
+pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.usefixtures("rested")]
 FRONT = "lbr_iiwa_"
 #: ms in which a sent reference reaches the board.
 LATER = 600
 #: Degrees; maximum travel of a joint that holds.
 STILL = 0.3
-#: Degrees at which joint_2 carries the arm, away from its limits.
-CARRYING = 30.0
 
 
 def degrees(client: ControlBoardClient, joint: str) -> float:
@@ -57,24 +55,6 @@ def go(page: Any) -> None:
 def stop(page: Any, client: ControlBoardClient, joint: str) -> None:
     page.locator("#stop").click()
     until(lambda: not moves(client, joint))
-
-
-@pytest.fixture(autouse=True)
-def rested(page: Any, client: ControlBoardClient) -> Iterator[None]:
-    """The page operates, all joints hold, no question is open."""
-    operate(page)
-    client.set_control_mode(None, "pos")
-    if abs(degrees(client, "joint_2") - CARRYING) > STILL:  # it fell in a test before this one
-        moved = client.move(FRONT + "joint_2", math.radians(CARRYING), 1.0)
-        assert moved, moved.message
-    until(lambda: page.evaluate("panel.cards.every((card) => card.joint.mode === 'pos')"))
-    yield
-    operate(page)
-    stops = "panel.log.entries.filter((entry) => entry.what === 'stop').length"
-    before = page.evaluate(stops)
-    page.keyboard.press("Escape")
-    until(lambda: page.evaluate(stops) > before)
-    until(lambda: all(client.check_motion_done()))
 
 
 def stays(page: Any, client: ControlBoardClient, joint: str, at: float) -> None:
@@ -223,16 +203,6 @@ def test_a_joint_that_would_fall_is_asked_about(
     menu.select_option(mode)
     page.get_by_label("Set: yes").click()
     until(lambda: client.get_control_mode(f"{FRONT}joint_2")[0].code == mode)
-
-
-def test_all_to_idle_is_asked_about(page: Any, client: ControlBoardClient) -> None:
-    page.get_by_label("All joints shown to idle: no power").click()
-    asked = page.locator("#question-text")
-    asked.wait_for()
-    assert "joint_2" in asked.inner_text()
-    page.get_by_label("Cancel: nothing moves").click()
-    page.wait_for_timeout(LATER)
-    assert {mode.code for mode in client.get_control_mode()} == {"pos"}
 
 
 @pytest.fixture

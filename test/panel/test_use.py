@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -13,22 +12,11 @@ from cbctl_process import until
 
 from control_board_ros.client import ControlBoardClient
 
-pytestmark = [pytest.mark.slow, pytest.mark.ros]
+pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.usefixtures("rested")]
 FRONT = "lbr_iiwa_"
 #: px that a finger hits.
 FINGER = 44
 CONTROLS = "button, select, summary, input:not(.range)"
-
-
-@pytest.fixture(autouse=True)
-def rested(page: Any, client: ControlBoardClient) -> Iterator[None]:
-    """The page operates, all joints hold."""
-    operate(page)
-    client.set_control_mode(None, "pos")
-    until(lambda: page.evaluate("panel.cards.every((card) => card.joint.mode === 'pos')"))
-    yield
-    page.keyboard.press("Escape")
-    until(lambda: all(client.check_motion_done()))
 
 
 def is_inside(page: Any, selector: str) -> bool:

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cbctl_process import GUARD, until
+from cbctl_process import until
 
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.testing import BoardProcess, board_process, ros_node
+from control_board_ros.testing import BoardProcess, board_process
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 JOINTS = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
+#: Whose client the tests ask.
+BOARD = "/pair/lower"
 PARTS = {
     "upper": {"joints": JOINTS[:4]},
     "lower": {"joints": JOINTS[4:]},
@@ -26,18 +28,6 @@ def process() -> Iterator[BoardProcess]:
     params = {"robot": "iiwa", "robot_name": "pair", "parts": PARTS, "physics": "ideal"}
     with board_process(params, robot="pair") as board:
         yield board
-
-
-@pytest.fixture(scope="module")
-def client(process: BoardProcess) -> Iterator[ControlBoardClient]:
-    """What the lower part itself says."""
-    with (
-        ros_node(process.domain, "user", spin=False) as node,
-        ControlBoardClient(
-            node, "/pair/lower", find_timeout=GUARD, answer_timeout=GUARD
-        ) as client,
-    ):
-        yield client
 
 
 def shown(page: Any, joint: str, what: str) -> Any:

@@ -6,14 +6,12 @@ from __future__ import annotations
 import csv
 import os
 import re
-import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from cbctl_process import GUARD, Cbctl, until
+from cbctl_process import Cbctl, interrupted, until
 
 from control_board_ros.recording.page import page
 from control_board_ros.recording.reading import read
@@ -41,12 +39,6 @@ def ready(cbctl: Cbctl) -> None:
     until(lambda: cbctl("clear").code == 0 and cbctl("mode", "all", "pos").code == 0)
 
 
-def interrupt(process: Any) -> tuple[int, str, str]:
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=GUARD)
-    return process.returncode, out, err
-
-
 def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     """All states that came, modes, faults, warnings, parameters, robot; tables beside it."""
     folder = tmp_path / "bag"
@@ -57,8 +49,8 @@ def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     assert cbctl("param", "set", f"{FIRST}.position_pid.kp=901.0").code == 0
     assert cbctl("inject", LAST, "encoder").code == 0
     until(lambda: cbctl("faults", "--json").json.get(LAST, {}).get("active"))
-    code, out, _ = interrupt(recorder)
-    assert code == 0
+    recorded = interrupted(recorder)
+    assert recorded.code == 0, recorded.err
     (recording,) = read(folder)
     assert recording.board == "/control_board"
     assert len(recording.names) == 7
@@ -88,7 +80,7 @@ def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     events = (folder / "events.csv").read_text("utf-8").replace('"', "")
     assert f"{LAST},fault,10: encoder" in events
     assert f",request,move {FIRST} " in events
-    assert '"dropped": 0' in out
+    assert '"dropped": 0' in recorded.out
 
 
 def test_the_black_box(cbctl: Cbctl, tmp_path: Path) -> None:
@@ -99,10 +91,10 @@ def test_the_black_box(cbctl: Cbctl, tmp_path: Path) -> None:
     while not any(folder.glob("*/metadata.yaml")):
         assert cbctl("inject", LAST, "encoder").code == 0
         until(lambda: cbctl("clear", LAST).code == 0 and cbctl("mode", LAST, "pos").code == 0)
-    code, out, _ = interrupt(recorder)
-    assert code == 0
+    recorded = interrupted(recorder)
+    assert recorded.code == 0, recorded.err
     path = next(iter(folder.iterdir()))
-    assert f"{path}: 1 file" in out
+    assert f"{path}: 1 file" in recorded.out
     (recording,) = read(path)
     assert recording.faults[0].joint == LAST
     with (path / f"freeze_frame_{LAST}.csv").open() as table:  # E3: every control cycle around it

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import signal
 from collections.abc import Iterator
 from typing import Any
 
@@ -29,13 +28,6 @@ def panel_beside(environment: dict[str, str], *words: str) -> Iterator[tuple[Any
     finally:
         process.kill()
         process.communicate(timeout=GUARD)
-
-
-def ended(panel: Any) -> tuple[int, str, str]:
-    """End a panel's process: exit code, and what it has printed on stdout and stderr."""
-    panel.send_signal(signal.SIGTERM)
-    out, err = panel.communicate(timeout=GUARD)
-    return panel.returncode, out, err
 
 
 @contextlib.contextmanager

@@ -124,7 +124,7 @@ class Cbctl:
         )
         return Result(done.returncode, done.stdout, done.stderr)
 
-    def start(self, *words: str, **how: Any) -> subprocess.Popen[str]:
+    def start(self, *words: str) -> subprocess.Popen[str]:
         """Start it and let it run."""
         process = subprocess.Popen(
             self.command(*words),
@@ -132,10 +132,16 @@ class Cbctl:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            **how,
         )
         self._started.append(process)
         return process
+
+
+def interrupted(process: subprocess.Popen[str], by: int = signal.SIGINT) -> Result:
+    """Send a signal to a command that runs; how it ends."""
+    process.send_signal(by)
+    out, err = process.communicate(timeout=GUARD)
+    return Result(process.returncode, out, err)
 
 
 class Asker:
@@ -152,9 +158,9 @@ class Asker:
         assert self("mode", *words)["success"] is True
 
 
-def until(condition: Callable[[], bool], timeout: float = GUARD) -> None:
+def until(condition: Callable[[], bool]) -> None:
     """Wait until a condition holds."""
-    deadline = time.monotonic() + timeout
+    deadline = time.monotonic() + GUARD
     while not condition():
         assert time.monotonic() < deadline, "it did not come to pass"
         time.sleep(POLL)

@@ -28,9 +28,9 @@ class Terminal:
         os.close(slave)
         self.shown = ""
 
-    def see(self, text: str, timeout: float = GUARD) -> None:
+    def see(self, text: str) -> None:
         """Read until this text is shown; what was shown before it is done with."""
-        deadline = time.monotonic() + timeout
+        deadline = time.monotonic() + GUARD
         while text not in self.shown:
             assert time.monotonic() < deadline, f"no {text!r} in {self.shown!r}"
             self._read()
@@ -48,9 +48,9 @@ class Terminal:
             self.type(key)
             self._read()
 
-    def end(self, timeout: float = GUARD) -> int:
+    def end(self) -> int:
         """Read until the process ends; its exit code."""
-        deadline = time.monotonic() + timeout
+        deadline = time.monotonic() + GUARD
         while self.process.poll() is None:
             if time.monotonic() > deadline:
                 self.process.kill()
