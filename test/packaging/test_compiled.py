@@ -17,7 +17,6 @@ from package_descriptions import PYPROJECT, ROOT, XML
 from processes import ended, python
 from pure import SUFFIX as AS_PYTHON
 from pure import as_python, load_python
-from rig import ready
 
 import control_board_ros
 from control_board_ros import compiled
@@ -103,30 +102,6 @@ def test_boards_can_be_made_with_either() -> None:
         assert laws.__name__ + AS_PYTHON in {value.__module__ for value in held}
         assert laws.__name__ not in {value.__module__ for value in held}
     assert vars(control) == before
-
-
-def test_both_give_the_same_bits() -> None:
-    """A move, a stop and a torque, on the joints of a simulated board."""
-
-    def states() -> list[bytes]:
-        rig = ready()
-        rig.enter("pos")
-        rig.board.position_move(None, [0.5, -0.3, 0.2])
-        moved = rig.record(0.2)
-        rig.board.stop(None)
-        rig.enter("torq", [0, 1])
-        rig.board.set_ref_torque([0, 1], [1.5, -2.0])
-        return [
-            array.tobytes()
-            for state in [*moved, *rig.record(0.1)]
-            for array in (state.position, state.velocity, state.torque, state.output)
-        ]
-
-    running = states()
-    with as_python():
-        python = states()
-    assert len(set(running)) > 100
-    assert python == running
 
 
 @pytest.mark.skipif(

@@ -380,13 +380,6 @@ def test_bottomless_brackets_are_refused(bracket: str, words: str, tmp_path: Pat
     assert words in told or "not YAML (exceeded maximum nesting depth)" in told
 
 
-def test_alias_bomb_is_refused(tmp_path: Path) -> None:
-    bomb = "a: &a [x, x]\n" + "".join(
-        f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
-    )
-    assert "anchors" in refusal(written(tmp_path, bomb, ""))
-
-
 def test_files_that_are_not_there_or_not_files(tmp_path: Path) -> None:
     fifo = tmp_path / "fifo.yaml"
     os.mkfifo(fifo)
