@@ -124,7 +124,8 @@ def test_a_joint_that_faults_on_the_way_ends_it(loop: ControlLoop) -> None:
 @pytest.mark.slow
 def test_the_process_parks_then_idles_then_ends() -> None:
     """R6: first signal: park, IDLE, exit code 0; 5 with the reason where that is not possible."""
-    with board_process({"park_on_exit": True}) as board, talking_to(board) as talker:
+    quick = {"park_on_exit": True, "real_time_factor": 4.0}
+    with board_process(quick) as board, talking_to(board) as talker:
         board.process.send_signal(signal.SIGINT)
         board.wait_for_output("parking, 3.4 s")
         assert board.process.wait(120.0) == 0

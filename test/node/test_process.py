@@ -163,33 +163,21 @@ def test_a_signal_while_paused_and_calibrating() -> None:
         assert "Traceback" not in board.output
 
 
-@pytest.mark.slow
-def test_a_second_node_of_the_name_is_refused() -> None:
-    """Exit code 3 and the other's pid, in one line; another namespace is welcome."""
-    with board_process({"real_time_factor": 0.5}) as board:
-        code, text = start_and_fail(domain=board.domain)
-        assert code == 3
-        assert f"pid {board.process.pid}" in text
-        assert text.count("\n") == 1
-        with board_process(namespace="left", domain=board.domain) as other:
-            assert other.name == "/left/control_board"
-
-
-@pytest.mark.slow
-def test_a_namesake_of_another_user_is_reported(tmp_path: Path) -> None:
-    """Where the lock cannot see the other one, the graph does, and both are warned."""
-    with board_process() as board:
-        with board_process(domain=board.domain, env={"XDG_RUNTIME_DIR": str(tmp_path)}) as other:
-            line = other.wait_for_output("nodes are called /control_board on this domain")
-        assert "2 nodes" in line
-
-
-@pytest.mark.slow
-def test_two_boards_in_two_namespaces() -> None:
-    """Everything is relative: what one board is told, the other does not hear."""
+@pytest.fixture(scope="module")
+def two() -> Iterator[tuple[BoardProcess, BoardProcess]]:
+    """Boards of one name on one domain, in the namespaces left and right."""
     with (
         board_process(namespace="left") as left,
         board_process(namespace="right", domain=left.domain) as right,
+    ):
+        yield left, right
+
+
+@pytest.mark.slow
+def test_two_boards_in_two_namespaces(two: tuple[BoardProcess, BoardProcess]) -> None:
+    """Everything is relative: what one board is told, the other does not hear."""
+    left, right = two
+    with (
         talking_to(left, "left_talker") as a,
         talking_to(right, "right_talker") as b,
     ):
@@ -206,6 +194,28 @@ def test_two_boards_in_two_namespaces() -> None:
         topics = {topic for topic, _ in a.node.get_topic_names_and_types()}
         assert {"/left/joint_states", "/right/joint_states"} <= topics
         assert {"/left/robot_description", "/right/robot_description"} <= topics
+
+
+@pytest.mark.slow
+def test_a_second_node_of_the_name_is_refused(two: tuple[BoardProcess, BoardProcess]) -> None:
+    """Exit code 3 and the other's pid, in one line; another namespace is welcome."""
+    left, right = two
+    code, text = start_and_fail("--ros-args", "-r", "__ns:=/left", domain=left.domain)
+    assert code == 3
+    assert f"pid {left.process.pid}" in text
+    assert text.count("\n") == 1
+    assert right.name == "/right/control_board"
+
+
+@pytest.mark.slow
+def test_a_namesake_of_another_user_is_reported(
+    two: tuple[BoardProcess, BoardProcess], tmp_path: Path
+) -> None:
+    """Where the lock cannot see the other one, the graph does, and both are warned."""
+    elsewhere = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    with board_process(namespace="right", domain=two[0].domain, env=elsewhere) as other:
+        line = other.wait_for_output("nodes are called /right/control_board on this domain")
+    assert "2 nodes" in line
 
 
 @pytest.mark.parametrize(
@@ -408,18 +418,19 @@ def test_closed_output_and_full_disks_do_not_end_it(tmp_path: Path) -> None:
             assert code == 0
 
 
-@pytest.mark.slow
-def test_ignored_commands_are_logged_once_a_second_with_their_count() -> None:
+def test_ignored_commands_are_logged_once_a_second_with_their_count(
+    unusual: tuple[BoardProcess, Talker],
+) -> None:
     """P2 of the promises: what was ignored, why, how often, and what to do."""
-    with board_process() as board, talking_to(board) as talker:
-        name = talker.names[2]
-        message = msg.VelocityCommand(names=[name], velocities=[0.1])
-        begun = time.monotonic()
-        while time.monotonic() - begun < 2.5:  # which lasts longer on a busy machine
-            talker.command("command/velocity", message)
-            time.sleep(0.01)
-        line = board.wait_for_output("ignored in the last 1 s")
-        assert f"velocity reference for {name} ignored: mode is POSITION (" in line
-        assert line.rstrip().endswith("it is accepted in vel, mix")
-        seconds = time.monotonic() - begun
-        assert board.output.count("velocity reference") <= 2 + seconds
+    board, talker = unusual
+    name = talker.names[2]
+    message = msg.VelocityCommand(names=[name], velocities=[0.1])
+    begun = time.monotonic()
+    while time.monotonic() - begun < 2.5:  # which lasts longer on a busy machine
+        talker.command("command/velocity", message)
+        time.sleep(0.01)
+    line = board.wait_for_output("ignored in the last 1 s")
+    assert f"velocity reference for {name} ignored: mode is POSITION (" in line
+    assert line.rstrip().endswith("it is accepted in vel, mix")
+    seconds = time.monotonic() - begun
+    assert board.output.count(f"velocity reference for {name}") <= 2 + seconds
