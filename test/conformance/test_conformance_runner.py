@@ -269,17 +269,17 @@ def test_a_board_that_is_gone_ends_the_run() -> None:
 @pytest.mark.slow
 @pytest.mark.ros
 def test_a_board_that_answers_late_ends(capsys: pytest.CaptureFixture[str]) -> None:
-    """Each answer comes after 0.4 s, and a rule may take 2 s."""
+    """Each answer comes after 0.2 s, and a rule may take 1 s."""
     command = [sys.executable, str(LAUNCHER), "answers_late"]
     with board_process({"state_rate": 100.0}, config=ARM, command=command) as board:
         line = ["--yes", "--domain", str(board.domain), "--timeout", "10", "--json"]
-        assert app.main([*line, "--rule-time", "2"]) == app.NOT_HELD
+        assert app.main([*line, "--rule-time", "1"]) == app.NOT_HELD
     out, err = capsys.readouterr()
     found = json.loads(out)["results"]
-    late = [row["evidence"] for row in found if "longer than 2 s;" in row["evidence"]]
+    late = [row["evidence"] for row in found if "longer than 1 s;" in row["evidence"]]
     assert len(late) == LATE
     assert "set_control_mode" not in late[0]
-    assert "get_control_mode is answered after 0.4" in late[0]
+    assert "get_control_mode is answered after 0.2" in late[0]
     assert "were not tested though the board offers" in err
 
 

@@ -97,7 +97,7 @@ def answers_late() -> None:
     """No rule is broken: all answers are late."""
 
     def late(old: Any, *args: Any) -> Any:
-        time.sleep(0.4)
+        time.sleep(0.2)
         return old(*args)
 
     for name in ("get_control_mode", "set_control_mode"):
