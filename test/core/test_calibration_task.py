@@ -49,17 +49,6 @@ def test_none_that_takes_it_is_an_error(rig: Rig) -> None:
         CalibrationTask(rig.board, "c")
 
 
-def test_a_fault_is_the_reason(rig: Rig) -> None:
-    task = CalibrationTask(rig.board, "a")
-    rig.tick(5)
-    rig.plant.inject("a", "external")
-    rig.tick(5)
-    outcome = task.outcome()
-    assert outcome is not None
-    assert not outcome.success
-    assert outcome.message == f"a is not calibrated: {rig.board.get_faults('a')[0].text}"
-
-
 def test_cancelled_its_joints_are_idle(rig: Rig) -> None:
     """K2: those that it calibrates, and no others."""
     assert rig.board.set_control_mode("c", "pos")

@@ -112,16 +112,18 @@ def controller(config: BoardConfig) -> Controller:
 
 
 def test_constants_of_a_joint() -> None:
-    """P10: the winding's a/(1 − a), a = exp(−T R/L), at most three; limits and motor as given."""
+    """P10, S2: the winding's a/(1 − a), a = exp(−T R/L), at most three; the rest as given."""
     one = OneJoint()
-    own = joint("a", inertia_min=0.2, inertia_mean=0.5, inertia_max=0.9)
+    winding = replace(MOTOR, resistance=4.0, inductance=8e-3)
+    own = joint("a", motor=winding, inertia_min=0.2, inertia_mean=0.5, inertia_max=0.9)
     set_constants(one.joint, own, 0.002)
     made = one.joint
     assert (made.limit_lower, made.limit_upper) == (LIMITS.lower, LIMITS.upper)
     assert (made.max_velocity, made.max_acceleration) == (LIMITS.velocity, LIMITS.acceleration)
     assert (made.max_torque, made.max_output) == (LIMITS.torque, LIMITS.output)
     assert (made.inertia_min, made.inertia) == (0.2, 0.5)
-    assert made.lead == pytest.approx(1.0 / (math.exp(0.002 * 1.0 / 1e-3) - 1.0))
+    assert made.lead == pytest.approx(1.0 / (math.exp(0.002 * 4.0 / 8e-3) - 1.0))
+    assert made.lag == pytest.approx(8e-3 / 4.0 / 0.002 - made.lead)
     assert made.percent_per_volt == pytest.approx(100.0 / 48.0)
     assert made.torque_per_ampere == MOTOR.torque_per_ampere == pytest.approx(5.0)
     set_constants(made, replace(own, motor=replace(MOTOR, inductance=1.0)), 0.002)
@@ -191,24 +193,6 @@ def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
     made.joints[0].stiffness = 90.0
     made.reconfigure(config)
     assert made.joints[0].stiffness == 90.0
-
-
-def test_at_power_on_no_reference_is_taken() -> None:
-    """N1, M3: whatever a joint took before."""
-    state = StateArrays(board_config(joint("a"), joint("b")))
-    state.accepts[:] = True
-    state.power_on(range(2))
-    assert not state.accepts.any()
-
-
-def test_a_winding_s_time_is_its_inductance_over_its_resistance() -> None:
-    """S2: a = exp(−T R/L) leads by a/(1 − a) periods."""
-    own = joint("a", motor=replace(MOTOR, resistance=4.0, inductance=8e-3))
-    config = board_config(own)
-    (laws,) = Controller(config, StateArrays(config)).joints
-    a = math.exp(-config.period * 4.0 / 8e-3)
-    assert laws.lead == pytest.approx(a / (1.0 - a))
-    assert laws.lag == pytest.approx(8e-3 / 4.0 / config.period - a / (1.0 - a))
 
 
 def test_a_configured_payload_is_carried_from_the_start() -> None:

@@ -249,7 +249,7 @@ def test_a_calibration_lasts_until_its_slowest_joint_is_done() -> None:
 
 
 def test_why_a_calibration_failed_is_told_also_after_the_fault_was_left() -> None:
-    """K4: the text of its status, not the phase "failed"."""
+    """K4: that of its fault, then the text of its status, not the phase "failed"."""
     rig = Rig(board_config(joint("a", calibration=QUICK)))
     rig.tick(2)
     task = CalibrationTask(rig.board, "a")
@@ -257,12 +257,14 @@ def test_why_a_calibration_failed_is_told_also_after_the_fault_was_left() -> Non
     rig.plant.inject("a", "external")
     rig.tick(5)
     cause = rig.board.get_faults("a")[0].text
+    failed = Outcome(False, f"a is not calibrated: {cause}")
+    assert task.outcome() == failed
     rig.plant.clear_injected()
     rig.tick(2)
     assert rig.board.set_control_mode("a", "fidl")
     rig.tick()
     assert not rig.board.get_faults("a")[0].active
-    assert task.outcome() == Outcome(False, f"a is not calibrated: {cause}")
+    assert task.outcome() == failed
 
 
 # --- moves ---------------------------------------------------------------------------------------

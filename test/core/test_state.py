@@ -15,6 +15,17 @@ from control_board_ros.core.terms.modes import INITIAL_INTERACTION
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 N = 3
+#: The row of each quantity; torques without a sensor are shown as no numbers.
+ROW_OF = {
+    "position": Row.POSITION,
+    "velocity": Row.VELOCITY,
+    "current": Row.CURRENT,
+    "temperature": Row.TEMPERATURE,
+    "position_reference": Reference.POSITION,
+    "velocity_reference": Reference.VELOCITY,
+    "torque_reference": Reference.TORQUE,
+    "output": Reference.OUTPUT,
+}
 
 
 def state() -> StateArrays:
@@ -24,18 +35,8 @@ def state() -> StateArrays:
 def test_each_view_is_its_row_of_the_block() -> None:
     made = state()
     made.block[:] = np.arange(BLOCK_ROWS * N).reshape(BLOCK_ROWS, N)
-    rows = {
-        "position": Row.POSITION,
-        "torque": Row.TORQUE,
-        "velocity": Row.VELOCITY,
-        "current": Row.CURRENT,
-        "temperature": Row.TEMPERATURE,
-        "position_reference": Reference.POSITION,
-        "torque_reference": Reference.TORQUE,
-        "velocity_reference": Reference.VELOCITY,
-        "output": Reference.OUTPUT,
-    }
-    for name, row in rows.items():
+    assert made.torque.tolist() == made.block[Row.TORQUE].tolist()
+    for name, row in ROW_OF.items():
         assert getattr(made, name).tolist() == made.block[row].tolist(), name
     assert np.shares_memory(made.measured, made.block)
     assert len(made.measured) == ROWS
@@ -119,17 +120,7 @@ def snapshot(**changes: object) -> Snapshot:
 
 def test_a_snapshot_has_the_rows_of_its_block() -> None:
     shown = snapshot()
-    rows = {
-        "position": Row.POSITION,
-        "velocity": Row.VELOCITY,
-        "current": Row.CURRENT,
-        "temperature": Row.TEMPERATURE,
-        "position_reference": Reference.POSITION,
-        "velocity_reference": Reference.VELOCITY,
-        "torque_reference": Reference.TORQUE,
-        "output": Reference.OUTPUT,
-    }
-    for name, row in rows.items():
+    for name, row in ROW_OF.items():
         assert getattr(shown, name).tolist() == shown.block[row].tolist(), name
     torque = shown.block[Row.TORQUE]
     assert np.array_equal(shown.torque, [torque[0], np.nan, torque[2]], equal_nan=True)
