@@ -85,38 +85,6 @@ def test_the_nearest_name_is_suggested(talker: Talker, board) -> None:
     board.wait_for_output("did you mean 'lbr_iiwa_joint_2'?")
 
 
-@pytest.mark.parametrize(
-    ("names", "modes"),
-    [([J1], []), ([J1, J7], ["pos"] * 3), ([], ["vel"] * 6), ([J1, J7], ["vel", "🦾"])],
-)
-def test_wrong_modes_change_nothing(talker: Talker, names: list[str], modes: list[str]) -> None:
-    """M6, M7, I1: as many modes as joints, or one for several; for control and interaction."""
-    for call in (talker.set_mode, talker.set_interaction):
-        answer = call(names, *modes)
-        assert not answer.success
-        assert "\n" not in answer.message
-        assert 10 < len(answer.message) < 400
-    assert talker.modes() == ["pos"] * 7
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "fields"),
-    [
-        ("set_impedance", srv.SetImpedance, {"stiffness": [], "damping": [1.0]}),
-        ("set_impedance", srv.SetImpedance, {"stiffness": [1.0], "damping": [math.nan]}),
-        ("set_reference_speed", srv.SetReferenceSpeed, {"speeds": []}),
-        ("set_reference_speed", srv.SetReferenceSpeed, {"accelerations": [-1.0]}),
-    ],
-)
-def test_bad_gains_and_speeds_are_refused(talker: Talker, name: str, kind, fields) -> None:
-    """I6, P2: the message says what is allowed; nothing changes."""
-    before = talker.call("get_impedance", srv.GetImpedance), references(talker)
-    answer = talker.call(name, kind, names=[J1], **fields)
-    assert not answer.success
-    assert "send" in answer.message
-    assert (talker.call("get_impedance", srv.GetImpedance), references(talker)) == before
-
-
 def test_paused_the_board_answers_and_a_velocity_does_not_expire(talker: Talker) -> None:
     """P12 (promises P6, P8): timeouts run on simulated time."""
     assert talker.set_mode([J7], "vel").success

@@ -25,6 +25,7 @@ from control_board_ros.interface import (
     SAVE_POSE,
     SERVICES,
     SET_BRAKE,
+    SET_CONTROL_MODE,
     SET_ENCODERS,
     SET_IMPEDANCE,
     SET_INTERACTION_MODE,
@@ -66,21 +67,28 @@ def test_modes_of_some(board: InProcess) -> None:
     [
         (["lbr_iiwa_joint_33"], ["pos"], "did you mean 'lbr_iiwa_joint_3'"),
         ([], ["pos", "vel"], "2 modes for 7 joints"),
+        (["lbr_iiwa_joint_1"], [], "0 modes for 1 joint"),
+        (["lbr_iiwa_joint_1", "lbr_iiwa_joint_7"], ["pos"] * 3, "3 modes for 2 joints"),
+        (["lbr_iiwa_joint_1", "lbr_iiwa_joint_7"], ["pos", "🦾"], "unknown"),
         ([], ["x" * 10_000], "unknown"),
         (["lbr_iiwa_joint_1", "é" * 10_000], ["pos"], "unknown"),
     ],
 )
+@pytest.mark.parametrize("service", [SET_CONTROL_MODE, SET_INTERACTION_MODE])
 def test_refusals_change_nothing_and_say_why(
-    board: InProcess, joints: list[str], modes: list[str], told: str
+    board: InProcess, service: Endpoint, joints: list[str], modes: list[str], told: str
 ) -> None:
-    """M6, M7: a wrong request is refused whole, in one line that says why."""
+    """M6, M7, I1: a wrong request is refused whole, in one line that says why."""
+    if service is SET_INTERACTION_MODE:
+        modes = [mode.replace("pos", "stif").replace("vel", "comp") for mode in modes]
     before = board.rig.modes()
-    answer = board.set_mode(joints, *modes)
+    answer = board.call(service, names=joints, modes=modes)
     assert not answer.success
     assert told in answer.message
     assert "\n" not in answer.message
     assert len(answer.message) < 600
     assert board.rig.modes() == before
+    assert {mode.code for mode in board.rig.board.get_interaction_mode()} == {"stif"}
 
 
 #: What a request needs beside the names of joints.
@@ -129,10 +137,13 @@ def test_impedance(board: InProcess) -> None:
     assert (most, before.max_damping[0]) == (own.max_stiffness, own.max_damping)
     good = {"stiffness": [0.5 * most], "damping": [2.0]}
     assert board.call(SET_IMPEDANCE, names=[name], **good).success
-    for bad in (-1.0, math.nan, 2 * most):
-        answer = board.call(SET_IMPEDANCE, names=[name], stiffness=[bad], damping=[1.0])
+    for bad in ([-1.0], [math.nan], [2 * most], []):
+        answer = board.call(SET_IMPEDANCE, names=[name], stiffness=bad, damping=[1.0])
         assert not answer.success
         assert "stiffness" in answer.message
+    answer = board.call(SET_IMPEDANCE, names=[name], stiffness=[1.0], damping=[math.nan])
+    assert not answer.success
+    assert "send" in answer.message
     after = board.call(GET_IMPEDANCE, names=[name])
     assert (after.stiffness[0], after.damping[0]) == (good["stiffness"][0], 2.0)
 
@@ -146,6 +157,8 @@ def test_reference_speeds(board: InProcess) -> None:
     read = board.call(GET_REFERENCES, names=[name])
     assert (list(read.speeds), read.accelerations) == ([0.7], before.accelerations)
     assert board.call(SET_REFERENCE_SPEED, names=[name], accelerations=[3.0]).success
+    for bad in ({"speeds": []}, {"accelerations": [-1.0]}):
+        assert "send" in board.call(SET_REFERENCE_SPEED, names=[name], **bad).message
     read = board.call(GET_REFERENCES, names=[name])
     assert (list(read.speeds), list(read.accelerations)) == ([0.7], [3.0])
 
