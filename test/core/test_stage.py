@@ -16,7 +16,6 @@ M = ControlMode
 MOVES = joint("moves", startup_mode=M.POSITION, startup_interaction=COMPLIANT)
 RESTS = joint("rests")
 REQUIRES = joint("requires", calibration=Calibration(type=12, required=True))
-BOTH = [Stage.UNCONFIGURED, Stage.INACTIVE]
 
 
 @pytest.fixture

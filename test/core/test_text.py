@@ -14,8 +14,6 @@ from rig import joint
 from control_board_ros.core.config.config import ConfigError
 from control_board_ros.text import clean, clean_lines, clean_name, file_name
 
-#: A title of a terminal, a colour, the clipboard, other directions, a NUL, a lone surrogate.
-HOSTILE = "\x1b]0;mine\x07\x1b[31mred\x1b]52;c;aGk=\x07\u202egnp\u2066\u200f\x00\ud800\n\r\t\x9b2J"
 SHOWN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 
 
