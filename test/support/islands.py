@@ -59,9 +59,9 @@ def disk(folder: str) -> None:
     run("mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder)
     try:
         with (Path(folder) / "full").open("wb") as file:
-            file.write(bytes(65536 - 8192))
+            file.write(bytes(65536))
         with board_process(env={"ROS_LOG_DIR": folder}) as board, talking_to(board) as talker:
-            for _ in range(3000):  # each worth a line in the log
+            for _ in range(300):  # worth lines in the log
                 talker.command("command/velocity", msg.VelocityCommand(names=["nobody"]))
             moves(talker, 0.1)
             assert talker.set_mode([], "vel").success
