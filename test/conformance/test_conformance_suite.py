@@ -21,8 +21,6 @@ from control_board_ros.conformance.runner import lightest, run
 from control_board_ros.testing import board_process
 
 SOAK = pytest.mark.soak
-#: Rules are judged by the board's own stamps.
-FAST = {"real_time_factor": 3.0}
 
 # -- boards ------------------------------------------------------------------------------------
 
@@ -36,7 +34,7 @@ def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) 
     """B1: whatever moves the joints."""
     report = tmp_path / "report.xml"
     with (
-        board_process(RATE | FAST | {"physics": physics}, config=ARM) as board,
+        board_process(RATE | {"physics": physics}, config=ARM) as board,
         session_on(board) as session,
     ):
         client = session.bench.client
