@@ -195,6 +195,14 @@ def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
     assert made.joints[0].stiffness == 90.0
 
 
+def test_at_power_on_no_reference_is_taken() -> None:
+    """N1, M3: whatever a joint took before."""
+    state = StateArrays(board_config(joint("a"), joint("b")))
+    state.accepts[:] = True
+    state.power_on(range(2))
+    assert not state.accepts.any()
+
+
 def test_a_configured_payload_is_carried_from_the_start() -> None:
     """G1: and after a power-on."""
     config = load("panda", {"panda_joint7.payload.mass": 2.0}).board
