@@ -118,7 +118,14 @@ def copied_package(tmp_path: Path) -> Path:
     """
     where = "import control_board_ros; print(control_board_ros.__path__[0])"
     source, target = Path(run(where, tmp_path)), tmp_path / "control_board_ros"
-    for pattern in ("__init__.py", "compiled.py", "core/**/*.*", "sim/__init__.py", "sim/drive.*"):
+    for pattern in (
+        "__init__.py",
+        "compiled.py",
+        "text.py",
+        "core/**/*.*",
+        "sim/__init__.py",
+        "sim/drive.*",
+    ):
         for path in source.glob(pattern):
             (target / path.relative_to(source)).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, target / path.relative_to(source))
