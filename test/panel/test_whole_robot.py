@@ -72,6 +72,7 @@ def test_a_part_is_driven_and_the_whole_stops(page: Any, client: ControlBoardCli
     until(lambda: shown(page, joint, "state.motion_done") is False)
     page.locator("code", has_text=f"cbctl --board /pair/lower move {joint}").first.wait_for()
     page.keyboard.press("Escape")
+    page.locator("#toast", has_text="Stopped").wait_for()  # or it ends what comes next
     until(lambda: client.check_motion_done(joint)[0])
 
 
