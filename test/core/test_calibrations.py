@@ -78,7 +78,9 @@ def test_a_joint_calibrates_again_by_its_encoder() -> None:
 def test_a_joint_is_held_where_its_encoder_says_that_it_is(
     own: Callable[[type[Calibrator]], Rig],
 ) -> None:
-    """K2: be that outside its limits, before its angle is known and when it is set."""
+    """K2, K6: be that outside its limits, before its angle is known and when it is set; without
+    feed-forwards.
+    """
 
     class Jumps(Calibrator):
         def advance(self) -> bool:
@@ -95,6 +97,7 @@ def test_a_joint_is_held_where_its_encoder_says_that_it_is(
     assert jumped.position[0] == pytest.approx(2.5, abs=1e-3)
     assert jumped.position_reference == pytest.approx([2.5], abs=1e-3)
     assert jumped.output == pytest.approx([0.0], abs=0.5)
+    assert not rig.board.engine.controller.joints[0].feeds
 
 
 def test_a_joint_beyond_its_limits_is_held_there(own: Callable[[type[Calibrator]], Rig]) -> None:
