@@ -156,8 +156,7 @@ class Board(JointGroup):
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
         actuation = self.engine.tick(measurement)
-        if self.bring_up.level is not None:
-            self.bring_up.step()
+        self.bring_up.step()
         return actuation
 
     def group(self, name: str | None = None) -> JointGroup:

@@ -17,6 +17,8 @@ try:
 except ImportError:
     from ..core.model import nocython as cython
 
+from ..core.terms.measurement import doubles
+
 if cython.compiled:
     from cython.cimports.libc.math import exp, rint, tanh
 else:
@@ -284,6 +286,13 @@ class Drives:
             self.acted,
         ) = rows
 
+    def look_at(self, pwm: object, powered: object) -> None:
+        """View other arrays; a copy of what is no such array is made again in every cycle."""
+        shape = (len(self.drives),)
+        given, bridges = doubles(pwm, shape), doubles(powered, shape)
+        self.sources = (pwm, powered) if given is pwm and bridges is powered else (None, None)
+        self.given, self.bridges = given, bridges
+
     def take(self, pwm: object, powered: object) -> bool:
         """Take the PWM, percent, and close (1) and open (0) bridges, shape (n,) each.
 
@@ -294,8 +303,7 @@ class Drives:
         d: Drive
         switched: cython.bint = False
         if pwm is not self.sources[0] or powered is not self.sources[1]:
-            self.sources = (pwm, powered)
-            self.given, self.bridges = pwm, powered
+            self.look_at(pwm, powered)
         for k in range(len(self.drives)):
             d = self.drives[k]
             self.pwm[k] = self.given[k]

@@ -380,3 +380,42 @@ def test_a_reading_is_taken_and_the_one_before_is_kept() -> None:
     monitor.take(other + 1.0, np.zeros((3, 2)))
     np.testing.assert_array_equal(raw, 8.0)
     np.testing.assert_array_equal(motors, 0.0)
+
+
+def test_other_readings_are_taken_as_numpy_does_or_refused() -> None:
+    """Never read beyond their ends: a plant may be wrong, and may reuse what is copied here."""
+    taken = blocks(2)
+    raw, motors = taken[0], taken[3]
+    rows = [np.zeros(2) for _ in [*READINGS, *ROWS]]
+    monitor = Monitor(
+        [JointMonitor(), JointMonitor()],
+        taken,
+        [row.data for row in rows[: len(READINGS)]],
+        [row.data for row in rows[len(READINGS) :]],
+        SLOW,
+        PERIOD,
+        FORGET,
+    )
+    single, whole = np.ones((READ, 2), dtype=np.float32), np.zeros((READ, 2))
+    turns = np.ones((MOTOR_ROWS, 2), dtype=np.int64)
+    for value in (1, 2):
+        single[:] = turns[:] = value
+        monitor.take(single, None)
+        np.testing.assert_array_equal(raw, value)
+        monitor.take(whole, turns)
+        np.testing.assert_array_equal(motors, value)
+        single[:] = turns[:] = -value
+        monitor.take(whole, turns)
+        np.testing.assert_array_equal(motors, -value)
+        monitor.take(single, None)
+        single[:] = value
+        monitor.take(single, None)
+        np.testing.assert_array_equal(raw, value)
+    for values, shafts in (
+        (np.zeros((READ, 1 + 2)), None),
+        (np.zeros((READ - 1, 2)), None),
+        (np.zeros((READ, 2)), np.zeros((MOTOR_ROWS - 1, 2))),
+    ):
+        with pytest.raises(ValueError, match="could not be broadcast"):
+            monitor.take(values, shafts)
+    np.testing.assert_array_equal(raw, 2.0)

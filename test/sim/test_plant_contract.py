@@ -256,3 +256,16 @@ def test_ideal_physics_of_a_robot_needs_no_engine(monkeypatch):
     assert isinstance(plant.body, IdealBody)
     values = drive(plant, 0.0, 0.0, cycles=50)
     np.testing.assert_array_equal(values[Row.POSITION], 0.0)  # no gravity
+
+
+def test_an_actuation_of_another_kind_is_taken_as_numpy_does_or_refused(make):
+    """Flags close bridges as numbers do; too few joints are no actuation."""
+    plant = make()
+    on = np.ones(7, dtype=bool)
+    plant.write(Actuation(np.full(7, 20, dtype=np.int64), on))
+    assert (plant.read().values[Row.CURRENT] != 0.0).all()
+    on[3] = False
+    plant.write(Actuation(np.full(7, 20, dtype=np.int64), on))
+    assert (plant.read().values[Row.CURRENT] != 0.0).tolist() == on.tolist()
+    with pytest.raises(ValueError, match="could not be broadcast"):
+        plant.write(Actuation(np.zeros(6), np.ones(7)))

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,6 +131,17 @@ DOUBLE = np.dtype(np.float64)
 
 #: Readings beyond this are invalid: their products need not be finite.
 CREDIBLE = 1e9
+
+
+def doubles(given: Any, shape: tuple[int, ...]) -> Array:
+    """The array itself where it is float64 of this shape, else a copy of it that is.
+
+    Raises:
+        ValueError: it has another shape, and is no number for all.
+    """
+    if type(given) is np.ndarray and given.dtype is DOUBLE and given.shape == shape:
+        return given
+    return np.array(np.broadcast_to(given, shape), dtype=np.float64)
 
 
 class Row(IntEnum):

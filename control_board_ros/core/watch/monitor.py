@@ -19,7 +19,7 @@ try:
 except ImportError:
     from ..model import nocython as cython
 
-from ..terms.measurement import CREDIBLE
+from ..terms.measurement import CREDIBLE, MOTOR_ROWS, ROWS, doubles
 
 if cython.compiled:
     from cython.cimports.libc.math import fabs
@@ -310,14 +310,20 @@ class Monitor:
         ) = readings
         self.joint_position, self.joint_current, self.output, self.travelled, self.used = rows
 
+    def look_at(self, values: object, motors: object) -> None:
+        """View other arrays; a copy of what is no such array is made again in every cycle."""
+        n = len(self.joints)
+        plain = doubles(values, (ROWS, n))
+        shafts = None if motors is None else doubles(motors, (MOTOR_ROWS, n))
+        self.sources = (values, motors) if plain is values and shafts is motors else (None, None)
+        self.given, self.given_motors = plain, self.motors if shafts is None else shafts
+
     def take(self, values: object, motors: object) -> None:
         """Take a reading, shapes (ROWS, n) and, or None, (MOTOR_ROWS, n)."""
         row: cython.Py_ssize_t
         k: cython.Py_ssize_t
         if values is not self.sources[0] or motors is not self.sources[1]:
-            self.sources = (values, motors)
-            self.given = values
-            self.given_motors = self.motors if motors is None else motors
+            self.look_at(values, motors)
         for row in range(len(self.raw)):
             for k in range(len(self.joints)):
                 self.before[row, k] = self.measured[row, k]
