@@ -66,15 +66,15 @@ class DescribedJoint:
         return JointKind.of(self.kind).choose("angle", "length")
 
 
-def heard_joints(urdf: str) -> dict[str, DescribedJoint]:
+def published_joints(urdf: str) -> dict[str, DescribedJoint]:
     """The joints of a description that a board publishes, by name; none when it cannot be read."""
     try:
-        return joints_in(heard(urdf))
+        return joints_in(published_robot(urdf))
     except UrdfError:
         return {}
 
 
-def heard(urdf: str) -> ET.Element:
+def published_robot(urdf: str) -> ET.Element:
     """The root of a description that a board publishes.
 
     Raises:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
 from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
-from control_board_ros.urdf_xml import DescribedJoint, heard_joints
+from control_board_ros.urdf_xml import DescribedJoint, published_joints
 
 if TYPE_CHECKING:
     from control_board_ros.client import ControlBoardClient
@@ -97,7 +97,7 @@ def read_limits(client: ControlBoardClient, name: str) -> JointLimits:
 def described_limits(client: ControlBoardClient, name: str) -> JointLimits:
     """The limits of a joint in the URDF."""
     try:
-        joint = heard_joints(client.get_robot_description()).get(name, DescribedJoint(""))
+        joint = published_joints(client.get_robot_description()).get(name, DescribedJoint(""))
     except BoardError:
         joint = DescribedJoint("")
     known = joint.lower < joint.upper

@@ -34,7 +34,7 @@ from control_board_ros.interface import (
     Endpoint,
 )
 from control_board_ros.recording.topics import ROSOUT
-from control_board_ros.urdf_xml import DescribedJoint, heard_joints
+from control_board_ros.urdf_xml import DescribedJoint, published_joints
 
 from .schemas import ENCODING, schema, service_schema
 
@@ -189,7 +189,7 @@ class Live(ServerListener):
             if count % SUBSCRIBE_EVERY == 0:
                 forwarded.follow(always=framed and topic in (JOINT_STATES, ROBOT_DESCRIPTION))
             if forwarded.take() and topic is ROBOT_DESCRIPTION:
-                self._joints = heard_joints(forwarded.read().data)
+                self._joints = published_joints(forwarded.read().data)
                 self._frames = Frames(self._joints, self._frames.names)
         if framed and states.last and count % FRAMES_EVERY == 0:
             self._show_frames(states.read(), whole=count % ALL_FRAMES_EVERY == 0)

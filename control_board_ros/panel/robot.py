@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
-from control_board_ros.urdf_xml import DescribedJoint, UrdfError, heard, joints_in
+from control_board_ros.urdf_xml import DescribedJoint, UrdfError, joints_in, published_robot
 
 #: Supported mesh types and their media types.
 MEDIA = {
@@ -53,7 +53,7 @@ def read(urdf: str, prefix: str) -> Robot:
         prefix: of the mesh addresses, before number and suffix.
     """
     try:
-        root = heard(urdf)
+        root = published_robot(urdf)
     except UrdfError:
         return NO_ROBOT
     numbers: dict[Path, int] = {}

@@ -24,7 +24,7 @@ from control_board_ros.interface import (
 )
 from control_board_ros.protocols import Floats
 from control_board_ros.text import clean, clean_name, clean_names
-from control_board_ros.urdf_xml import heard_joints
+from control_board_ros.urdf_xml import published_joints
 
 from .errors import RecordingError, library
 from .topics import GAPS, PARAMETERS, ROSOUT
@@ -330,5 +330,5 @@ def read_log(reader: Any, recording: BoardRecording) -> list[Note]:
 
 def kinds_of(urdf: str, names: tuple[str, ...]) -> Mapping[str, JointKind]:
     """The kinds of joints; REVOLUTE if not in the URDF."""
-    joints = heard_joints(urdf)
+    joints = published_joints(urdf)
     return {name: JointKind.of(joints[name].kind if name in joints else None) for name in names}

@@ -12,7 +12,7 @@ import pytest
 from control_board_ros.conformance.limits import SPEED, TORQUE, described_limits
 from control_board_ros.panel.robot import NO_ROBOT, read
 from control_board_ros.recording.reading import kinds_of
-from control_board_ros.urdf_xml import UrdfError, heard, heard_joints
+from control_board_ros.urdf_xml import UrdfError, published_joints, published_robot
 
 BOMB = (
     '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]>'
@@ -36,10 +36,10 @@ def board(urdf: str) -> Any:
 
 
 @pytest.mark.parametrize("urdf", BAD.values(), ids=BAD)
-def test_a_bad_description_is_none_for_all_who_hear_it(urdf: str) -> None:
+def test_a_bad_description_is_none_for_all_who_read_it(urdf: str) -> None:
     with pytest.raises(UrdfError):
-        heard(urdf)
-    assert heard_joints(urdf) == {}
+        published_robot(urdf)
+    assert published_joints(urdf) == {}
     assert kinds_of(urdf, ("j",)) == {"j": "revolute"}
     assert read(urdf, "") is NO_ROBOT
     found = described_limits(board(urdf), "j")
@@ -49,7 +49,7 @@ def test_a_bad_description_is_none_for_all_who_hear_it(urdf: str) -> None:
 
 def test_joints_have_what_can_be_read_of_their_limits() -> None:
     joint = '<joint name="{}" type="{}"><limit {}/></joint>'
-    joints = heard_joints(
+    joints = published_joints(
         "<robot>"
         + joint.format("a", "revolute", 'lower="-1" upper="2" velocity="3" effort="4"')
         + joint.format("b", "continuous", 'lower="-1" upper="2" velocity="nan"')
@@ -76,4 +76,4 @@ def test_limits_that_a_description_gives() -> None:
 
 def test_a_text_is_what_it_is_whatever_encoding_it_declares() -> None:
     urdf = '<?xml version="1.0" encoding="iso-8859-1"?><robot><joint name="ö"/></robot>'
-    assert list(heard_joints(urdf)) == ["ö"]
+    assert list(published_joints(urdf)) == ["ö"]

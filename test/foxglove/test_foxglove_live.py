@@ -29,7 +29,7 @@ from control_board_ros.cli.verbs.servers import layout
 from control_board_ros.frames import Frames
 from control_board_ros.interface import PUBLISHED, SERVICES, TF, TF_STATIC
 from control_board_ros.testing import BoardProcess
-from control_board_ros.urdf_xml import heard_joints
+from control_board_ros.urdf_xml import published_joints
 
 pytestmark = pytest.mark.ros
 BOARD = "/control_board"
@@ -172,7 +172,7 @@ def test_state_modes_and_description_come(foxglove: Foxglove, talker: Talker) ->
 
 def test_frames_come_with_the_positions(foxglove: Foxglove, talker: Talker) -> None:
     """Transforms of all links, though the board publishes no /tf."""
-    joints = heard_joints(foxglove.message("/robot_description", String).data)
+    joints = published_joints(foxglove.message("/robot_description", String).data)
     all_of_them = {joint.child for joint in joints.values()}
     told = foxglove.message(
         TF.name, TFMessage, lambda m: {t.child_frame_id for t in m.transforms} == all_of_them

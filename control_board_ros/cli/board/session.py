@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.terms.joint_kind import JointKind
 from ...joint_limits import JointLimits, limit_parameters, limits_of
 from ...startup import announce_often, leave_out_the_generator
-from ...urdf_xml import DescribedJoint, heard_joints
+from ...urdf_xml import DescribedJoint, published_joints
 from ..line.offers import Typed
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, assignments, find_joints
@@ -246,7 +246,7 @@ class Session:
         from control_board_ros.client import BoardTimeout
 
         try:
-            return heard_joints(self.client.get_robot_description())
+            return published_joints(self.client.get_robot_description())
         except BoardTimeout:
             return {}
 
