@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from ..core.config.parameter import ConfigError
+from ..core.terms.joint_kind import JointKind
 from ..settings.loading import Settings, load
 from ..settings.params_file import SettingsError
 from .drives.axes import Axis
@@ -45,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     trial.add_argument("robot")
     trial.add_argument("--yes", action="store_true")
     trial.add_argument("--joints", default="")
-    trial.add_argument("--turned", action="append", default=[], metavar="JOINT=DEG")
+    trial.add_argument("--turned", action="append", default=[], metavar="JOINT=WAY")
     given = parser.parse_args(arguments)
     try:
         if given.verb == "scan":
@@ -76,20 +77,24 @@ def put_scan(plant: str, bus: str) -> int:
 
 
 def put_trial(given: argparse.Namespace) -> int:
-    """Show the drives of a robot, move each by 2°, and write corrections into its file."""
+    """Show the drives of a robot, move each a little, and write corrections into its file."""
     settings = load(given.robot)
     plant = made(settings)
     names = [name for name in given.joints.split(",") if name] or list(settings.board.names)
-    turned = {name: math.radians(float(degrees)) for name, degrees in pairs(given.turned).items()}
+    turned = pairs(given.turned)
     if unknown := [name for name in (*names, *turned) if name not in settings.board.names]:
         raise PlantSettingsError(
             f"joint {unknown[0]!r} unknown: {', '.join(settings.board.names)}"
         )
+    kinds = {joint.name: joint.kind for joint in settings.board.joints}
+    seen = {name: moved_by(kinds[name], words) for name, words in turned.items()}
     try:
         period = max(settings.board.period, PERIOD)
         trial = Trial(plant, settings.board.joints, period, settings.values["plant_timeout"])
         put_joints(trial, plant.axes)
-        if not given.yes and not agreed("Give power to one joint after the other, 2° each?"):
+        if not given.yes and not agreed(
+            "Give power to one joint after the other, and move each by 2° or 2 mm?"
+        ):
             print("nothing was moved")
             return 1
         changed: dict[str, str] = {}
@@ -99,8 +104,8 @@ def put_trial(given: argparse.Namespace) -> int:
             moved = trial.move(joint)
             print(report(moved))
             wrong += not moved.follows
-            seen = turned.get(name, moved.read if given.yes else looked(moved))
-            changed |= corrections(plant.axes[joint], moved, seen)
+            way = seen.get(name, moved.read if given.yes else looked(moved))
+            changed |= corrections(plant.axes[joint], moved, way)
     finally:
         plant.close()
     return max(put_corrections(given.robot, changed), int(wrong > 0))
@@ -132,7 +137,7 @@ def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
         has = trial.description.joints[k]
         print(
             f"{config.name}: {has.drive}, id {axis.id}, direction {axis.direction}, ratio "
-            f"{axis.ratio:g}, at {round(math.degrees(found.position[k]), 1) + 0.0}°, "
+            f"{axis.ratio:g}, at {config.kind.position(float(found.position[k]))}, "
             f"accepts {', '.join(kind.code for kind in has.set_points)}"
         )
         for line in limit_differences(config, has):
@@ -142,9 +147,10 @@ def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
 
 
 def report(moved: Moved) -> str:
-    commanded, read = math.degrees(moved.commanded), math.degrees(moved.read)
+    unit, factor = moved.kind.choose("°", " mm"), moved.kind.shown_factor
+    commanded, read = moved.commanded * factor, moved.read * factor
     end = "" if moved.follows else ": its drive does not follow; is it free, and its gain enough?"
-    return f"{moved.joint}: commanded {commanded:+.2f}°, read {read:+.2f}°{end}"
+    return f"{moved.joint}: commanded {commanded:+.2f}{unit}, read {read:+.2f}{unit}{end}"
 
 
 def agreed(question: str) -> bool:
@@ -152,12 +158,26 @@ def agreed(question: str) -> bool:
 
 
 def looked(moved: Moved) -> float:
-    """The angle by which the joint turned, as the user saw it, rad."""
-    words = input(f"  {moved.joint} turned by (degrees, + as in its URDF; Enter: as read): ")
+    """The way of the joint as the user saw it, rad or m."""
+    unit = moved.kind.choose("degrees", "mm")
+    words = input(f"  {moved.joint} moved by ({unit}, + as in its URDF; Enter: as read): ")
+    return moved_by(moved.kind, words) if words.strip() else moved.read
+
+
+def moved_by(kind: JointKind, words: str) -> float:
+    """A way in degrees or mm, in rad or m.
+
+    Raises:
+        PlantSettingsError: it is no finite number.
+    """
     try:
-        return math.radians(float(words)) if words.strip() else moved.read
+        way = float(words) / kind.shown_factor
     except ValueError:
-        raise PlantSettingsError(f"{words.strip()[:20]!r} is no number of degrees") from None
+        way = math.nan
+    if not math.isfinite(way):
+        unit = kind.choose("degrees", "mm")
+        raise PlantSettingsError(f"{words.strip()[:20]!r} is no number of {unit}")
+    return way
 
 
 def put_corrections(robot: str, changed: dict[str, str]) -> int:

@@ -116,7 +116,7 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
         interaction_modes=interaction,
         drive=drive,
         drive_delay=max(joint.drive_delay, has.delay),
-        limits=_bounded(joint.limits, has.limits),
+        limits=bounded_limits(joint.limits, has.limits),
         max_travel_error=joint.max_travel_error if travels else math.inf,
     )
 
@@ -128,7 +128,9 @@ def bounded(board: BoardConfig, drives: Sequence[DriveLimits]) -> BoardConfig:
         ConfigError: a joint has none left.
     """
     pairs = zip(board.joints, drives, strict=True)
-    made = {one.name: replace(one, limits=_bounded(one.limits, drive)) for one, drive in pairs}
+    made = {
+        one.name: replace(one, limits=bounded_limits(one.limits, drive)) for one, drive in pairs
+    }
     parts = {
         name: replace(part, joints=tuple(made[joint] for joint in part.names))
         for name, part in board.parts.items()
@@ -136,7 +138,7 @@ def bounded(board: BoardConfig, drives: Sequence[DriveLimits]) -> BoardConfig:
     return replace(board, joints=tuple(made.values()), parts=parts)
 
 
-def _bounded(limits: Limits, drive: DriveLimits) -> Limits:
+def bounded_limits(limits: Limits, drive: DriveLimits) -> Limits:
     """The limits that act: the smaller ones (S4)."""
     lower, upper = drive.lower, drive.upper
     return replace(

@@ -8,22 +8,24 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from drive_bench import PERIOD, TIMEOUT, Bench
 
-from control_board_ros.plants.__main__ import main
+from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.plants.__main__ import main, report
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.bring_up import (
-    MOVE,
     Moved,
     Trial,
     corrections,
     write,
 )
 from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.interface import DriveLimits
 from control_board_ros.testing.plant_contract import board_for
 
 pytest.importorskip("moteus")
@@ -44,11 +46,16 @@ def bench() -> Iterator[Bench]:
         yield made
 
 
-def trial(bench: Bench) -> Trial:
+def trial(bench: Bench, kind: JointKind = JointKind.REVOLUTE, **limits: float) -> Trial:
+    """Both joints of that kind, with these limits."""
+
     def pause(seconds: float) -> None:
         bench.time += seconds
 
     joints = board_for(bench.plant.describe()).joints
+    joints = tuple(
+        replace(joint, kind=kind, limits=replace(joint.limits, **limits)) for joint in joints
+    )
     return Trial(bench.plant, joints, 10 * PERIOD, TIMEOUT, pause)
 
 
@@ -65,11 +72,42 @@ def test_a_joint_is_moved_by_two_degrees_under_a_tenth_of_its_limits(bench: Benc
     bench.world.step = watched
     moved = tried.move(1)
     assert moved.follows
-    assert abs(moved.read) == pytest.approx(MOVE, rel=0.1)
+    assert abs(moved.read) == pytest.approx(math.radians(2.0), rel=0.1)
     assert bench.world.state[0, 1] == pytest.approx(moved.read, abs=1e-3)
     assert bench.world.state[0, 0] == 0.0
     assert max(speeds) < 0.1 * tried.joints[1].limits.velocity * 1.2
     assert bench.drives[1].mode == 0
+
+
+def test_a_sliding_joint_is_moved_by_two_millimetres(bench: Bench) -> None:
+    tried = trial(bench, JointKind.PRISMATIC, lower=-0.02, upper=0.02, velocity=0.2)
+    moved = tried.move(1)
+    assert moved.follows
+    assert abs(moved.read) == pytest.approx(2e-3, rel=0.1)
+    assert report(moved).startswith("right: commanded +2.00 mm, read +")
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_short_way_is_moved_in_part_and_never_beyond_a_limit(bench: Bench, sign: float) -> None:
+    """A fourth of the range where that is less, away from the nearer limit; S4: the drive's."""
+    bench.world.state[0, 1] = 0.009 * sign
+    tried = trial(bench, lower=-0.01, upper=0.01)
+    bench.time += 0.01
+    reached = []
+    step = bench.world.step
+
+    def watched() -> None:
+        step()
+        reached.append(float(bench.world.state[0, 1]))
+
+    bench.world.step = watched
+    moved = tried.move(1)
+    assert moved.commanded == pytest.approx(-0.005 * sign)
+    assert max(np.abs(reached)) < 0.01
+    has = tried.description.joints
+    narrow = replace(has[1], limits=DriveLimits(lower=0.0, upper=0.006))
+    tried.description = replace(tried.description, joints=(has[0], narrow))
+    assert abs(tried.move(1).commanded) == pytest.approx(0.0015)
 
 
 def test_a_drive_that_does_not_follow_is_reported_and_one_that_fails_ends_it(bench: Bench) -> None:
@@ -94,13 +132,13 @@ def test_what_turned_otherwise_than_the_drive_read_corrects_direction_and_ratio(
     turned: float, found: dict[str, str]
 ) -> None:
     axis = Axis(name="elbow", id=4, direction=-1, ratio=3.0)
-    moved = Moved("elbow", math.radians(2.0), math.radians(2.0))
+    moved = Moved("elbow", JointKind.REVOLUTE, math.radians(2.0), math.radians(2.0))
     assert corrections(axis, moved, math.radians(turned)) == found
 
 
-def test_a_joint_that_does_not_turn_is_reported() -> None:
-    moved = Moved("elbow", 0.03, 0.03)
-    with pytest.raises(PlantSettingsError, match="did not turn; is it the drive of this joint"):
+def test_a_joint_that_does_not_move_is_reported() -> None:
+    moved = Moved("elbow", JointKind.REVOLUTE, 0.03, 0.03)
+    with pytest.raises(PlantSettingsError, match="did not move; is it the drive of this joint"):
         corrections(Axis(name="elbow", id=4), moved, 0.0)
 
 

@@ -19,7 +19,11 @@ from ..line.words import UsageError
     argument("what", metavar="PLANT|ROBOT.yaml", help="scan: moteus, …; try: a parameter file."),
     argument("--bus", metavar="BUS", help="scan: as socketcan:can0 or /dev/ttyUSB0."),
     argument("--joints", metavar="A,B", help="try: only these."),
-    argument("--turned", metavar="JOINT=DEG", help="try: how far a joint turned, if different."),
+    argument(
+        "--turned",
+        metavar="JOINT=WAY",
+        help="try: how far a joint moved, degrees or mm, if different.",
+    ),
     argument("--yes", action="store_true", help="try: move without confirmation."),
 )
 def drives(
@@ -34,9 +38,9 @@ def drives(
     """List the drives on a bus, or bring up those of a robot; no board has to run.
 
     scan lists id, type, firmware, voltage and fault of each drive. try shows each joint and its
-    drive, asks for confirmation, and moves each by 2 degrees within a tenth of its limits; where
-    a joint turned otherwise, it writes direction and gear ratio into the file. Ctrl-C disables
-    the motors.
+    drive, asks for confirmation, and moves each by 2 degrees or 2 mm within a tenth of its
+    limits; where a joint moved otherwise, it writes direction and gear ratio into the file.
+    Ctrl-C disables the motors.
     """
     if action == "scan" and not bus:
         raise UsageError("drives scan needs --bus, as --bus socketcan:can0")

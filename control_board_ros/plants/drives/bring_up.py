@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bring-up of drives: each joint moves by 2°, and its true motion corrects its options.
+"""Bring-up of drives: each joint moves by 2° or 2 mm, and its true motion corrects its options.
 
 A drive reads its own shaft: the user observes whether the joint turns the same way and as far.
 """
@@ -15,15 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.config.config import JointConfig
+from ...core.config.config import JointConfig, Limits
 from ...core.terms.drives import SetPoint
+from ...core.terms.joint_kind import JointKind
 from ...core.terms.measurement import VALUES, SetPoints, Value
 from ..errors import PlantSettingsError
 from ..interface import DrivePlant, Readings, Setup
+from ..offers import bounded_limits
 from .axes import Axis
 
-#: rad that a joint is moved by; the share of its limits that it may use; s that it is held there.
-MOVE, SHARE, HOLD = math.radians(2.0), 0.1, 0.3
+#: Way of a joint, rad and m, and the largest share of its range.
+TURN, SLIDE, PART = math.radians(2.0), 2e-3, 0.25
+#: Share of its limits of velocity and torque; s that it is held at the end.
+SHARE, HOLD = 0.1, 0.3
 #: The first of these that a drive accepts moves it.
 KINDS = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
 #: Relative error of a move that counts as followed, and of a ratio that needs no correction.
@@ -32,9 +36,10 @@ TOLERANCE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """The commanded motion of a joint and the one that its drive read, rad."""
+    """The commanded motion of a joint and the one that its drive read, rad or m."""
 
     joint: str
+    kind: JointKind
     commanded: float
     read: float
 
@@ -72,10 +77,12 @@ class Trial:
         return self._plant.exchange(self._off)
 
     def move(self, joint: int) -> Moved:
-        """Move a joint by MOVE, away from the nearer limit, and disable its motor.
+        """Move a joint away from its nearer limit, and disable its motor.
+
+        It moves by 2° or 2 mm, or by a fourth of its range where that is less.
 
         Raises:
-            PlantSettingsError: its drive accepts no set-point that moves it by MOVE, or a drive
+            PlantSettingsError: its drive accepts no set-point that moves it so far, or a drive
                 reports a fault.
         """
         config, has = self.joints[joint], self.description.joints[joint]
@@ -84,17 +91,20 @@ class Trial:
             known = ", ".join(kind.code for kind in KINDS)
             raise PlantSettingsError(f"{config.name}: its drive accepts none of {known}")
         start = float(self.read().position[joint])
-        limits = config.limits
+        limits = bounded_limits(config.limits, has.limits)
         middle = 0.5 * (limits.lower + limits.upper)
-        way = MOVE if start < middle + MOVE else -MOVE  # about the middle: upwards, noise or not
+        most = PART * (limits.upper - limits.lower)
+        way = min(config.kind.choose(TURN, SLIDE), most)
+        way = way if start < middle + way else -way  # about the middle: upwards, noise or not
         try:
-            found = self._follow(joint, kind, start, way)
+            found = self._follow(joint, kind, start, way, limits)
         finally:
             self.read()
-        return Moved(config.name, way, float(found.position[joint]) - start)
+        return Moved(config.name, config.kind, way, float(found.position[joint]) - start)
 
-    def _follow(self, joint: int, kind: SetPoint, start: float, way: float) -> Readings:
-        limits = self.joints[joint].limits
+    def _follow(
+        self, joint: int, kind: SetPoint, start: float, way: float, limits: Limits
+    ) -> Readings:
         speed = SHARE * limits.velocity
         duration = max(1.875 * abs(way) / speed, 1.0)
         cycles = round((duration + HOLD) / self._period)
@@ -104,7 +114,7 @@ class Trial:
             values[Value.POSITION, joint] = start + way * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
             values[Value.VELOCITY, joint] = way / duration * 30.0 * s * s * (1.0 - s) ** 2
             if kind is SetPoint.IMPEDANCE:  # a tenth of the torque, when it is stuck
-                values[Value.STIFFNESS, joint] = SHARE * limits.torque / MOVE
+                values[Value.STIFFNESS, joint] = SHARE * limits.torque / abs(way)
                 values[Value.DAMPING, joint] = 0.1 * values[Value.STIFFNESS, joint]
             kinds = np.zeros(len(self.joints), dtype=np.int8)
             kinds[joint] = kind
@@ -123,13 +133,13 @@ def corrections(axis: Axis, moved: Moved, turned: float) -> dict[str, str]:
     Args:
         axis: As it is configured.
         moved: What its drive read.
-        turned: The true motion of the joint, rad, positive as in its URDF.
+        turned: The true motion of the joint, rad or m, positive as in its URDF.
 
     Raises:
-        PlantSettingsError: it did not turn.
+        PlantSettingsError: it did not move.
     """
     if abs(turned) < 0.05 * abs(moved.read):
-        raise PlantSettingsError(f"{axis.name}: it did not turn; is it the drive of this joint?")
+        raise PlantSettingsError(f"{axis.name}: it did not move; is it the drive of this joint?")
     found = {}
     if turned * moved.read < 0.0:
         found[f"{axis.name}.direction"] = f"{-axis.direction}"
