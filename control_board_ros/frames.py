@@ -79,7 +79,7 @@ class Frames:
         self._source = np.array([source for source, _, _ in leads], dtype=np.intp)
         self._multiplier = np.array([multiplier for _, multiplier, _ in leads])
         self._offset = np.array([offset for _, _, offset in leads])
-        slides = np.array([joint.kind == "prismatic" for joint in moving], dtype=bool)
+        slides = np.array([joint.slides for joint in moving], dtype=bool)
         #: q/2 of turning joints, 0 of sliding ones.
         self._half = np.where(slides, 0.0, 0.5)
         self._position, self._rotation = _origins(moving)

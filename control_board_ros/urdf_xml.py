@@ -61,6 +61,10 @@ class DescribedJoint:
     friction: float = 0.0
 
     @property
+    def slides(self) -> bool:
+        return JointKind.of(self.kind).slides
+
+    @property
     def dimension(self) -> str:
         """``length`` or ``angle``."""
         return JointKind.of(self.kind).choose("angle", "length")

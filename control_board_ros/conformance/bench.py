@@ -13,6 +13,7 @@ import numpy as np
 
 from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, State
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.modes import SELECTABLE, STOPPABLE
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
@@ -90,6 +91,7 @@ class Bench:
         partner: name of another joint at rest; None without one.
         limits: of the joint's range.
         allowed: permissions.
+        kind: of the joint; gives the units of texts.
 
     Attributes: names (of the board's joints), joint (name), j (index), modes and interactions
     (implemented by the joint), other (the first of OTHERS that it implements; None without one).
@@ -103,9 +105,10 @@ class Bench:
         partner: str | None,
         limits: Range,
         allowed: Allowed,
+        kind: JointKind = JointKind.REVOLUTE,
     ) -> None:
         self._client, self.channel, self.range, self.allowed = client, channel, limits, allowed
-        self._requested = False
+        self._requested, self.kind = False, kind
         self.names: tuple[str, ...] = client.names
         self.j, self.joint, self.partner = joint, self.names[joint], partner
         self.modes, self.interactions = client.get_available_modes(self.joint)[0]

@@ -108,7 +108,9 @@ def spring(bench: Bench) -> str:
         f"{0.5 * torque:.3g} more on a spring of {stiffness:.3g} gave {went:.3g}, "
         f"not {0.5 * way:.3g}",
     )
-    return f"{0.5 * torque:.3g} N·m on {stiffness:.3g} N·m/rad: {went:.3g} rad of {0.5 * way:.3g}"
+    unit, force = bench.kind.unit, f"{0.5 * torque:.3g} {bench.kind.force_unit}"
+    stiff = f"{stiffness:.3g} {bench.kind.force_unit}/{unit}"
+    return f"{force} on {stiff}: {went:.3g} {unit} of {0.5 * way:.3g}"
 
 
 def soft(bench: Bench, way: float) -> float:

@@ -24,7 +24,7 @@ LONGEST_MOVE = 0.8
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Test range of a joint.
+    """Test range of a joint; m and N where it slides.
 
     Attributes: found (initial position, rad), start (nearest position with room for a step on both
     sides, rad), low and high (rad), step (rad), speed (mean speed of a move, rad/s; its peak is
@@ -94,12 +94,17 @@ def read_limits(client: ControlBoardClient, name: str) -> JointLimits:
     return limits
 
 
+def described(client: ControlBoardClient, name: str) -> DescribedJoint:
+    """A joint in the URDF; without kind and limits where it is not in it."""
+    try:
+        return published_joints(client.get_robot_description()).get(name, DescribedJoint(""))
+    except BoardError:
+        return DescribedJoint("")
+
+
 def described_limits(client: ControlBoardClient, name: str) -> JointLimits:
     """The limits of a joint in the URDF."""
-    try:
-        joint = published_joints(client.get_robot_description()).get(name, DescribedJoint(""))
-    except BoardError:
-        joint = DescribedJoint("")
+    joint = described(client, name)
     known = joint.lower < joint.upper
     return JointLimits(
         joint.lower if known else -math.inf,

@@ -64,7 +64,7 @@ def minimum_jerk_moves(bench: Bench) -> str:
 @patiently
 def moved_along(bench: Bench) -> str:
     """A move: duration by its speed, along the profile."""
-    limits = bench.range
+    limits, unit = bench.range, bench.kind.unit
     bench.home()
     target, speed = limits.start + limits.step, slow_enough(bench, limits.step)
     before = bench.state()
@@ -79,11 +79,13 @@ def moved_along(bench: Bench) -> str:
     begin, took = fitted(times, ways)
     expect(
         abs(took / duration - 1.0) < DURATION,
-        f"{way:.3g} rad at {speed:.3g} rad/s took {took:.3g} s, not {duration:.3g} s",
+        f"{way:.3g} {unit} at {speed:.3g} {unit}/s took {took:.3g} s, not {duration:.3g} s",
     )
     worst = float(np.abs(ways - minimum_jerk((times - begin) / took)).max())
     expect(worst < SHAPE, f"{100 * worst:.1f} % of the way off the profile of {duration:.3g} s")
-    return f"{way:.3g} rad in {took:.3g} of {duration:.3g} s, {100 * worst:.1f} % off the profile"
+    return (
+        f"{way:.3g} {unit} in {took:.3g} of {duration:.3g} s, {100 * worst:.1f} % off the profile"
+    )
 
 
 @patiently
@@ -133,6 +135,7 @@ def retargeted_onwards(bench: Bench) -> None:
 @rule("P5", "velocities are ramped and integrated")
 @patiently
 def velocities(bench: Bench) -> str:
+    unit = bench.kind.unit
     bench.home()
     bench.enter(M.VELOCITY)
     velocity, acceleration = 0.7 * bench.range.speed, bench.range.acceleration
@@ -141,26 +144,27 @@ def velocities(bench: Bench) -> str:
     times, reference = references(bench, states)
     speeds = np.array([state.velocity_reference[bench.j] for state in states])
     settled = (speeds[1:] > 0.95 * velocity) & (speeds[:-1] > 0.95 * velocity)
-    expect(settled.sum() > 5, f"the reference velocity did not reach {velocity:.3g} rad/s")
+    expect(settled.sum() > 5, f"the reference velocity did not reach {velocity:.3g} {unit}/s")
     slope = float(np.diff(reference)[settled].sum() / np.diff(times)[settled].sum())
     expect(
         abs(slope - velocity) < 0.1 * velocity,
-        f"{velocity:.3g} rad/s moves the reference at {slope:.3g} rad/s",
+        f"{velocity:.3g} {unit}/s moves the reference at {slope:.3g} {unit}/s",
     )
     ramping = np.maximum(np.diff(times), 1e-9)
     steepest = float((np.diff(speeds) / ramping).max())
     expect(
         steepest < 1.5 * acceleration,
-        f"the reference velocity grew with {steepest:.3g} rad/s², not {acceleration:.3g}",
+        f"the reference velocity grew with {steepest:.3g} {unit}/s², not {acceleration:.3g}",
     )
-    return f"{velocity:.3g} rad/s requested, {slope:.3g} rad/s integrated, ramped"
+    return f"{velocity:.3g} {unit}/s requested, {slope:.3g} {unit}/s integrated, ramped"
 
 
 @rule("P6", "mixed adds trajectory and velocity up")
 def mixed(bench: Bench) -> str:
     added = added_up(bench)
     retargeted_in_mixed(bench)
-    return f"{added:.3g} rad added to a move; a new move started there, and the velocity continued"
+    text = f"{added:.3g} {bench.kind.unit} added to a move"
+    return f"{text}; a new move started there, and the velocity continued"
 
 
 @patiently
@@ -179,7 +183,8 @@ def added_up(bench: Bench) -> float:
     added, expected = moved - target, velocity * beside
     expect(
         0.4 * expected < added < 1.6 * expected,
-        f"{velocity:.3g} rad/s beside a move added {added:.3g}, not about {expected:.3g}",
+        f"{velocity:.3g} {bench.kind.unit}/s beside a move added {added:.3g}, "
+        f"not about {expected:.3g}",
     )
     bench.client.velocity_move(bench.joint, 0.0, bench.range.acceleration)
     bench.record(velocity / bench.range.acceleration + 0.1)
@@ -219,8 +224,8 @@ def retargeted_in_mixed(bench: Bench) -> float:
     added, wanted = float(reference[-1]) - target, velocity * float(times[-1] - accepted)
     expect(
         added > wanted - 0.25 * velocity * ramp,
-        f"a new move dropped the velocity of {velocity:.3g} rad/s beside it: that added "
-        f"{added:.3g}, not {wanted:.3g}",
+        f"a new move dropped the velocity of {velocity:.3g} {bench.kind.unit}/s beside it: "
+        f"that added {added:.3g}, not {wanted:.3g}",
     )
     return added
 
@@ -238,7 +243,8 @@ def torque(bench: Bench) -> str:
     while abs(found[-1] - load - more) > 0.2 * more and len(found) < 10:
         found.append(measured())
     bench.client.set_control_mode(bench.joint, M.POSITION)
-    text = f"{load + more:.3g} N·m requested, {found[-1]:.3g} N·m measured (from {load:.3g})"
+    unit = bench.kind.force_unit
+    text = f"{load + more:.3g} {unit} requested, {found[-1]:.3g} {unit} measured (from {load:.3g})"
     expect(abs(found[-1] - load - more) <= 0.2 * more, text)
     return text
 

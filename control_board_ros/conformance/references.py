@@ -34,7 +34,9 @@ def reference_speeds(bench: Bench) -> str:
         all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(now, wanted, strict=True)),
         f"{wanted} was set and {now} is read",
     )
-    return f"{wanted[0]:.3g} rad/s and {wanted[1]:.3g} rad/s² read back; 0, negative, NaN refused"
+    unit = bench.kind.unit
+    texts = f"{wanted[0]:.3g} {unit}/s and {wanted[1]:.3g} {unit}/s²"
+    return f"{texts} read back; 0, negative, NaN refused"
 
 
 @rule("P3", "motion done, and stop")
@@ -190,6 +192,8 @@ def velocities_expire(bench: Bench) -> str:
     way = abs(
         float(states[-1].position_reference[bench.j] - states[0].position_reference[bench.j])
     )
-    expect(way < 0.03 * velocity, f"the reference still moves, {way / 0.3:.3g} rad/s")
+    expect(
+        way < 0.03 * velocity, f"the reference still moves, {way / 0.3:.3g} {bench.kind.unit}/s"
+    )
     expect(bench.mode is not M.HW_FAULT, "it is a fault that the reference expired")
-    return f"{velocity:.3g} rad/s stopped after {timeout:g} s, without a fault"
+    return f"{velocity:.3g} {bench.kind.unit}/s stopped after {timeout:g} s, without a fault"

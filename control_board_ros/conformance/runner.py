@@ -13,6 +13,7 @@ import numpy as np
 
 from ..client import BoardError, ControlBoardClient, InvalidAnswer
 from ..core.selection import RequestError
+from ..core.terms.joint_kind import JointKind
 from ..core.terms.modes import SELECTABLE
 from ..core.terms.reply import Reply
 from ..core.terms.vocabs import ControlMode, InteractionMode
@@ -20,7 +21,7 @@ from ..interface import GET_CONTROL_MODE
 from ..protocols import Floats
 from .bench import Allowed, Bench, M
 from .channel import Channel
-from .limits import Range, read_limits
+from .limits import Range, described, read_limits
 from .rules import NotHeld, NotTestable, NotTested, OutOfTime, Rule
 from .shapes import Malformed
 
@@ -218,7 +219,8 @@ class Session:
         partner = next((other for other in self.found.names if other != name), None)
         position = float(client.get_encoder(name)[0])
         limits = Range.of(read_limits(client, name), position, fraction)
-        self.bench = Bench(client, channel, number, partner, limits, allowed)
+        kind = JointKind.of(described(client, name).kind)
+        self.bench = Bench(client, channel, number, partner, limits, allowed, kind)
 
     def close(self) -> None:
         self.channel.close()

@@ -50,7 +50,8 @@ def direct_velocity(bench: Bench) -> str:
         f"the reference is still {stopped.velocity_reference[j]:.3g} {TIMEOUT:g} s after its last",
     )
     expect(bench.mode is M.VELOCITY_DIRECT, f"its expiry led to {bench.mode}")
-    return f"{wanted:.3g} rad/s at once, at a reference acceleration of {slow:.3g}; then it stops"
+    at_once = f"{wanted:.3g} {bench.kind.unit}/s at once"
+    return f"{at_once}, at a reference acceleration of {slow:.3g}; then it stops"
 
 
 @rule("Y2", "a current is bounded, and can expire")

@@ -8,6 +8,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
+from ..core.terms.joint_kind import JointKind
 from ..urdf_xml import UrdfError
 
 LONGEST_NAME = 200
@@ -89,7 +90,7 @@ class Tree:
 
     @staticmethod
     def slides(joint: ET.Element) -> bool:
-        return joint.get("type") == "prismatic"
+        return JointKind.of(joint.get("type")).slides
 
     def walk(self, link: str) -> Iterator[ET.Element]:
         """The joints beyond a link, depth first, in file order."""

@@ -12,6 +12,7 @@ from typing import Any
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.modes import MOVES, NOT_HOLDING, STOPPABLE, UNPOWERED
 
 from . import doing
@@ -143,7 +144,7 @@ class Operating:
         given, do = request.given, request.do
         if given["joint"] not in board.names or given["joint"].startswith("-"):
             return {"ok": False, "message": f"{board.name} has no joint {given['joint']}"}
-        unit = "m" if board.robot.kind(given["joint"]) == "prismatic" else "rad"
+        unit = JointKind.of(board.robot.kind(given["joint"])).unit
         size = given.get("size", given.get("amplitude"))
         option = "--size" if do == "step" else "--amplitude"
         options = [] if size is None else [f"{option}={size:.6g}{unit}"]

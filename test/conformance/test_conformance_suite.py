@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -85,6 +86,15 @@ def test_our_robots_keep_what_yarp_4_added_in_process(
     """Direct velocities, currents, couplings and brakes, which the arm above has not."""
     results = board_in_process.tried(names, robot, joint)
     assert {outcome for outcome, _ in results.values()} == {Outcome.HELD}, results
+
+
+def test_a_sliding_joint_is_reported_in_metres() -> None:
+    names = ("P1", "P2", "P5", "P6")
+    results = board_in_process.tried(names, "panda", "panda_finger_joint1")
+    assert {outcome for outcome, _ in results.values()} == {Outcome.HELD}, results
+    for _, evidence in results.values():
+        assert re.search(r"[0-9] m(/s|\b)", evidence)
+        assert "rad" not in evidence
 
 
 def test_only_a_joint_that_can_be_tried_is() -> None:
