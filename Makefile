@@ -64,7 +64,7 @@ soak: setup $(STAMPS)/test $(STAMPS)/dev ## Run the board for a long time under 
 conformance: setup $(STAMPS)/test ## Print rule -> tests -> result, write docs/conformance.md
 	@$(BIN)/python test/spec/conformance.py $(ARGS)
 
-mutants: setup $(STAMPS)/test ## Break the core in small ways: a test must fail; ARGS=--all for every way
+mutants: setup $(STAMPS)/test $(STAMPS)/icub ## Break the core in small ways: a test must fail; ARGS=--all for every way
 	@$(BIN)/python test/spec/mutants.py $(ARGS)
 
 docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages of docs/; ARGS=--pictures draws anew

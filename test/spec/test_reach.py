@@ -47,24 +47,32 @@ def test_rare():
 """
 
 
+def recorded(
+    folder: Path, tests: str, monkeypatch: pytest.MonkeyPatch
+) -> tuple[pytest.ExitCode | int, str]:
+    """The exit code of a recorded run of tests, and the name of the module."""
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)  # meant for the run that this is in
+    package = folder / "package"
+    package.mkdir()
+    name = f"reached_{folder.name}".replace("-", "_")
+    (package / f"{name}.py").write_text(MODULE)
+    (folder / "test_it.py").write_text(tests.format(module=name))
+    recorder = Recorder(package, folder / "reach.json")
+    sys.path.insert(0, str(package))
+    try:
+        options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--rootdir={folder}"]
+        code = pytest.main([*options, "-c", "/dev/null", str(folder)], plugins=[recorder])
+    finally:
+        sys.path.remove(str(package))
+        sys.modules.pop(name, None)
+    return code, name
+
+
 def test_a_run_records_what_its_tests_reach(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Lines by test; those of a fixture for its file, those of an import for all tests."""
-    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)  # meant for the run that this is in
-    package = tmp_path / "package"
-    package.mkdir()
-    name = f"reached_{tmp_path.name}".replace("-", "_")
-    (package / f"{name}.py").write_text(MODULE)
-    (tmp_path / "test_it.py").write_text(TESTS.format(module=name))
-    recorder = Recorder(package, tmp_path / "reach.json")
-    sys.path.insert(0, str(package))
-    try:
-        options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--rootdir={tmp_path}"]
-        code = pytest.main([*options, "-c", "/dev/null", str(tmp_path)], plugins=[recorder])
-    finally:
-        sys.path.remove(str(package))
-        sys.modules.pop(name, None)
+    code, name = recorded(tmp_path, TESTS, monkeypatch)
     assert code == 0
     reach = Reach.read(tmp_path / "reach.json")
     large, often, rare = (f"test_it.py::test_{name}" for name in ("large", "often", "rare"))
@@ -74,6 +82,14 @@ def test_a_run_records_what_its_tests_reach(
     assert set(reach.tests_for(name, 3)) == every  # when the module is imported
     assert reach.tests_for("no_module", 99) == []
     assert reach.tests_for(name, 12) == [rare, often]  # in one call of many
+
+
+def test_a_run_that_fails_records_which_test_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, _ = recorded(tmp_path, TESTS.replace('== "large"', '== "small"'), monkeypatch)
+    assert code == 1
+    assert (tmp_path / "reach.json").read_text() == "test_it.py::test_large"
 
 
 def test_the_quick_ones_come_first() -> None:

@@ -290,7 +290,9 @@ def reach_of(folder: Path, path: Path) -> Reach:
         if anew:
             child = forked(functools.partial(copy.run, anew, recorder), LONG)
             if fate_of(os.waitpid(child, 0)[1]) != "passed":
-                raise SystemExit("the tests fail without any mutant: mend them first (make test)")
+                failed = part.read_text(encoding="utf-8") if part.exists() else "the collection"
+                part.unlink(missing_ok=True)
+                raise SystemExit(f"without any mutant {failed} fails: mend it first (make test)")
             gone = {*anew, *before} - (now.keys() - {*anew})
             told = merged(told, json.loads(part.read_text(encoding="utf-8")), gone)
         part.write_text(json.dumps(told | {"files": now}), encoding="utf-8")

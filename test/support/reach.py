@@ -52,6 +52,7 @@ class Recorder:
         self._fixtures: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
         self._seconds: dict[str, float] = {}
         self._imported: set[tuple[str, int]] = set()
+        self._failed = False
 
     def _name(self, file: str) -> str:
         return module_name(Path(self._folder), Path(file))
@@ -105,8 +106,16 @@ class Recorder:
         self._tests[item.nodeid] = self._lines
         self._often[item.nodeid] = self._skipped()
 
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """The first failure is all that is written: the run ends there."""
+        if report.failed:
+            self._path.write_text(report.nodeid, encoding="utf-8")
+            self._failed = True
+
     def pytest_sessionfinish(self) -> None:
         """Write what was found: the numbers of tests by module and line."""
+        if self._failed:
+            return
         found: defaultdict[str, defaultdict[int, list[int]]]
         found = defaultdict(lambda: defaultdict(list))
         for k, (test, lines) in enumerate(self._tests.items()):
