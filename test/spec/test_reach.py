@@ -64,7 +64,8 @@ def recorded(
         code = pytest.main([*options, "-c", "/dev/null", str(folder)], plugins=[recorder])
     finally:
         sys.path.remove(str(package))
-        sys.modules.pop(name, None)
+        for module in (name, "test_it"):
+            sys.modules.pop(module, None)
     return code, name
 
 
