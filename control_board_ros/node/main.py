@@ -189,7 +189,7 @@ def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> 
 
     await_first_cycles(boards, ended)
     name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
-    parks, modes = bool(settings.values["park_on_exit"]), boards.loop.snapshots.modes.control
+    parks, modes = bool(settings.values["park_on_exit"]), boards.loop.main.snapshots.modes.control
     waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
     say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits))
     ended.wait()
@@ -220,7 +220,7 @@ def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
     waiting = all if boards.parts else any
     deadline = time.monotonic() + FIRST_CYCLES
     while (
-        waiting(m not in CONFIGURED for m in boards.loop.snapshots.modes.control)
+        waiting(m not in CONFIGURED for m in boards.loop.main.snapshots.modes.control)
         and time.monotonic() < deadline
         and not ended.wait(0.005)
     ):

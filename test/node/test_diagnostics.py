@@ -42,7 +42,7 @@ class Watched:
 
     def statuses(self) -> list[DiagnosticStatus]:
         self._loop.note_changes()
-        self._loop.snapshots.note_state()
+        self._loop.main.snapshots.note_state()
         return list(self._told.message(Time()).status)
 
 

@@ -14,6 +14,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rig import board_config, joint, simulation_config
+from std_srvs.srv import Trigger
 from talk import TIMEOUT
 
 from control_board_ros.core.board import Board
@@ -21,10 +22,11 @@ from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.core.terms.measurement import Actuation, Measurement
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import timing
-from control_board_ros.node.loop.loop import ControlLoop, FairLock, Member
+from control_board_ros.node.loop.loop import ControlLoop, FairLock
 from control_board_ros.node.loop.timing import MAX_LAG, Pacer
 from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.node.wiring.publishing import StateThread
+from control_board_ros.node.wiring.services import Services
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.sim.plant import SimulatedPlant
 
@@ -238,8 +240,8 @@ def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:
     assert rig.loop.failure is None
     assert rig.plant.actuation is not None
     assert not rig.plant.actuation.powered.any()
-    assert [mode.code for mode in rig.loop.snapshots.modes.control] == ["idl", "idl"]
-    assert rig.loop.snapshots.latest.snapshot.cycle == rig.board.cycle
+    assert [mode.code for mode in rig.loop.main.snapshots.modes.control] == ["idl", "idl"]
+    assert rig.loop.main.snapshots.latest.snapshot.cycle == rig.board.cycle
 
 
 def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
@@ -277,7 +279,7 @@ def test_turns_are_fair_at_full_speed(fast: Rig) -> None:
     passed: list[int] = []
     while len(passed) < 200 or (fast.board.cycle <= 110 and len(passed) < 20_000):
         before = fast.board.cycle
-        with fast.loop.exclusive() as board:
+        with fast.loop.main.exclusive() as board:
             passed.append(board.cycle - before)
             board.set_control_mode(None, "posd")
     assert sorted(passed)[len(passed) // 2] <= 2
@@ -293,7 +295,7 @@ def test_a_request_acts_on_all_its_joints_at_once(fast: Rig) -> None:
     fast.loop.start()
     fast.run_to(10)
     for i in range(200):
-        with fast.loop.exclusive() as board:
+        with fast.loop.main.exclusive() as board:
             board.set_control_mode(None, "vel" if i % 2 else "pos")
     fast.loop.stop()
     assert not any(halves)
@@ -305,11 +307,11 @@ def test_modes_set_while_paused_are_noted_at_once(fast: Rig) -> None:
     fast.run_to(10)
     fast.loop.pause(True)
     told = threading.Event()
-    fast.loop.snapshots.on_change = told.set
-    with fast.loop.exclusive() as board:
+    fast.loop.main.snapshots.on_change = told.set
+    with fast.loop.main.exclusive() as board:
         board.set_control_mode("a", "vel")
     assert told.is_set()
-    assert fast.loop.snapshots.modes.control[0].code == "vel"
+    assert fast.loop.main.snapshots.modes.control[0].code == "vel"
 
 
 def test_steps_are_exact(fast: Rig) -> None:
@@ -349,9 +351,9 @@ def test_steps_are_answered_when_their_last_state_is_published(factor: float) ->
     answered: list[tuple[list[int], int]] = []
 
     def publish() -> None:
-        while rig.loop.snapshots.states:
+        while rig.loop.main.snapshots.states:
             time.sleep(0.001)
-            published.append(rig.loop.snapshots.states.popleft().snapshot.cycle)
+            published.append(rig.loop.main.snapshots.states.popleft().snapshot.cycle)
 
     thread = StateThread(rig.loop, [(publish, fail)])
     thread.start()
@@ -379,7 +381,7 @@ def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Non
     restarts = []
     monkeypatch.setattr(rig.loop._pacer, "restart", lambda: restarts.append(rig.board.cycle))
     stands_still = threading.Event()
-    rig.loop.snapshots.on_change = stands_still.set
+    rig.loop.main.snapshots.on_change = stands_still.set
     assert stands_still.wait(TIMEOUT)
     paused_at = rig.board.cycle
     rig.loop.pause(False)
@@ -398,10 +400,10 @@ def test_late_cycles_carry_stamps_that_fit(rig: Rig, monkeypatch: pytest.MonkeyP
     rig.plant.slow = dict.fromkeys(range(60, 300, 40), 0.02)
     rig.loop.start()
     rig.run_to(100)
-    rig.loop.snapshots.states.clear()
+    rig.loop.main.snapshots.states.clear()
     rig.run_to(140)
     rig.loop.stop()
-    states = list(rig.loop.snapshots.states)
+    states = list(rig.loop.main.snapshots.states)
     assert rig.loop.statistics().overruns > 0
     for a, b in itertools.pairwise(states[:-1]):
         passed = b.snapshot.time - a.snapshot.time
@@ -415,7 +417,7 @@ def test_a_change_of_pace_never_turns_the_time(rig: Rig, factors: tuple[float, .
     """Stamps go on from where they are, with simulated time, and are the system's no more."""
     stamps: list[int] = []
     times: list[float] = []
-    rig.loop.hooks.append(lambda _board, _time: stamps.append(rig.loop.snapshots.now()))
+    rig.loop.hooks.append(lambda _board, _time: stamps.append(rig.loop.main.snapshots.now()))
     rig.loop.hooks.append(lambda _board, time: times.append(time))
     begun = time.monotonic()
     rig.loop.start()
@@ -437,18 +439,19 @@ def test_power_on_is_shown_whatever_comes_next(fast: Rig) -> None:
     """N1: each change of modes is kept for the publisher, also those of a single cycle."""
     fast.loop.start()
     fast.run_to(10)
-    for act in (Member(fast.loop, fast.board).power_cycle, fast.loop.reset):
-        fast.loop.snapshots.mode_changes.clear()
+    services = Services(fast.loop.main, False, lambda later: later(), fast.board.stop)
+    for act in (lambda: services.power_cycle(None, Trigger.Response()), fast.loop.reset):
+        fast.loop.main.snapshots.mode_changes.clear()
         act()
         fast.run_to(fast.board.cycle + 10)
-        shown = [[mode.code for mode in m.control] for m in fast.loop.snapshots.mode_changes]
+        shown = [[mode.code for mode in m.control] for m in fast.loop.main.snapshots.mode_changes]
         assert shown == [["cfgn", "cfgn"], ["pos", "pos"]]
 
 
 def test_running_freely_every_state_is_published(fast: Rig) -> None:
     """With real_time_factor 0 the simulation waits for a slow network and loses no state to it."""
     fast.loop.set_state_rate(500.0)
-    snapshots = fast.loop.snapshots
+    snapshots = fast.loop.main.snapshots
     published: list[int] = []
 
     def publish() -> None:
@@ -482,7 +485,7 @@ def test_states_lie_on_whole_cycles(fast: Rig) -> None:
     fast.loop.start()
     fast.run_to(500)
     fast.loop.stop()
-    cycles = [state.snapshot.cycle for state in fast.loop.snapshots.states][1:-1]
+    cycles = [state.snapshot.cycle for state in fast.loop.main.snapshots.states][1:-1]
     assert len(cycles) > 10
     assert {b - a for a, b in itertools.pairwise(cycles)} == {5}
 
@@ -491,7 +494,7 @@ def test_reset_goes_home(fast: Rig) -> None:
     """Initial pose and power-on; time goes on."""
     fast.loop.start()
     fast.run_to(10)
-    with fast.loop.exclusive() as board:
+    with fast.loop.main.exclusive() as board:
         board.position_move("a", 1.0, 2.0)
     fast.run_to(fast.board.cycle + 1000)
     assert fast.board.get_encoder("a")[0] > 0.5
@@ -508,7 +511,7 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     rig.loop.start()
     rig.run_to(20)
     told.message(Time())
-    with rig.loop.exclusive():
+    with rig.loop.main.exclusive():
         rig.plant.slow = {rig.plant.cycle + 50: 0.05}
     rig.run_to(rig.board.cycle + 150)
     status = told.message(Time()).status[0]
@@ -525,7 +528,7 @@ def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
     rig.loop.start()
     rig.run_to(10)
     cycles: list[int] = []
-    with rig.loop.exclusive() as board:
+    with rig.loop.main.exclusive() as board:
         before = board.cycle
     rig.loop.after_cycle(lambda: cycles.append(rig.board.cycle))
     rig.run_to(before + 5)
@@ -549,5 +552,5 @@ def test_a_plant_that_answers_what_is_no_reading_faults_the_joints_and_ends_noth
     assert fast.loop.failure is None
     assert fast.board.get_control_mode() == [ControlMode.HW_FAULT] * 2
     assert "stamped nan s" in fast.board.get_faults("a")[0].text
-    with fast.loop.exclusive() as board:
+    with fast.loop.main.exclusive() as board:
         assert board.set_control_mode(None, "fidl")

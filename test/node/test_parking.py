@@ -17,7 +17,7 @@ from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.poses import start_parking
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.node.loop.loop import ControlLoop, Member
+from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.node.process.parking import PAUSED, park
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.testing import board_process
@@ -32,8 +32,8 @@ def loop() -> Iterator[ControlLoop]:
     plant = SimulatedPlant(config, simulation_config(config))
     made = ControlLoop(Board(config), plant, real_time_factor=0.0)
     made.start()
-    until(lambda: made.snapshots.modes.control[0] is ControlMode.IDLE)
-    with made.exclusive() as board:
+    until(lambda: made.main.snapshots.modes.control[0] is ControlMode.IDLE)
+    with made.main.exclusive() as board:
         assert board.set_control_mode(None, "pos")
     yield made
     made.stop()
@@ -45,13 +45,13 @@ def parked(loop: ControlLoop, pose: Pose = PARK, at_once: bool = False) -> tuple
     second = threading.Event()
     if at_once:
         second.set()
-    return park(Member(loop, loop.board), pose, told.append, second), told
+    return park(loop.main, pose, told.append, second), told
 
 
 def test_it_goes_to_park_first(loop: ControlLoop) -> None:
     """R6: takes the robot to park, and no power yet."""
     assert parked(loop) == ("", [pytest.approx(0.5)])
-    with loop.exclusive() as board:
+    with loop.main.exclusive() as board:
         assert board.get_encoder() == pytest.approx([0.5, -0.5], abs=0.01)
         assert [mode.code for mode in board.get_control_mode()] == ["pos", "pos"]
 
@@ -59,10 +59,10 @@ def test_it_goes_to_park_first(loop: ControlLoop) -> None:
 @pytest.mark.parametrize("modes", [["vel", "mix"], ["torq", "open"], ["posd", "posd"]])
 def test_joints_with_power_are_switched(loop: ControlLoop, modes: list[str]) -> None:
     """R6, M2: the parameter is the user's word for it."""
-    with loop.exclusive() as board:
+    with loop.main.exclusive() as board:
         assert board.set_control_mode(None, modes)
     assert parked(loop)[0] == ""
-    with loop.exclusive() as board:
+    with loop.main.exclusive() as board:
         assert [mode.code for mode in board.get_control_mode()] == ["pos", "pos"]
 
 
@@ -101,10 +101,10 @@ def test_a_paused_simulation_is_reported(loop: ControlLoop) -> None:
 
 def test_a_second_signal_ends_the_wait(loop: ControlLoop) -> None:
     """R6: also where the loop hangs with its lock."""
-    with loop.exclusive():
+    with loop.main.exclusive():
         assert parked(loop, at_once=True) == ("a second signal came", [])
     until(lambda: all(thread.name != "parking" for thread in threading.enumerate()))
-    with loop.exclusive() as board:
+    with loop.main.exclusive() as board:
         assert board.check_motion_done() == [True, True]
 
 
@@ -113,10 +113,10 @@ def test_a_joint_that_faults_on_the_way_ends_it(loop: ControlLoop) -> None:
     slow = Pose("park", ("a", "b"), (2.0, -2.0), 1e-3)
 
     def hurt(_: float) -> None:
-        with loop.exclusive() as board:
+        with loop.main.exclusive() as board:
             board.set_control_mode("b", "torq")
 
-    reason = park(Member(loop, loop.board), slow, hurt, threading.Event())
+    reason = park(loop.main, slow, hurt, threading.Event())
     assert "b left for HW_FAULT" in reason
 
 

@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.node.loop.loop import ControlLoop, Member
+from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.node.wiring.trajectories import followed, trajectory_callback
 from control_board_ros.sim.plant import SimulatedPlant
 
@@ -36,7 +36,7 @@ class Following:
         follower = followed(self.loop)
         self.warnings: list[tuple[str, str]] = []
         self._follow = trajectory_callback(
-            Member(self.loop, self.board), follower, lambda *warning: self.warnings.append(warning)
+            self.loop.main, follower, lambda *warning: self.warnings.append(warning)
         )
         self.run(0.1)
         assert self.board.set_control_mode(["a", "b"], ControlMode.POSITION_DIRECT)
@@ -101,7 +101,7 @@ def test_what_ends_it(rig: Following, request_: bool) -> None:
     rig.run(0.5)
     if request_:
         for mode in ("pos", "posd"):
-            with rig.loop.exclusive() as board:
+            with rig.loop.main.exclusive() as board:
                 assert board.set_control_mode("a", mode)
     else:
         rig.send("a")

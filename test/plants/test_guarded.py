@@ -321,8 +321,8 @@ def running() -> Iterator[tuple[ControlLoop, Levers]]:
     config = board_for(plant.describe())
     loop = ControlLoop(Board(config), GuardedPlant(plant, config, 1.0, first=30.0))
     loop.start()
-    until(lambda: set(loop.snapshots.modes.control) == {M.IDLE})
-    with loop.exclusive() as board:
+    until(lambda: set(loop.main.snapshots.modes.control) == {M.IDLE})
+    with loop.main.exclusive() as board:
         assert board.set_control_mode(None, "open")
         assert board.set_output(None, 20.0)
     until(lambda: all(plant.on) and bool((plant.position > 0.01).all()))
@@ -333,12 +333,12 @@ def running() -> Iterator[tuple[ControlLoop, Levers]]:
 def faulted(loop: ControlLoop, plant: Levers) -> None:
     """The loop continues, and gives no power by itself."""
     plant.calls.clear()
-    until(lambda: set(loop.snapshots.modes.control) == {M.HW_FAULT})
-    with loop.exclusive() as board:
+    until(lambda: set(loop.main.snapshots.modes.control) == {M.HW_FAULT})
+    with loop.main.exclusive() as board:
         assert "the control loop was silent for" in board.get_faults([0])[0].text
 
     def cleared() -> bool:
-        with loop.exclusive() as board:
+        with loop.main.exclusive() as board:
             return bool(board.set_control_mode(None, "fidl"))
 
     until(cleared)  # F3: refused until the plant has reported again
@@ -358,7 +358,7 @@ def test_a_hook_that_stalls_leaves_no_power(running: tuple[ControlLoop, Levers])
 def test_a_lock_that_hangs_leaves_no_power(running: tuple[ControlLoop, Levers]) -> None:
     """B5."""
     loop, plant = running
-    with loop.exclusive():
+    with loop.main.exclusive():
         until(lambda: not any(plant.on))
     faulted(loop, plant)
 

@@ -125,8 +125,8 @@ def test_whole_body_references_for_a_minute(
             refused.append(f"at {arguments[2][0]:.6g}: {reply}")
         return reply
 
-    until(lambda: "cfgn" not in [m.code for m in boards.loop.snapshots.modes.control])
-    with boards.loop.exclusive():
+    until(lambda: "cfgn" not in [m.code for m in boards.loop.main.snapshots.modes.control])
+    with boards.loop.main.exclusive():
         assert robot.set_control_mode(None, "posd")
         start = robot.get_encoder()
     monkeypatch.setattr(Board, "command", counted)
@@ -136,10 +136,10 @@ def test_whole_body_references_for_a_minute(
         )
         until(lambda: topic.get_subscription_count() == 1)
         sent = []
-        begin = boards.loop.snapshots.latest.snapshot.time
+        begin = boards.loop.main.snapshots.latest.snapshot.time
         for k in range(3000):
             due = begin + 0.02 * k
-            until(lambda due=due: boards.loop.snapshots.latest.snapshot.time >= due)
+            until(lambda due=due: boards.loop.main.snapshots.latest.snapshot.time >= due)
             until(lambda: len(taken) > len(sent) - QUEUE)  # or a busy machine overruns a queue
             positions = start + 0.03 * np.sin(0.02 * k)
             sent.append(float(positions[0]))
@@ -150,5 +150,5 @@ def test_whole_body_references_for_a_minute(
     assert refused == []
     assert taken == sent
     assert not robot.rejected_commands.any()
-    with boards.loop.exclusive():
+    with boards.loop.main.exclusive():
         assert [fault.name for fault in robot.get_faults() if fault.active] == []

@@ -3,10 +3,10 @@
 
 Everything that touches the board does so between two cycles::
 
-    with loop.exclusive() as board:
+    with loop.main.exclusive() as board:
         reply = board.set_control_mode(["elbow"], "pos")
 
-What others read without a lock are frozen snapshots, replaced whole: see ``loop.snapshots``.
+What others read without a lock are frozen snapshots, replaced whole: ``loop.main.snapshots``.
 """
 
 from __future__ import annotations
@@ -44,16 +44,17 @@ class ControlLoop:
 
     Args:
         board, plant: what to run; the loop closes the plant at the end.
-        state_rate: how often ``snapshots.latest`` is replaced, Hz of simulated time.
+        state_rate: how often ``latest`` of the snapshots is replaced, Hz of simulated time.
         real_time_factor: simulated seconds per second; 0 = as fast as possible. Other than 1,
             stamps are simulated time.
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
 
-    Attributes: board, snapshots (its), hooks (called in every cycle before the tick),
-    exclusive_hooks (called at the end of each use of ``exclusive``, of any member); both are
-    called with the lock held. after_lock (called by the control thread whenever it has released
-    the lock), when_shown (calls a function when all states noted by now are published).
+    Attributes: board, main (it as a member), parts (those of its parts, by name), lock (for use
+    by ``Member.exclusive`` only), hooks (called in every cycle before the tick), exclusive_hooks
+    (called at the end of each use of ``exclusive``, of any member); both are called with the lock
+    held. after_lock (called by the control thread whenever it has released the lock), when_shown
+    (calls a function when all states noted by now are published).
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class ControlLoop:
     ) -> None:
         self.board, self._plant = board, plant
         self._intake = Intake(board.count, board.period)
-        self._lock = FairLock()
+        self.lock = FairLock()
         self.on_end = on_end
         self._wake = threading.Event()
         self._pacer = Pacer(0.0, self._wake)
@@ -89,26 +90,10 @@ class ControlLoop:
         self._set_pace(real_time_factor)
         self.time_base.note(self._read().time, time.time_ns())
         self._noted = -1, -1  # versions of modes and faults
-        self.snapshots = self._first_snapshots(board)
-        self._shown = [self.snapshots]
-        self._exclusive = self.exclusive_of(board)
-
-    def _first_snapshots(self, group: JointGroup) -> Snapshots:
-        snapshots = Snapshots(group, self.time_base)
-        snapshots.note_changes()
-        snapshots.note_state()
-        return snapshots
-
-    def snapshots_of(self, group: JointGroup) -> Snapshots:
-        """The snapshots of the board, or from now on of a part; for use before the start."""
-        if group is self.board:
-            return self.snapshots
-        self._shown.insert(-1, self._first_snapshots(group))
-        return self._shown[-2]
-
-    def exclusive_of(self, group: JointGroup) -> Exclusive:
-        """The lock of the loop as a context manager of a group."""
-        return Exclusive(self._lock, group, self.end_exclusive)
+        self.main = Member(self, board)
+        self.parts = {name: Member(self, group) for name, group in board.parts.items()}
+        #: The main ones last: their ``on_change`` has those of all published.
+        self._snapshots = [one.snapshots for one in (*self.parts.values(), self.main)]
 
     @property
     def late_answers(self) -> list[int]:
@@ -152,10 +137,6 @@ class ControlLoop:
             return self._plant
         raise RequestError(NO_SIMULATION)
 
-    def exclusive(self) -> Exclusive:
-        """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
-        return self._exclusive
-
     def end_exclusive(self) -> None:
         """Call the hooks; the lock is still held."""
         for hook in self.exclusive_hooks:
@@ -169,11 +150,11 @@ class ControlLoop:
         if versions == self._noted:
             return
         self._noted = versions
-        for snapshots in self._shown:
+        for snapshots in self._snapshots:
             snapshots.note_changes()
 
     def _note_state(self) -> None:
-        for snapshots in self._shown:
+        for snapshots in self._snapshots:
             snapshots.note_state()
 
     def statistics(self) -> Statistics:
@@ -209,7 +190,7 @@ class ControlLoop:
                 :meth:`reset`.
         """
         self.simulation()
-        with self.exclusive():
+        with self.main.exclusive():
             if factor != 1.0:
                 self.time_base.free()
             self._set_pace(factor)
@@ -222,17 +203,17 @@ class ControlLoop:
 
     @property
     def state_rate(self) -> float:
-        """How often ``snapshots.latest`` is replaced, on average, Hz of simulated time."""
+        """How often ``latest`` of the snapshots is replaced, on average, Hz of simulated time."""
         return self._states.rate
 
     def set_state_rate(self, rate: float) -> None:
-        """Replace ``snapshots.latest`` at this mean rate, Hz; at most once per cycle."""
+        """Replace ``latest`` of the snapshots at this mean rate, Hz; at most once per cycle."""
         self._states = Divider(rate, self.board.config.control_rate)
 
     def pause(self, paused: bool) -> None:
         """Stop or continue between two cycles; steps that have not run yet are dropped."""
         self.simulation()
-        with self.exclusive():
+        with self.main.exclusive():
             self._paused = paused
             self._stepping.finish("the simulation was resumed before all steps had run")
             self._stepping.notify_cycle()
@@ -240,7 +221,7 @@ class ControlLoop:
 
     def after_cycle(self, done: Callable[[], None]) -> None:
         """Call ``done`` when a whole cycle has run from now on; at once if time is stopped."""
-        with self.exclusive():
+        with self.main.exclusive():
             self._stepping.on_cycle(done)
             if self._paused or self._stopping:
                 self._stepping.notify_cycle()
@@ -251,7 +232,7 @@ class ControlLoop:
         ``on_done`` is called from the control thread.
         """
         self.simulation()
-        with self.exclusive():
+        with self.main.exclusive():
             refusal = self._stepping.begin(cycles, on_done, paused=self._paused)
         if not refusal:
             self._wake.set()
@@ -260,7 +241,7 @@ class ControlLoop:
     def reset(self) -> None:
         """Return to the initial pose and power-on; simulated time continues."""
         simulation = self.simulation()
-        with self.exclusive():
+        with self.main.exclusive():
             simulation.reset()
             self.board.power_cycle()
             self.note_changes()  # the next cycle may configure it already
@@ -287,7 +268,7 @@ class ControlLoop:
 
     def _cycle(self) -> None:
         """One control cycle, unless the loop was paused while it waited for its turn."""
-        with self._lock:
+        with self.lock:
             if not self._paused or self._stepping.left:
                 self._run_cycle()
         self.after_lock()
@@ -319,7 +300,7 @@ class ControlLoop:
         self._wake.clear()
         if self._paused and not self._stepping.left and not self._stopping:
             self._wake.wait(PAUSED_PERIOD)
-            with self.exclusive():
+            with self.main.exclusive():
                 self._note_state()
             self.after_lock()
         if not self._paused:
@@ -328,7 +309,7 @@ class ControlLoop:
 
     def _unpower(self) -> None:
         """Every joint without power, once its brake holds it, and the last state."""
-        with self.exclusive():
+        with self.main.exclusive():
             self.board.power_off()
             while self.board.engine.brakes.holding:
                 self._plant.write(self.board.tick(self._read()))
@@ -454,15 +435,9 @@ class Member:
 
     def __init__(self, loop: ControlLoop, group: JointGroup) -> None:
         self.loop, self.board = loop, group
-        self.snapshots = loop.snapshots_of(group)
-        self._exclusive = loop.exclusive_of(group)
+        self.snapshots = Snapshots(group, loop.time_base)
+        self._exclusive = Exclusive(loop.lock, group, loop.end_exclusive)
 
     def exclusive(self) -> Exclusive:
         """Hold the loop's lock, between two cycles: ``with member.exclusive() as board``."""
         return self._exclusive
-
-    def power_cycle(self) -> None:
-        """Return to power-on; shown also where the next cycle configures the joints."""
-        with self.exclusive() as board:
-            board.power_cycle()
-            self.loop.note_changes()

@@ -70,6 +70,8 @@ class Snapshots:
         self.latest: StampedState
         self.modes: StampedModes
         self.faults: StampedFaults
+        self.note_changes()
+        self.note_state()
 
     def note_state(self) -> None:
         """Replace ``latest`` and consume the board's events."""

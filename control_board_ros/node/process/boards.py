@@ -228,18 +228,16 @@ class Boards:
         """Make the nodes of the parts, then that of the whole; returns the latter."""
         start, settings, loop = self._start, self.settings, self.loop
         follower = followed(loop)
-        for name, group in loop.board.parts.items():
+        for name, member in loop.parts.items():
             node = Node(name, **self._arguments(start.namespace))
             self.parts[name] = BoardNode(
-                node, Member(loop, group), settings.part(name), self._changed, follower, PART
+                node, member, settings.part(name), self._changed, follower, PART
             )
         if not self.parts:
             node = self._main_node("control_board", None)
-            return BoardNode(
-                node, Member(loop, loop.board), settings, self._changed, follower, ALONE
-            )
+            return BoardNode(node, loop.main, settings, self._changed, follower, ALONE)
         node = self._main_node(start.name, start.namespace)
-        robot = BoardNode(node, Member(loop, loop.board), settings, self._changed, follower, ROBOT)
+        robot = BoardNode(node, loop.main, settings, self._changed, follower, ROBOT)
         share_parameters(robot, self.parts.values())
         return robot
 
@@ -311,7 +309,7 @@ class Boards:
             board.each_second()
         for line in self.loop.news():
             self.main.reporter.log.warning(line)
-        now = stamp(self.loop.snapshots.now())
+        now = stamp(self.loop.main.snapshots.now())
         self._diagnostics_publisher.publish(self._diagnostics.message(now))
 
     def _warn_of_same_name(self) -> None:

@@ -31,7 +31,7 @@ class Diagnostics:
 
     def __init__(self, loop: ControlLoop, hardware_id: str, board: str = "control_board") -> None:
         self._loop, self._hardware_id, self._board = loop, hardware_id, board
-        self._snapshots, self._names = loop.snapshots, loop.board.names
+        self._snapshots, self._names = loop.main.snapshots, loop.board.names
         config = loop.board.config
         self._nominal_rate = config.control_rate
         self._hottest = [joint.limits.temperature for joint in config.joints]

@@ -191,7 +191,7 @@ class StateThread:
         self._publishing = threading.Lock()
         self._running = True
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
-        loop.snapshots.on_change = self._note
+        loop.main.snapshots.on_change = self._note
         loop.after_lock = self._publish_what_is_noted
         loop.when_shown = self._due.append
 

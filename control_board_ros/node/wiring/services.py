@@ -283,7 +283,9 @@ class Services:
         return answered(response, reply)
 
     def power_cycle(self, _request: Any, response: Any) -> Any:
-        self._member.power_cycle()
+        with self._member.exclusive() as board:
+            board.power_cycle()
+            self._loop.note_changes()  # the next cycle may configure the joints already
         return succeeded(response)
 
     # -- simulation ---------------------------------------------------------------------------

@@ -260,7 +260,7 @@ def start_time(stamp: Any, board: JointGroup, base: TimeBase) -> float:
 
 def followed(loop: ControlLoop) -> Follower:
     """The follower of a loop's board, which the loop steps."""
-    with loop.exclusive():
+    with loop.main.exclusive():
         follower = Follower(loop.board)
     loop.hooks.append(lambda _board, time: follower.step(time))
     loop.exclusive_hooks.append(follower.check)

@@ -40,7 +40,7 @@ def offer_transforms(
             moving.publish(message.of(frames.poses(snapshot.position), nanoseconds))
 
     states.also.append(publish)
-    now = stamp(loop.snapshots.now())
+    now = stamp(loop.main.snapshots.now())
     standing.publish(tf_message(frames.standing, frames.standing_poses, now, prefix))
 
 
