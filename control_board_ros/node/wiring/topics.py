@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
@@ -154,45 +155,42 @@ def stream(
     """Send references of one kind that a program repeats; a repeated position is no new move."""
     if kind is not CommandKind.POSITION:
         return board.command(kind, names, values, along)
-    moves = without_repeats(board, names, values, along)
-    if not moves:
-        return accepted(board.selector.select(names).names)
-    names, values, along = moves
+    known = known_moves(board, names, values, along)
+    if known.any():
+        joints = board.selector.select(names).names
+        if known.all():
+            return accepted(joints)
+        names, values = [joints[k] for k in np.flatnonzero(~known)], np.asarray(values)[~known]
+        along = None if along is None else np.asarray(along)[~known]
     reply = board.command(kind, names, values, along)
     if reply and np.array_equal(board.get_target_position(reply.joints), values):
         return accepted(reply.joints)  # slower than requested: not reported for a stream
     return reply
 
 
-def without_repeats(
+def known_moves(
     board: JointGroup, names: Sequence[str], positions: Any, speeds: Any
-) -> tuple[Sequence[str], Any, Any] | None:
-    """Names, positions and speeds of the new moves; None: no move is new.
+) -> NDArray[np.bool_]:
+    """Which moves run already, or have ended with their joint held at the target, shape (k,).
 
-    A move is not new while it runs, and where its joint holds its target. Restarted with every
-    message of a stream, it would never reach its speed. Invalid requests are returned unchanged:
-    the board reports them.
+    Restarted with every message of a stream, a move would never reach its speed. Of an invalid
+    request no move is known: the board reports it.
     """
+    unknown = np.zeros(len(positions), dtype=bool)
     try:
         chosen = board.selector.select(names)
     except RequestError:
-        return names, positions, speeds
+        return unknown
     joints = chosen.names
     if len(positions) != len(joints) or (speeds is not None and len(speeds) != len(joints)):
-        return names, positions, speeds
+        return unknown
     moving = ~np.array(board.check_motion_done(joints))
-    known = moving | (board.state.position_reference[chosen.joints] == positions)
-    known &= board.get_target_position(joints) == positions
+    known: NDArray[np.bool_] = board.get_target_position(joints) == positions
+    known &= moving | (board.state.position_reference[chosen.joints] == positions)
     known &= [mode is MOVES for mode in board.get_control_mode(joints)]
     if speeds is not None:
         known &= board.get_ref_speed(joints) == speeds
-    new = np.flatnonzero(~known)
-    if new.size == len(joints):
-        return names, positions, speeds
-    if not new.size:
-        return None
-    some = None if speeds is None else np.asarray(speeds)[new]
-    return [joints[k] for k in new], np.asarray(positions)[new], some
+    return known
 
 
 def joint_commands(board: JointGroup, message: Any) -> list[Reply]:
