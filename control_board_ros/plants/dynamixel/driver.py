@@ -79,9 +79,8 @@ class DynamixelDrives:
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """Torque off, what is read, watchdog; returns what it is."""
         bus, axis = self._bus, self._axes[k]
-        only(bus.models(axis.id, attempts), axis, self._options.bus, "dynamixel")
+        number = only(bus.models(axis.id, attempts), axis, self._options.bus, "dynamixel")
         drive, name = axis.id, axis.name
-        number = bus.get(drive, t.MODEL)
         if (model := t.MODELS.get(number)) is None:
             raise PlantSettingsError(
                 f"{name}: id {drive} is of model {number}; supported: "

@@ -74,9 +74,9 @@ class FeetechDrives:
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
         """No torque, no ramps; returns what it is."""
         bus, axis = self._bus, self._axes[k]
-        only(bus.models(axis.id, attempts), axis, self._options.bus, "feetech")
+        number = only(bus.models(axis.id, attempts), axis, self._options.bus, "feetech")
         drive = axis.id
-        if (number := bus.get(drive, t.MODEL)) not in t.MODELS:
+        if number not in t.MODELS:
             raise PlantSettingsError(
                 f"{axis.name}: id {drive} is of model {number}; supported: "
                 + ", ".join(t.MODELS.values())
