@@ -6,8 +6,9 @@ from __future__ import annotations
 import itertools
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES, TIMEOUT, Bench
+from wire import wired
 
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
@@ -26,8 +28,7 @@ from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.feetech.virtual import VirtualFeetech
 from control_board_ros.plants.interface import DriveFault, Readings
 from control_board_ros.plants.odrive_can import frames as f
-from control_board_ros.plants.virtual.can_bus import VirtualCanBus
-from control_board_ros.plants.virtual.wire import Wire
+from control_board_ros.plants.virtual.can_bus import Frame, VirtualCanBus
 from control_board_ros.testing.plant_contract import board_for, plant_contract
 
 ROOT = Path(__file__).parents[2]
@@ -51,16 +52,6 @@ Make = Callable[..., Bench]
 Change = Callable[[int, bytes], tuple[int, bytes]]
 
 
-class Mistaken:
-    """A wire on which what the second drive answers has the id of the first."""
-
-    def __init__(self, wire: Wire, change: Change) -> None:
-        self.wire, self._change = wire, change
-
-    def carry(self, frames: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-        return self.wire.carry(self._change(name, data) for name, data in frames)
-
-
 #: Answers in the midst of reading limits, of the one driver and of the other.
 SLOW_ONES = range(7, 13, 2)
 
@@ -68,11 +59,11 @@ SLOW_ONES = range(7, 13, 2)
 class Slow:
     """A wire on which some answers take longer than a driver waits for them."""
 
-    def __init__(self, wire: Wire) -> None:
-        self._wire, self._count = wire, 0
+    def __init__(self) -> None:
+        self._count = 0
 
-    def carry(self, frames: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-        for frame in self._wire.carry(frames):
+    def __call__(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        for frame in frames:
             self._count += 1
             if self._count in SLOW_ONES:
                 time.sleep(1.2 * can_line.PATIENCE)
@@ -438,13 +429,13 @@ def test_a_drive_that_answers_for_another_is_reported(make: Make, request: Any) 
     bench.follow(kind, 30)
     before = bench.world.state[0].copy()
     name = request.node.callspec.params["make"]
-    bench.bus.from_drives = Mistaken(bench.bus.from_drives, ANSWERS[name])
+    bench.bus.from_drives = partial(itertools.starmap, ANSWERS[name])
     found = bench.until(lambda found: bool(found.faults[1]), kind, cycles=500)
     assert f"no answer from id {bench.plant.axes[1].id}" in str(found.faults[1])
     if name in TOGETHER:  # where each is awaited by itself, a wrong id is no answer
         bench.until(lambda found: "two drives answer" in str(found.faults[0]), kind, cycles=500)
     assert np.abs(bench.world.state[0] - before).max() < 5e-3
-    bench.bus.from_drives = bench.bus.from_drives.wire
+    bench.bus.from_drives = iter
     recover(bench)
     bench.follow(kind, 30)
     assert healthy(bench.follow(kind))
@@ -459,11 +450,9 @@ def test_a_late_answer_is_none_to_the_next_question(name: str) -> None:
     with Bench(driver, options=options) as bench:
         bench.connect()
         known = [joint.limits for joint in bench.plant.describe().joints]
-        wire = bench.bus.from_drives
-        bench.bus.from_drives = Slow(wire)
+        bench.bus.from_drives = Slow()
         bench.connect()
         assert [joint.limits for joint in bench.plant.describe().joints] == known
-        bench.bus.from_drives = wire
 
 
 def test_a_drive_that_is_not_there_is_reported_at_the_start(make: Make) -> None:
@@ -489,14 +478,15 @@ def test_a_bad_wire_moves_nothing_that_was_not_asked_for(
     bench.connect()
     kind = POSITION if POSITION in bench.accepts else IMPEDANCE
     bench.follow(kind, 400, position=0.2)
-    for wire in (bench.bus.to_drives, bench.bus.from_drives):
+    wires = wired(bench.bus)
+    for wire in wires:
         setattr(wire, what, share)
     highest = 0.0
     for _ in range(150):
         bench.follow(kind, position=0.2)
         highest = max(highest, float(np.abs(bench.world.state[0] - 0.2).max()))
     assert highest < 0.25
-    for wire in (bench.bus.to_drives, bench.bus.from_drives):
+    for wire in wires:
         setattr(wire, what, 0.0)
     recover(bench)
 
@@ -507,10 +497,11 @@ def test_a_cable_that_is_out_is_a_fault_until_it_is_in_again(make: Make) -> None
     bench.connect()
     kind = bench.accepts[0]
     bench.follow(kind, 20)
-    bench.bus.to_drives.cut = True
+    to_drives, _ = wired(bench.bus)
+    to_drives.cut = True
     found = bench.until(lambda found: all(found.faults), kind, cycles=500)
     assert "no answer" in str(found.faults[0])
-    bench.bus.to_drives.cut = False
+    to_drives.cut = False
     recover(bench)
 
 
@@ -521,7 +512,8 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
         pytest.skip("it is on no CAN bus")
     bench.connect()
     bench.follow(bench.accepts[0], 20)
-    bench.bus.to_drives.cut = bench.bus.from_drives.cut = True
+    to_drives, from_drives = wired(bench.bus)
+    to_drives.cut = from_drives.cut = True
     off = can_line.frame()(arbitration_id=can_line.BUS_OFF, is_error_frame=True)
     bench.bus.bus.send(off)  # as socketcan reports it
     with pytest.raises(OSError, match=r"bus virtual:.* is off: .* restart-ms"):
@@ -529,7 +521,7 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
     bench.pass_time(25 * TIMEOUT)
     if watched(bench):
         assert all(abs(drive.torque) < 1e-6 for drive in bench.drives)
-    bench.bus.to_drives.cut = bench.bus.from_drives.cut = False
+    to_drives.cut = from_drives.cut = False
     bench.connect()
     recover(bench)
 

@@ -4,13 +4,18 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
+
+from control_board_ros.plants.virtual.can_bus import Frame, VirtualCanBus
 
 
 @dataclass(slots=True)
 class Wire:
     """Faults of a wire, each a share of the frames, 0 to 1; may be changed at any time.
+
+    Called with frames, it returns those that arrive.
 
     Attributes:
         lost, late, doubled, corrupted: Shares. A late frame comes after the next one.
@@ -27,13 +32,12 @@ class Wire:
     checked: bool = False
     seed: int = 0
     _random: random.Random = field(init=False)
-    _held: list[tuple[int, bytes]] = field(init=False, default_factory=list)
+    _held: list[Frame] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
         self._random = random.Random(self.seed)
 
-    def carry(self, frames: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-        """The frames (id and data) that arrive."""
+    def __call__(self, frames: Iterable[Frame]) -> Iterator[Frame]:
         chance = self._random.random
         for name, data in frames:
             if self.cut or chance() < self.lost:
@@ -57,3 +61,10 @@ class Wire:
         place = self._random.randrange(len(data))
         changed = bytes([data[place] ^ 1 << self._random.randrange(8)])
         return data[:place] + changed + data[place + 1 :]
+
+
+def wired(bus: Any) -> tuple[Wire, Wire]:
+    """Put wires between a virtual bus and its drives: to them, and from them."""
+    checked = isinstance(bus, VirtualCanBus)
+    bus.to_drives, bus.from_drives = Wire(checked=checked), Wire(checked=checked, seed=1)
+    return bus.to_drives, bus.from_drives

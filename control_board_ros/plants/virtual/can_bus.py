@@ -6,23 +6,27 @@ from __future__ import annotations
 import contextlib
 import itertools
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
 from ..drives.can_line import REMOTE, SHORT, message, open_bus
-from .wire import Wire
 from .world import World
 
 #: s of silence on the bus after which the world is stepped anyway.
 QUIET = 5e-3
 _numbers = itertools.count(1)
 
+#: The id of a frame, and its data.
+Frame = tuple[int, bytes]
+#: Passes on the frames that arrive.
+Carry = Callable[[Iterable[Frame]], Iterator[Frame]]
+
 
 class CanDrive(Protocol):
     """A virtual drive as its bus sees it."""
 
-    def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The frames, id and data, that it answers with; remote ones have the flag REMOTE."""
+    def on_frame(self, frame_id: int, data: bytes) -> Iterator[Frame]:
+        """The frames that it answers with; remote ones have the flag REMOTE."""
         ...
 
 
@@ -37,7 +41,7 @@ class VirtualCanBus:
 
     Attributes:
         address: For the option ``bus`` of a driver.
-        to_drives, from_drives: Faults of the wire, by direction.
+        to_drives, from_drives: The wire, by direction; all frames arrive, unless it is replaced.
     """
 
     def __init__(
@@ -50,7 +54,8 @@ class VirtualCanBus:
     ) -> None:
         self.world, self.drives = world, list(drives)
         self.address = address or f"virtual:drives {next(_numbers)}"
-        self.to_drives, self.from_drives = Wire(checked=True), Wire(checked=True, seed=1)
+        self.to_drives: Carry = iter
+        self.from_drives: Carry = iter
         self._fd = fd
         self.bus = open_bus(self.address, fd=fd)
         self._ending = threading.Event()
@@ -75,15 +80,15 @@ class VirtualCanBus:
                 if received is None or received.is_error_frame:
                     continue
                 answers = list(self._answers(received))
-            for frame_id, data in self.from_drives.carry(iter(answers)):
+            for frame_id, data in self.from_drives(answers):
                 with contextlib.suppress(Exception):  # there is no receiver
                     self.bus.send(message(frame_id, data, fd=self._fd))
 
-    def _answers(self, received: Any) -> Iterator[tuple[int, bytes]]:
+    def _answers(self, received: Any) -> Iterator[Frame]:
         if (received.arbitration_id > SHORT) is not received.is_extended_id:
             return  # its upper bits would not get onto a real bus
         remote = REMOTE if received.is_remote_frame else 0
         came = received.arbitration_id | remote, bytes(received.data)
-        for frame_id, data in self.to_drives.carry(iter([came])):
+        for frame_id, data in self.to_drives([came]):
             for drive in self.drives:
                 yield from drive.on_frame(frame_id, data)

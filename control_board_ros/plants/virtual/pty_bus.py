@@ -12,9 +12,8 @@ import tty
 from collections.abc import Sequence
 from typing import Any
 
-from .can_bus import QUIET
+from .can_bus import QUIET, Carry
 from .servo import Framer
-from .wire import Wire
 from .world import World
 
 
@@ -28,12 +27,14 @@ class VirtualSerialBus:
 
     Attributes:
         address: The device that a driver opens.
-        to_drives, from_drives: Faults of the wire, by direction.
+        to_drives, from_drives: The wire, by direction; all bytes arrive, unless it is replaced.
+            Bytes are the data of frames with id 0.
     """
 
     def __init__(self, world: World, drives: Sequence[Any], framer: Framer) -> None:
         self.world, self.drives, self._framer = world, list(drives), framer
-        self.to_drives, self.from_drives = Wire(), Wire(seed=1)
+        self.to_drives: Carry = iter
+        self.from_drives: Carry = iter
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
         self.address = os.ttyname(self._slave)
@@ -57,13 +58,12 @@ class VirtualSerialBus:
                 self.world.advance()
                 answers = []
                 if ready:
-                    came = self.to_drives.carry(iter([(0, os.read(self._master, 4096))]))
-                    for _, data in came:
+                    for _, data in self.to_drives([(0, os.read(self._master, 4096))]):
                         for packet in self._framer.feed(data):
                             for drive in self.drives:
                                 answers += [(0, answer) for answer in drive.on_packet(packet)]
                 else:
                     self._framer.drop()
-            for _, data in self.from_drives.carry(iter(answers)):
+            for _, data in self.from_drives(answers):
                 with contextlib.suppress(OSError):  # there is no receiver
                     os.write(self._master, data)
