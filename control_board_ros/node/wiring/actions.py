@@ -18,6 +18,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
+from rclpy.timer import Timer
 
 from ...core.goals.poses import PoseTask
 from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
@@ -109,6 +110,12 @@ def action_server(
     )
 
 
+def goal_timer(node: Node, look: Callable[[], None]) -> Timer:
+    """A timer, not started, that looks at active goals every PERIOD of wall-clock time."""
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    return node.create_timer(PERIOD, look, clock=steady, autostart=False)
+
+
 class Actions:
     """The action servers of a node.
 
@@ -132,8 +139,7 @@ class Actions:
             self._server(node, CALIBRATE, calibration),
             self._server(node, GO_TO_POSE, go_to_pose),
         ]
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
+        self._timer = goal_timer(node, self._look)
 
     def _server(self, node: Node, action: Endpoint, start: Callable[[Any], Begin]) -> ActionServer:
         kind = action.load()

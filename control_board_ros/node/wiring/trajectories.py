@@ -15,8 +15,6 @@ from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTrajectoryControllerState
 from rclpy.action.server import CancelResponse
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -38,7 +36,7 @@ from ...core.terms.reply import Reply
 from ...interface import FOLLOW_JOINT_TRAJECTORY
 from ..loop.loop import ControlLoop, Member
 from ..loop.timing import TimeBase
-from .actions import PERIOD, Goal, action_server
+from .actions import Goal, action_server, goal_timer
 from .messages import NANOSECONDS, bounded, doubles, set_stamp
 from .request_log import GoalRecord, RequestLog
 from .topics import Callback, Warn
@@ -67,8 +65,7 @@ class FollowTrajectory:
         self._goal: Goal[TrajectoryGoal] | None = None
         # before the follower's step: reading and reference agree
         member.loop.hooks.insert(0, self._check)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
+        self._timer = goal_timer(node, self._look)
         self._server = action_server(node, FOLLOW_JOINT_TRAJECTORY, self._execute, self._cancel)
 
     async def _execute(self, handle: Any) -> Any:
