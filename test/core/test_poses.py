@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import Rig, with_a_slide
+from rig import Rig, board_config, joint, with_a_slide
 
 from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.poses import (
@@ -120,11 +120,31 @@ def test_joints_in_another_mode_refuse_it_whole_and_are_all_named(rig: Rig) -> N
         "ready is a POSITION move, and b is in VELOCITY, c is in IDLE; "
         "its joints must be in pos or mix"
     )
-    assert caught.value.codes == (Reason.NONE, Reason.OTHER_MODE, Reason.OTHER_MODE)
+    assert caught.value.codes == (Reason.TOGETHER, Reason.OTHER_MODE, Reason.OTHER_MODE)
     rig.run(0.5)
     assert board.snapshot().position_reference == pytest.approx(before, abs=1e-9)
     assert [mode.code for mode in board.get_control_mode()] == ["pos", "vel", "idl"]
-    assert board.rejected_commands.tolist() == [0, 0, 0]
+    assert board.rejected_commands.tolist() == [0, 1, 1]
+
+
+def test_more_joints_than_a_summary_names_are_all_named() -> None:
+    """R5: five joints in another mode."""
+    names = tuple("abcde")
+    rig = Rig(board_config(*map(joint, names)))
+    rig.tick()
+    with pytest.raises(RequestError) as caught:
+        PoseTask(rig.board, Pose("far", names, (0.1,) * 5, 0.4))
+    assert str(caught.value) == (
+        "far is a POSITION move, and a, b, c, d, e are in IDLE; its joints must be in pos or mix"
+    )
+    assert caught.value.codes == (Reason.OTHER_MODE,) * 5
+
+
+def test_a_pose_refused_for_another_reason_gives_it(rig: Rig) -> None:
+    """R5, P13."""
+    with pytest.raises(RequestError, match="a ignored: nan is not a finite number") as caught:
+        PoseTask(rig.board, Pose("odd", ("a", "b"), (float("nan"), 0.1), 0.4))
+    assert caught.value.codes == (Reason.NOT_FINITE, Reason.TOGETHER)
 
 
 def test_a_joint_in_fault_is_told_with_its_cause(rig: Rig) -> None:

@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..machine.decisions import UNAVAILABLE
 from ..machine.explanations import explain_slower
 from ..selection import RequestError
 from ..terms.arguments import Floats
 from ..terms.modes import FAULTED, MOVES, POWERED, modes_accepting
-from ..terms.reply import Reason
 from ..terms.vocabs import CommandKind, ControlMode
 from .pose import NAME, Pose
 from .tasks import MoveTask, Outcome, takes_moves, tolerance
@@ -51,10 +49,13 @@ class PoseTask:
     def __init__(self, board: JointGroup, pose: Pose, speed: float = 0.0) -> None:
         self._board = board
         self.names = board.selector.select(pose.joints).names
-        require_moves(board, pose)
         positions = np.array(pose.positions)
         plan = plan_move(board, pose, speed)
-        self._move = MoveTask(board, self.names, positions, time=plan.time, note=plan.note)
+        try:
+            self._move = MoveTask(board, self.names, positions, time=plan.time, note=plan.note)
+        except RequestError as error:
+            text = explain_modes(board, pose) or str(error)
+            raise RequestError(text, codes=error.codes) from error
         self._targets = board.get_target_position(self.names)
 
     def outcome(self) -> Outcome | None:
@@ -123,26 +124,17 @@ def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
     return Plan(time, explain_slower(joint, way, rate, time))
 
 
-def require_moves(board: JointGroup, pose: Pose) -> None:
-    """Refuse unless every joint of a pose accepts position moves.
-
-    Raises:
-        RequestError: naming every joint that does not, and its mode.
-    """
-    modes = board.get_control_mode(pose.joints)
-    pairs = zip(pose.joints, modes, strict=True)
-    others = {name: mode for name, mode in pairs if not takes_moves(mode)}
-    if others:
-        codes = [
-            Reason.NONE if takes_moves(mode) else UNAVAILABLE.get(mode, Reason.OTHER_MODE)
-            for mode in modes
-        ]
-        takers = " or ".join(mode.code for mode in modes_accepting(CommandKind.POSITION))
-        raise RequestError(
-            f"{pose.name} is a {MOVES.name} move, and {told_by_mode(board, others)}; "
-            f"its joints must be in {takers}",
-            codes=codes,
-        )
+def explain_modes(board: JointGroup, pose: Pose) -> str:
+    """Which joints of a pose are in a mode without position moves; empty: none."""
+    modes = zip(pose.joints, board.get_control_mode(pose.joints), strict=True)
+    others = {name: mode for name, mode in modes if not takes_moves(mode)}
+    if not others:
+        return ""
+    takers = " or ".join(mode.code for mode in modes_accepting(CommandKind.POSITION))
+    return (
+        f"{pose.name} is a {MOVES.name} move, and {told_by_mode(board, others)}; "
+        f"its joints must be in {takers}"
+    )
 
 
 def told_by_mode(board: JointGroup, modes: dict[str, ControlMode]) -> str:
