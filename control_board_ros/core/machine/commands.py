@@ -26,7 +26,7 @@ from ..terms.measurement import Array
 from ..terms.reply import Answer, JointAnswer, Reply, decided
 from ..terms.vocabs import CommandKind
 from .decisions import decide_reference
-from .explanations import LEFT, explain_bound, explain_reference, explain_slower, range_text
+from .explanations import all_or_none, explain_bound, explain_reference, explain_slower, range_text
 from .machine import Machine
 
 K = CommandKind
@@ -155,7 +155,7 @@ class Commands:
         if not good.all():
             answers = self._judged(kind, selection, asked, along)
             if together:
-                return decided(selection.names, [a if a.code else LEFT for a in answers])
+                return decided(selection.names, all_or_none(answers))
             chosen, asked = chosen[good], asked[good]
             extra = None if extra is None else extra[good]
         taken, notes = asked, Notes()

@@ -61,6 +61,14 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
 #: Of a joint that could, where joints are set together or not at all.
 LEFT = JointAnswer(Answer.REFUSED, "the others of the request stay as they are", Reason.TOGETHER)
 
+
+def all_or_none(answers: Sequence[JointAnswer]) -> Sequence[JointAnswer]:
+    """Answers of joints that are set together: where one could not, LEFT for those that could."""
+    if not any(answer.code for answer in answers):
+        return answers
+    return [answer if answer.code else LEFT for answer in answers]
+
+
 #: What to do where a stop does nothing to a joint.
 STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
     **dict.fromkeys(CALIBRATES, lambda _: "abort it with FORCE_IDLE, or wait until it is done"),

@@ -24,7 +24,7 @@ from ..terms.modes import CALIBRATES, CONFIGURED, UNPOWERED
 from ..terms.motors import TERMS, Loop, Motors, Pids, Term
 from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
 from .decisions import decide_feedforward
-from .explanations import LEFT, explain_feedforward
+from .explanations import all_or_none, explain_feedforward
 from .machine import Machine
 
 
@@ -49,15 +49,13 @@ class Feedforward:
             (j, [None if term is None else float(term[k]) for term in terms])
             for k, j in enumerate(selection.numbers)
         ]
-        answers = [self._judge(j, given) for j, given in parts]
-        held = together and any(answer.code for answer in answers)
+        judged = [self._judge(j, given) for j, given in parts]
+        answers = all_or_none(judged) if together else judged
         taken = []
-        for (j, given), answer in zip(parts, answers, strict=True):
-            machine.state.rejected[j] += np.uint64(bool(answer.code))
-            fine = not (held or answer.code)
-            taken.append(feed(machine.controller.joints[j], *given) if fine else math.nan)
-        if held:
-            answers = [answer if answer.code else LEFT for answer in answers]
+        for (j, given), own, answer in zip(parts, judged, answers, strict=True):
+            machine.state.rejected[j] += np.uint64(bool(own.code))
+            joint = machine.controller.joints[j]
+            taken.append(math.nan if answer.code else feed(joint, *given))
         return replace(decided(selection.names, answers), values=tuple(taken))
 
     def _judge(self, j: int, given: Sequence[float | None]) -> JointAnswer:

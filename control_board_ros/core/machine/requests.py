@@ -25,7 +25,7 @@ from ..terms.modes import (
 from ..terms.reply import JointAnswer, Reply, decided
 from ..terms.vocabs import ControlMode, InteractionMode
 from .decisions import Verdict, Wanted, decide, decide_stop
-from .explanations import LEFT, explain, explain_stop, explain_stuck
+from .explanations import all_or_none, explain, explain_stop, explain_stuck
 from .machine import Machine
 
 #: Answer of a joint that does what was requested.
@@ -68,19 +68,12 @@ class Requests:
             self._judge(j, asked if isinstance(asked, tuple) else (asked,))
             for j, asked in zip(selection.numbers, wanted, strict=True)
         ]
-        if not any(answer.code for answer, _ in judged):
-            self._carry_out([step for _, steps in judged for step in steps])
-            return decided(selection.names, [answer for answer, _ in judged])
+        answers = [answer for answer, _ in judged]
+        held = together and any(answer.code for answer in answers)
         self._carry_out(
-            [
-                step
-                for answer, steps in judged
-                for step in steps
-                if not together or (answer.code and not step.verdict.accepts)
-            ]
+            [step for _, steps in judged for step in steps if not (held and step.verdict.accepts)]
         )
-        answers = [LEFT if together and not answer.code else answer for answer, _ in judged]
-        return decided(selection.names, answers)
+        return decided(selection.names, all_or_none(answers) if together else answers)
 
     def recover(self, selection: Selection, *, partial: bool) -> Reply:
         """Clear faults and go back to the modes before them, in one cycle (E1).
