@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control cycle and its components (SPEC A).
 
-Components: ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes),
+Components: ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes, and stops),
 ``start_up``, ``commands`` (references of users), ``references`` (those that run), ``controller``
 (the laws), ``monitor`` (causes of faults), ``timeouts`` (of references), ``emergency`` (the
 stop of all), ``frames`` (freeze frames of faults), ``motors`` and ``feedforward``, ``mix`` (of
@@ -21,7 +21,7 @@ from .laws.references import References, ReferenceTimeouts
 from .machine.commands import Commands, timeout_cycles
 from .machine.machine import Machine
 from .machine.motors import Feedforward, MotorAccess, mix_of
-from .machine.requests import Requests, StartUp, Stops
+from .machine.requests import Requests, StartUp
 from .state import StateArrays
 from .terms.drives import SetPoint
 from .terms.events import Events
@@ -74,7 +74,6 @@ class Engine:
         self.commands = Commands(self.machine, self.limits)
         self.feedforward = Feedforward(self.machine)
         self.motors = MotorAccess(self.machine, self.limits, self.mix)
-        self.stops = Stops(self.machine)
         for zone in zones:
             self._start(zone)
 

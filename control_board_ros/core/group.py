@@ -225,7 +225,7 @@ class JointGroup(ModeShortcuts):
             chosen = self.selector.select(joints)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.stops.stop(chosen)
+        return self.engine.requests.stop(chosen)
 
     def reject(self, joints: Joints, message: str, code: Reason = Reason.INVALID) -> Reply:
         """Refuse a command that is wrong as a whole; the joints that it names count it (P13)."""

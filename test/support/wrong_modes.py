@@ -173,13 +173,13 @@ def any_stiffness(old: Any, chosen: Any, what: str, values: Any, most: Any, **mo
     return old(chosen, what, values, most * (2.0 if what == "stiffness" else 1.0), **more)
 
 
-@replaces("I10", "core.machine.requests:Stops._hold")
+@replaces("I10", "core.machine.requests:Requests._hold")
 def a_compliant_stop_pushes(old: Any, self: Any, chosen: Any) -> None:
     old(self, chosen)
-    state = self._state
+    state = self._machine.state
     for j in chosen:
         if state.interaction_modes[j] is InteractionMode.COMPLIANT:
-            self._references.hold(np.array([j]), state.position[[j]] + 0.1)
+            self._machine.references.hold(np.array([j]), state.position[[j]] + 0.1)
 
 
 @breaks("F1")

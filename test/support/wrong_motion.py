@@ -34,7 +34,7 @@ def a_speed_of_zero(old: Any, *args: Any, **_: Any) -> Any:
 
 @breaks("P3")
 def stop_does_nothing() -> None:
-    around("core.machine.requests:Stops._hold", lambda _, *__: None)
+    around("core.machine.requests:Requests._hold", lambda _, *__: None)
 
 
 @breaks("P4")
@@ -155,19 +155,19 @@ def shown_done(snapshot: Any, done: bool) -> Any:
 @breaks("P3")
 def stop_leads_to_idle() -> None:
     around(
-        "core.machine.requests:Stops._hold",
+        "core.machine.requests:Requests._hold",
         lambda _, self, chosen: self._machine.enter(chosen, M.IDLE),
     )
 
 
-@replaces("P3", "core.machine.requests:Stops._hold")
+@replaces("P3", "core.machine.requests:Requests._hold")
 def stop_holds_where_the_move_began(old: Any, self: Any, chosen: Any) -> None:
     joints = [self._machine.controller.joints[j] for j in chosen]
     began = [joint.move_start if joint.moving else None for joint in joints]
     old(self, chosen)
     for j, start in zip(chosen, began, strict=True):
         if start is not None:
-            self._references.hold(np.array([j]), np.array([start]))
+            self._machine.references.hold(np.array([j]), np.array([start]))
 
 
 @replaces("P5", "core.laws.references:References.ramp")

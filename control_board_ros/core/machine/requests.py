@@ -143,6 +143,32 @@ class Requests:
         if law_of(mode, before) is not law_of(mode, wanted):
             self._machine.enter([j], mode)
 
+    def stop(self, selection: Selection) -> Reply:
+        """Set the position reference to the measured position; the mode stays (P3)."""
+        answers = []
+        for j in selection.numbers:
+            facts = self._machine.facts(j)
+            verdict = decide_stop(facts)
+            text = "" if verdict.accepts else explain_stop(facts)
+            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
+        modes = self._machine.state.control_modes
+        if chosen := [j for j in selection.numbers if modes[j] in STOPPABLE]:
+            self._hold(chosen)
+        return decided(selection.names, answers)
+
+    def _hold(self, chosen: Sequence[int]) -> None:
+        """Hold joints where they are; where the law is the impedance, keep the load (I10)."""
+        machine, state = self._machine, self._machine.state
+        laws = [machine.controller.joints[j] for j in chosen]
+        places = [float(state.position[j]) for j in chosen]
+        inside = [min(max(q, j.lower), j.upper) for q, j in zip(places, laws, strict=True)]
+        machine.references.hold(chosen, inside)
+        machine.timeouts.cancel(chosen)
+        for j in chosen:
+            mode = state.control_modes[j]
+            if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
+                machine.set_law([j], law, direct=mode in DIRECT_GAINS, feeds=True)
+
 
 class StartUp:
     """Takes joints out of NOT_CONFIGURED, once per power-on.
@@ -209,36 +235,3 @@ class StartUp:
                 machine.go(j, calibration.control_mode)
             else:
                 machine.calibrations.start(j)
-
-
-class Stops:
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        self._state, self._references = machine.state, machine.references
-
-    def stop(self, selection: Selection) -> Reply:
-        """Set the position reference to the measured position; the mode stays (P3)."""
-        answers = []
-        for j in selection.numbers:
-            facts = self._machine.facts(j)
-            verdict = decide_stop(facts)
-            text = "" if verdict.accepts else explain_stop(facts)
-            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
-        modes = self._state.control_modes
-        chosen = [j for j in selection.numbers if modes[j] in STOPPABLE]
-        if chosen:
-            self._hold(chosen)
-        return decided(selection.names, answers)
-
-    def _hold(self, chosen: Sequence[int]) -> None:
-        """Hold joints where they are; where the law is the impedance, keep the load (I10)."""
-        machine, state = self._machine, self._state
-        laws = [machine.controller.joints[j] for j in chosen]
-        places = [float(state.position[j]) for j in chosen]
-        inside = [min(max(q, j.lower), j.upper) for q, j in zip(places, laws, strict=True)]
-        self._references.hold(chosen, inside)
-        machine.timeouts.cancel(chosen)
-        for j in chosen:
-            mode = state.control_modes[j]
-            if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
-                machine.set_law([j], law, direct=mode in DIRECT_GAINS, feeds=True)
