@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from ..config.layout import zones_of
 from ..group import JointGroup
 from ..machine.explanations import explain_cut
+from ..selection import Selection
 from ..terms.arguments import Joints
-from ..terms.reply import Answer, JointAnswer, Reply, decided, joints_of
+from ..terms.reply import Answer, JointAnswer, Reply, accepted, decided, joints_of
 from ..terms.vocabs import CommandKind
 from .path import SAME_TIME, Bools, Path, Run, Sample, Spline, braking
 
@@ -65,18 +66,11 @@ class Follower:
         board = self.board
         self.check()
         selection = board.selector.select(joints)
-        if text := incomplete(board, selection.names):
+        if text := incomplete(board, selection.names) or overdue(board, path, start):
             return board.reject(selection.names, text)
-        late = board.time - (start + path.duration)
-        if late > 0.0:
-            text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
-            return board.reject(selection.names, text)
-        good = board.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
-        verdicts = dict(zip(selection.names, [JointAnswer()] * len(good), strict=True))
-        if not good.all():  # the board counts them and reports why
-            names = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
-            refusal = board.set_position(names, path.positions[-1, ~good])
-            verdicts |= zip(names, refusal.each(), strict=True)
+        good, refusal = admitted(board, selection, path)
+        verdicts = dict.fromkeys(selection.names, JointAnswer())
+        verdicts |= zip(refusal.joints, refusal.each(), strict=True)
         if good.any():
             run = self.take(selection.joints[good], path.of(good), start)
             verdicts |= {name: JointAnswer(text=text) for name, text in cuts(board, run).items()}
@@ -263,6 +257,26 @@ def incomplete(board: JointGroup, names: Sequence[str]) -> str:
             text = f"{', '.join(missing)} missing"
             return f"{text}; send all joints, or set allow_partial_joints_goal"
     return ""
+
+
+def overdue(board: JointGroup, path: Path, start: float) -> str:
+    """Why a path that begins at a time of the board, s, is past; empty where it is not."""
+    late = board.time - (start + path.duration)
+    if late <= 0.0:
+        return ""
+    return f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
+
+
+def admitted(board: JointGroup, selection: Selection, path: Path) -> tuple[Bools, Reply]:
+    """Which joints of a path are in POSITION_DIRECT, shape (k,), and the refusal of the others.
+
+    These count it as a rejected direct position (M4).
+    """
+    good = board.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
+    others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
+    if not others:  # none named would mean all
+        return good, accepted(())
+    return good, board.set_position(others, path.positions[-1, ~good])
 
 
 def cuts(board: JointGroup, run: Run) -> dict[str, str]:

@@ -32,8 +32,7 @@ from ..terms.arguments import Joints
 from ..terms.joint_kind import JointKind
 from ..terms.measurement import Array
 from ..terms.reply import summary
-from ..terms.vocabs import CommandKind
-from .follower import Follower, cuts, incomplete
+from .follower import Follower, admitted, cuts, incomplete, overdue
 from .path import Path, Points, Run, Sample, make_path
 
 #: What the numbers of a tolerance are about.
@@ -221,14 +220,10 @@ def start_goal(
 
 def check_start(group: JointGroup, selection: Selection, path: Path, start: float) -> None:
     """Raise GoalError unless joints can follow a path that begins at this time of the board, s."""
-    late = group.time - (start + path.duration)
-    if late > 0.0:
-        text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
+    if text := overdue(group, path, start):
         raise GoalError(Code.OLD_HEADER_TIMESTAMP, text)
-    good = group.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
-    if not good.all():  # the board counts them and reports why
-        others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
-        refusal = group.set_position(others, path.positions[-1, ~good])
+    good, refusal = admitted(group, selection, path)
+    if not good.all():
         raise GoalError(Code.INVALID_GOAL, refusal.message)
 
 
