@@ -15,9 +15,9 @@ class ModeShortcuts:
     """The mode shortcuts of §4 and the old interface of §5, on top of the two setters.
 
     The class that inherits offers ``set_control_mode``, ``set_interaction_mode`` and
-    ``get_control_mode``, and overrides :meth:`log_deprecated` where it has a log. The methods
-    that the old IControlMode had (D1) raise a DeprecationWarning, those of IPositionControl,
-    IVelocityControl, ITorqueControl and IOpenLoopControl of the same name included.
+    ``get_control_mode``. The methods that the old IControlMode had (D1) raise a
+    DeprecationWarning, those of IPositionControl, IVelocityControl, ITorqueControl and
+    IOpenLoopControl of the same name included.
     """
 
     set_control_mode: Any
@@ -59,9 +59,6 @@ class ModeShortcuts:
         modes: list[ControlMode] = self.get_control_mode(None)
         return modes
 
-    def log_deprecated(self, text: str) -> None:
-        """Log a deprecation, too; does nothing unless overridden."""
-
     def _old(
         self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
     ) -> Reply:
@@ -72,9 +69,7 @@ class ModeShortcuts:
         return reply
 
     def _deprecate(self, old: str, new: str) -> None:
-        text = deprecation(old, new)
-        warnings.warn(text, DeprecationWarning, stacklevel=4)
-        self.log_deprecated(text)
+        warnings.warn(deprecation(old, new), DeprecationWarning, stacklevel=4)
 
 
 OLD_NAMES: dict[tuple[ControlMode, InteractionMode | None], str] = {

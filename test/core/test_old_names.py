@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import pytest
-
-from control_board_ros.core.old_names import OLD_NAMES, ModeShortcuts, deprecation, replacement
+from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
 
 
 def test_each_old_method_has_its_new_ones() -> None:
@@ -22,20 +20,3 @@ def test_each_old_method_has_its_new_ones() -> None:
     assert deprecation("old", "new") == (
         "old belongs to the old interface and is deprecated; use new"
     )
-
-
-def test_old_methods_write_to_the_log() -> None:
-    """D1: where there is a log, the deprecation is written to it."""
-    told: list[str] = []
-
-    class Logging(ModeShortcuts):
-        def set_control_mode(self, joints: object, modes: object) -> bool:
-            return True
-
-        def log_deprecated(self, text: str) -> None:
-            told.append(text)
-
-    with pytest.warns(DeprecationWarning, match="set_velocity_mode"):
-        assert Logging().set_velocity_mode(0)
-    assert len(told) == 1
-    assert "set_velocity_mode" in told[0]
