@@ -173,16 +173,6 @@ class Board(JointGroup):
         return self._stage
 
     @property
-    def modes_version(self) -> int:
-        """Grows when a mode changes."""
-        return self.state.modes_version
-
-    @property
-    def faults_version(self) -> int:
-        """Grows when a fault record changes."""
-        return self.state.faults_version
-
-    @property
     def unknown_commands(self) -> int:
         """Commands so far that named no joint of the board, or of the part addressed (P13)."""
         return self._unknown + sum(part.unknown_commands for part in self.parts.values())

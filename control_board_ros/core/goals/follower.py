@@ -32,7 +32,7 @@ class Follower:
     def __init__(self, board: JointGroup) -> None:
         self.board = board
         self._runs: list[Run] = []
-        self._version = board.modes_version
+        self._version = board.state.modes_version
         # The last direct positions of this follower: different ones are other commands'.
         self._known = self._last.copy()
 
@@ -150,14 +150,14 @@ class Follower:
         """End the paths of joints that changed their modes, or received other positions."""
         board = self.board
         if not self._runs:
-            self._version = board.modes_version
+            self._version = board.state.modes_version
             return
         taken = self._last != self._known
         if taken.any():
             for run in list(self._runs):
                 self._drop(run, taken[run.joints], "another direct position took over")
-        if board.modes_version != self._version:
-            self._version = board.modes_version
+        if board.state.modes_version != self._version:
+            self._version = board.state.modes_version
             for run in list(self._runs):
                 self._check_modes(run)
 

@@ -146,7 +146,8 @@ class ControlLoop:
 
     def note_changes(self) -> None:
         """Record changes; for callers holding the lock. Published after the whole request."""
-        versions = self.board.modes_version, self.board.faults_version
+        state = self.board.state
+        versions = state.modes_version, state.faults_version
         if versions == self._noted:
             return
         self._noted = versions
