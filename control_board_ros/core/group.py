@@ -727,7 +727,3 @@ class JointGroup(ModeShortcuts):
     def _last(self, kind: CommandKind, joints: Joints) -> Floats:
         values: Floats = self.engine.references.last[kind, self._chosen(joints)]
         return values
-
-    def request(self, chosen: Selection, wanted: Sequence[Wanted | tuple[Wanted, ...]]) -> Reply:
-        """Ask for modes of chosen joints, of all or of none; as :meth:`Requests.request`."""
-        return self.engine.requests.request(chosen, wanted, together=True)

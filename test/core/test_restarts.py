@@ -147,7 +147,7 @@ def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
     rig.plant.inject("c", "external")
     rig.tick(2)
     wanted = [(M.TORQUE,)] * 3
-    reply = rig.board.request(rig.board.selector.select(None), wanted)
+    reply = rig.board.engine.requests.request(rig.board.selector.everyone, wanted, together=True)
     assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED, Answer.REFUSED)
     assert rig.modes() == [M.POSITION, M.HW_FAULT, M.HW_FAULT]
     assert "external" in rig.board.get_faults()[2].text
@@ -158,7 +158,8 @@ def test_a_request_together_does_no_part_of_what_a_joint_cannot_do() -> None:
     rig = ready(board_config(joint("a"), joint("b", control_modes=(M.IDLE, M.POSITION))))
     rig.enter("pos")
     wanted = [(COMPLIANT, M.TORQUE)] * 2
-    assert not rig.board.request(rig.board.selector.select(None), wanted)
+    requests, everyone = rig.board.engine.requests, rig.board.selector.everyone
+    assert not requests.request(everyone, wanted, together=True)
     assert rig.modes() == [M.POSITION, M.HW_FAULT]
     assert rig.board.get_interaction_mode() == [STIFF, STIFF]
 

@@ -208,7 +208,7 @@ class YarpInterface:
         with self._member.exclusive() as board:
             joints = chosen(board, request.names, INVALID)
             asked = wanted(request.modes, len(joints.names))
-            reply = board.request(joints, asked)
+            reply = board.engine.requests.request(joints, asked, together=True)
         if not reply:
             raise RefusedError(SET_ERROR, reply.message)
         return reply.message
