@@ -143,7 +143,6 @@ class Board(JointGroup):
         groups = {zone.name: JointGroup(engine, zone) for zone in zones}
         self.parts = {name: group for name, group in groups.items() if name}
         self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), engine.events)
-        self._stage = Stage.ACTIVE
         self._start_up()
 
     def tick(self, measurement: Measurement) -> Actuation:
@@ -168,25 +167,19 @@ class Board(JointGroup):
         return self if name is None else self.parts[name]
 
     @property
-    def stage(self) -> Stage:
-        """The stage of its joints; a part that waits for its level has not reached it yet."""
-        return self._stage
-
-    @property
     def unknown_commands(self) -> int:
         """Commands so far that named no joint of the board, or of the part addressed (P13)."""
         return self._unknown + sum(part.unknown_commands for part in self.parts.values())
 
     def _begin(self) -> None:
         """Start up level after level, or go on where a part failed (N2, R4)."""
-        if self._stage is Stage.ACTIVE:
+        if self.stage is Stage.ACTIVE:
             self.bring_up.begin()
         else:
             super()._begin()
 
     def set_stage(self, stage: Stage) -> None:
         """As of a group; on ACTIVE, parts start level after level (R4)."""
-        self._stage = stage
         self.bring_up.cancel()
         if stage is Stage.ACTIVE:
             self.bring_up.begin()
@@ -207,6 +200,6 @@ class Board(JointGroup):
         super().power_off()
 
     def _start_up(self) -> None:
-        if self._stage is Stage.ACTIVE and self.config.autoconfigure:
+        if self.stage is Stage.ACTIVE and self.config.autoconfigure:
             self.engine.start_up.due.clear()
             self.bring_up.begin()

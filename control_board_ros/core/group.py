@@ -602,8 +602,8 @@ class JointGroup(ModeShortcuts):
 
     @property
     def stage(self) -> Stage:
-        """The stage of its joints."""
-        return self.state.stages[self.joints[0]]
+        """The stage of its joints; a part that waits for its level (R4) has not reached it yet."""
+        return max(self.state.stages[self._columns])
 
     @property
     def time(self) -> float:
