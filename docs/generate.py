@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write the pages of docs/ that are generated from the program.
+"""Write the pages of docs/ generated from the program, and link the rules that all pages cite.
 
 python docs/generate.py             write them
 python docs/generate.py --check     write nothing; exit code 1 if a page is stale
@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import sys
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
+
+from rule_links import SPEC, linked  # noqa: E402
 
 NOTE = "<!-- Generated from {source} by docs/generate.py; update with: make docs -->\n\n"
 
@@ -27,13 +30,13 @@ PAGES = {
 
 
 def pages() -> dict[Path, str]:
-    """Every generated page with its text."""
-    texts = {}
+    """Every page with its text: generated, or as it is; cited rules are links in both."""
+    texts = {path: path.read_text("utf-8") for path in sorted(DOCS.rglob("*.md"))}
     for name, (module, source) in PAGES.items():
         if importlib.util.find_spec(module) is None:
             continue
         texts[DOCS / name] = NOTE.format(source=source) + importlib.import_module(module).page()
-    return texts
+    return {path: linked(text, os.path.relpath(SPEC, path.parent)) for path, text in texts.items()}
 
 
 def stale(texts: dict[Path, str]) -> list[Path]:
@@ -63,7 +66,8 @@ def main(argv: list[str] | None = None) -> int:
     texts = pages()
     old = stale(texts)
     for path in old:
-        print(f"docs/{path.name} is stale: make docs" if options.check else f"docs/{path.name}")
+        name = path.relative_to(DOCS.parent)
+        print(f"{name} is stale: make docs" if options.check else name)
         if not options.check:
             path.write_text(texts[path], "utf-8")
     if options.pictures and not options.check:

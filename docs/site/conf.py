@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(DOCS.parent))
+sys.path[:0] = [str(DOCS.parent), str(DOCS)]
+
+from rule_links import RST, linked  # noqa: E402
 
 import control_board_ros  # noqa: E402
 
@@ -66,9 +68,14 @@ def _inside(page: Path, text: str) -> str:
 
 
 def setup(app: Any) -> None:
-    """Convert pages while Sphinx reads them."""
+    """Convert pages and docstrings while Sphinx reads them."""
 
     def read(app: Any, name: str, source: list[str]) -> None:
         source[0] = _inside(Path(app.env.doc2path(name)), source[0])
 
+    def link(*event: Any) -> None:
+        doc: list[str] = event[-1]
+        doc[:] = linked("\n".join(doc), "../spec.html", RST).split("\n")
+
     app.connect("source-read", read)
+    app.connect("autodoc-process-docstring", link)
