@@ -18,7 +18,7 @@ QUICK = ("--range", "8deg", "--speed", "0.4", "--acceleration", "0.6", "--no-pay
 
 @pytest.mark.slow
 def test_a_joint_is_identified(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:
-    """Its torque constant is that of its file; a kept recording gives the same again.
+    """G3: its torque constant is that of its file; a kept recording gives the same again.
 
     The rest needs a board that keeps its time, as test/identification has it in process.
     """
@@ -43,7 +43,7 @@ def test_a_joint_is_identified(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None
 
 
 def test_nothing_moves_unasked(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:
-    """Without a terminal nobody can be asked; values that are not allowed are named."""
+    """G3: without a terminal nobody can be asked; values that are not allowed are named."""
     assert ask("modes")
     output = ("-o", str(tmp_path / "found.yaml"))
     answer = cbctl("identify", JOINT, *output)

@@ -30,7 +30,7 @@ def check(hidden: Hidden, found: Outcome) -> None:
 
 @pytest.mark.soak
 def test_two_joints_and_a_payload_are_identified() -> None:
-    """The small form of the grid below: an elbow and a wrist, in MuJoCo."""
+    """G3: the small form of the grid below: an elbow and a wrist, in MuJoCo."""
     pytest.importorskip("mujoco")
     joints = [f"lbr_iiwa_joint_{k}" for k in (4, 6)]
     hidden = Hidden("iiwa", "mujoco", joints, drawn("iiwa", joints, 1, "mujoco"), 1.0)
@@ -43,7 +43,7 @@ def test_two_joints_and_a_payload_are_identified() -> None:
 @pytest.mark.parametrize("physics", ENGINES)
 @pytest.mark.parametrize("robot", list(ROBOTS))
 def test_hidden_truths_are_found(robot: str, physics: str, seed: int) -> None:
-    """Three robots, both engines, three seeds, all joints of each arm."""
+    """G3: three robots, both engines, three seeds, all joints of each arm."""
     pytest.importorskip(physics)
     hidden = of_grid(robot, physics, seed)
     check(hidden, hidden.identified())

@@ -28,7 +28,7 @@ def hidden(**truth: float) -> Hidden:
 
 
 def test_a_joint_that_does_not_move_is_named() -> None:
-    """Its brake is closed, unknown to the board."""
+    """G3: its brake is closed, unknown to the board."""
     held = hidden(brake__present=True, brake__slip_torque=200.0)
     held.plant.inject(JOINT, "brake_stuck")
     assert trouble(held).startswith("does not move")
@@ -43,7 +43,7 @@ def test_a_loose_belt_is_named_with_its_play() -> None:
 
 
 def test_a_wrong_gear_ratio_is_named_with_the_right_one() -> None:
-    """The motor encoder shows it, although the board stops the joint by a fault."""
+    """G3: the motor encoder shows it, although the board stops the joint by a fault."""
     text = trouble(hidden(motor__gear_ratio=50.0))
     assert text.startswith("wrong gear ratio")
     assert " 50 times" in text or " 49.99 times" in text

@@ -121,7 +121,7 @@ def test_a_late_bus_is_not_waited_for_and_its_answer_is_used_next(three) -> None
 
 
 def test_faults_belong_to_the_joints_of_their_bus(three) -> None:
-    """S6."""
+    """S6: with number and name, of no other bus."""
     servos, buses = three
     servos[1].fault = DriveFault(33, "over-voltage")
     found = buses.exchange(at(*[0.0] * 6))

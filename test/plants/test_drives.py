@@ -315,7 +315,7 @@ def test_without_power_nothing_holds_the_joint(bench: Bench) -> None:
 
 
 def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -> None:
-    """S6, F3."""
+    """S6, F3: a cause that persists comes back, until it is gone."""
     bench.follow(bench.accepts[0], 20)
     bench.drives[1].fail(bench.drives[1].SOME_FAULT, persists=True)
     found = bench.until(named(bench, 1), bench.accepts[0])

@@ -86,6 +86,7 @@ REQUESTS: dict[str, tuple[Any, dict[str, Any]]] = {
 
 @pytest.mark.parametrize("name", REQUESTS)
 def test_a_service_is_refused_and_changes_nothing(talker: Talker, name: str) -> None:
+    """B4: with the reason, and the loop continues."""
     kind, request = REQUESTS[name]
     answer = talker.call(name, kind, **request)
     assert not answer.success
@@ -106,6 +107,8 @@ def test_a_pause_that_is_taken_back_is_refused_too(talker: Talker) -> None:
 
 
 def test_an_external_torque_is_ignored_and_told(talker: Talker, board: BoardProcess) -> None:
+    """B4: with the reason in the log."""
+
     def told() -> bool:
         talker.command("external_torque", msg.TorqueCommand(names=[IIWA[0]], torques=[1.0]))
         return f"external_torque ignored: this board {REASON}" in board.output
@@ -115,6 +118,7 @@ def test_an_external_torque_is_ignored_and_told(talker: Talker, board: BoardProc
 
 
 def test_other_time_is_refused(talker: Talker, board: BoardProcess) -> None:
+    """B4: real_time_factor, with the reason."""
     if board.name == "/pair/upper":
         pytest.skip("a part has no real_time_factor")
     wanted = [Parameter("real_time_factor", value=2.0).to_parameter_msg()]

@@ -162,7 +162,7 @@ def test_a_stop_of_the_robot_ends_what_a_part_follows(talkers: Talkers) -> None:
 
 
 def test_a_fault_stays_in_its_part_and_an_emergency_does_not(talkers: Talkers) -> None:
-    """R2; `external` at the robot is the emergency stop of all parts."""
+    """R2: `external` at the robot is the emergency stop of all parts."""
     robot, upper = talkers["robot"], talkers["upper"]
     upper.call("inject_fault", srv.InjectFault, names=[], fault="external", persistent=True)
     upper.wait("modes", lambda m: set(m.control_modes) == {"hwfa"})

@@ -260,7 +260,7 @@ def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
 
 
 def test_the_stop_of_a_part_is_that_of_the_robot() -> None:
-    """E1, E2, R: every joint, whoever asks; a part recovers its own, the robot the rest."""
+    """E1, E2, R3: every joint, whoever asks; a part recovers its own, the robot the rest."""
     config = joined({n: board_config(joint(f"{n}_a"), joint(f"{n}_b")) for n in ("arm", "leg")})
     board = Board(config)
     plant = Held(config)
