@@ -6,6 +6,7 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ FIGURES = ROOT / "benchmark" / "motion.json"
 BEFORE = ROOT / "benchmark" / "motion_before.json"
 #: The arm on drives of each kind, and its figures by kind.
 DRIVEN, DRIVES = "iiwa", ROOT / "benchmark" / "motion_drives.json"
-#: What stands between these is written by hand, and kept.
+#: The text between these is written by hand, and kept.
 NOTES, END = "<!-- notes -->\n", "<!-- end of notes -->\n"
 
 HEAD = """\
@@ -37,11 +38,11 @@ writes one robot's figures anew.
 The figures are simulated: board and plant run in one process on simulated time, so the same
 commit gives the same figures on every machine. Each is the worst over all joints and over the
 poses home, stretched and random (in the middle half of each range, from a fixed seed); derived
-robots have two of them. On joints that slide, mm stand for mrad. "Before" is the board before
-its laws were rewritten (`benchmark/motion_before.json`). A test in `test/motion/` holds the worst
-of it.
+robots have two of them. Prismatic joints: mm in place of mrad. "Before" is the board before its
+laws were rewritten (`benchmark/motion_before.json`). A test in `test/motion/` bounds the worst
+figures.
 
-![Each figure over what is to be reached](images/motion_reach.png)
+![Each figure over its goal](images/motion_reach.png)
 
 """
 
@@ -61,7 +62,7 @@ def page(
         kind = "derived" if now[name]["derived"] else "shipped"
         parts += [f"\n## {name} ({kind})\n\n", _table(now[name], before.get(name, {}))]
     parts += [
-        "\n## Scenes\n\nWhat went wrong once, each on one robot; `--scenes` plays them.\n\n",
+        "\n## Scenes\n\nFormer defects, each on one robot; `--scenes` plays them.\n\n",
         _scenes(now.get("scenes", {}), before.get("scenes", {})),
         *_drives({**drives, "pwm": now[DRIVEN]} if drives and DRIVEN in now else {}),
         "\n## Where physics forbids a figure\n\n",
@@ -87,12 +88,12 @@ def notes_of(path: Path) -> str:
 BY_DRIVES = """
 ## Drives that close loops of their own
 
-The iiwa with a drive of each kind at every joint (S1, S7), in the same rows: `make motion
-ARGS="--drive impedance"` prints a table, `--page` writes its column anew. Without `--delay` a
-set-point acts in the cycle after it was handed down. A dash: that row of S1 does not carry the
-law, so the joint does not implement the mode. Where a drive takes only positions or velocities,
-no torque reaches it, and there is neither TORQUE nor COMPLIANT. Bold: not reached, for the
-reason below.
+The iiwa with a drive of each kind at every joint ([S1](spec.md#s1), [S7](spec.md#s7)), in the
+same rows: `make motion ARGS="--drive impedance"` prints a table, `--page` writes its column anew.
+Without `--delay` a set-point acts in the cycle after it was sent. A dash: that row of S1 does not
+carry the law, so the joint does not implement the mode. Where a drive accepts only positions or
+velocities, no torque reaches it, and there is neither TORQUE nor COMPLIANT. Bold: not reached, for
+the reason below.
 
 """
 
@@ -154,8 +155,8 @@ def _table(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
         )
     text = table([["", "before", "now", "reach", "reached", "worst joint, pose"], *rows]) + "\n"
     if causes := now["causes"]:
-        told = ", ".join(f"{cause} ({count})" for cause, count in causes.items())
-        text += f"\nTests that ended in a fault or a refusal: {told}.\n"
+        counts = ", ".join(f"{cause} ({count})" for cause, count in causes.items())
+        text += f"\nTests that ended in a fault or a refusal: {counts}.\n"
     return text
 
 
@@ -174,7 +175,11 @@ def _scenes(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
 
 def _definition(row: Row) -> str:
     test = row.measure or row.together
-    text = inspect.getdoc(test) or ""
+    if isinstance(test, partial):
+        given = ", ".join(f"{name} = {value}" for name, value in test.keywords.items())
+        text = f"As {test.func.__name__}, with {given}."
+    else:
+        text = inspect.getdoc(test) or ""
     return f"**{row.key}.** {text}\n\n"
 
 

@@ -121,3 +121,12 @@ def test_a_hand_feels_the_stiffness_that_was_asked_for(robot: str) -> None:
         assert abs(force_rows.stiffness(rig, 1)["with_gravity"]) > 10.0
     finally:
         rig.close()
+
+
+def test_a_row_that_is_another_one_with_a_parameter_is_defined_by_that_one() -> None:
+    assert page._definition(ROWS["slow_reversal"]) == (
+        "**slow_reversal.** As reversal, with part = 0.2.\n\n"
+    )
+    for row in ROWS.values():
+        assert "partial(" not in page._definition(row)
+        assert page._definition(row) != f"**{row.key}.** \n\n", "no definition"
