@@ -39,7 +39,7 @@ def _with(
     physics: str, where: str, goals: tuple[float | None, ...], effort: Effort
 ) -> list[Figure]:
     processor, most, soonest = (None if goal is None else at_most(goal) for goal in goals)
-    told, params = processor is not None, {"physics": physics}
+    stated, params = processor is not None, {"physics": physics}
     with free_domain() as domain:
         starts = [
             seconds_to_first_state(domain, "/joint_states", f"physics:={physics}")
@@ -54,8 +54,8 @@ def _with(
                 time.sleep(effort.of(3.0, 1.0, 0.0))
                 shares = [cpu_share([pid], seconds) for _ in range(runs)]
             memory = resident_megabytes(pid)
-        reference = f"{number(median(alone))} % while nobody listens to the state"
-        if told:
+        reference = f"{number(median(alone))} % without subscribers"
+        if stated:
             bare = _bare("physics", domain, effort)
             with _listener(domain):
                 publishing = _bare("node", domain, effort)
@@ -84,7 +84,7 @@ def _with(
 
 @contextmanager
 def _listener(domain: int, node_name: str = BARE) -> Iterator[None]:
-    """A node that hears both states of another."""
+    """A node that subscribes to both states of another."""
     with ros_node(domain, "listening") as node:
         for kind, name in ((JointState, "/joint_states"), (BoardState, f"{node_name}/state")):
             node.create_subscription(kind, name, lambda _: None, 10)
@@ -92,7 +92,7 @@ def _listener(domain: int, node_name: str = BARE) -> Iterator[None]:
 
 
 def _bare(role: str, domain: int, effort: Effort) -> float:
-    """What a bare reference takes of a core, %."""
+    """Processor time of a bare reference, % of a core."""
     with helper(domain, "bare", role) as bare:
         time.sleep(effort.of(3.0, 1.0, 0.0))
         return cpu_share([bare.process.pid], effort.of(20.0, 2.0, 0.3))

@@ -22,7 +22,7 @@ from control_board_ros.testing import free_domain
 MUST_KEEP_UP = 4  # boards
 MANY = 10
 FULL_RATE = 999.5  # Hz, of a loop that skips nothing: the window is cut at whole seconds
-#: Overruns of the boards may be so many times those of as many bare loops.
+#: Overruns of the boards over those of as many bare loops, at most.
 ALLOWED = 3.0
 
 
@@ -47,7 +47,7 @@ def run(effort: Effort) -> list[Figure]:
 
 
 def _bare(loops: int, seconds: float) -> int:
-    """Cycles that start more than a period late, of so many bare loops at once."""
+    """Cycles that start more than a period late, of ``loops`` bare loops at once."""
     with ExitStack() as stack:
         domain = stack.enter_context(free_domain())
         running = [

@@ -2,7 +2,7 @@
 """B12: mode requests and references with the garbage collector running and switched off.
 
 The same calls go to two boards in turns, one of which collects no garbage; the node under test
-writes down how long each collection takes (tap.py).
+records the duration of each collection (tap.py).
 """
 
 from __future__ import annotations

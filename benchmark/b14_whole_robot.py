@@ -53,17 +53,17 @@ def _with(
             memory = resident_megabytes(pid)
     late = 1e3 * percentile(fared.lateness, 99)
     bare_late = 1e3 * percentile(reference, 99)
-    told = f"{fared.rate:.1f} Hz, {fared.overruns} overruns; bare loop: {number(bare_late)} ms"
+    text = f"{fared.rate:.1f} Hz, {fared.overruns} overruns; bare loop: {number(bare_late)} ms"
     return [
         _figure(
-            "processor at 1 kHz, joint states at 100 Hz heard by one",
+            "processor at 1 kHz, joint states at 100 Hz with one subscriber",
             where,
             share,
             "%",
             processor,
             f"of one core; memory {number(memory)} MB",
         ),
-        _figure("lateness of the cycle start, p99, quiet", where, late, "ms", latest, told),
+        _figure("lateness of the cycle start, p99, quiet", where, late, "ms", latest, text),
         _figure(
             "from the command to the first joint state",
             where,

@@ -46,7 +46,7 @@ def run(effort: Effort) -> list[Figure]:
 
 
 def _seconds(command: Sequence[str], environment: Mapping[str, str]) -> float:
-    """The time that a command takes, s; it must succeed."""
+    """The duration of a command, s; it must succeed."""
     start = perf_counter()
     subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=True)
     return perf_counter() - start

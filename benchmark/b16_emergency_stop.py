@@ -38,7 +38,7 @@ def run(effort: Effort) -> list[Figure]:
 
 
 def _measure(domain: int, times: int) -> dict[str, float]:
-    """Times of so many stops, ms: the stamp of the first state without any output counts."""
+    """Times of ``times`` stops, ms: the stamp of the first state without any output counts."""
     chance, latencies = random.Random(times), []
     with talker(domain) as talking:
         motors = Motors(talking)

@@ -4,7 +4,7 @@
 Both talk to the same virtual drives in the same process, so that what is compared is the driver:
 set-points to frames, answers to readings. The bare one makes python-can's messages of the frames
 of one exchange, sends them, and reads as many answers without looking at them. Both wait for every
-answer. The joints stand still, for physics is none of either; garbage is collected as in the node,
+answer. The joints are at rest: physics is part of neither; garbage is collected as in the node,
 of what was made since the start.
 """
 

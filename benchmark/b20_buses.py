@@ -2,7 +2,7 @@
 """B20: twelve joints on three virtual moteus buses at 500 Hz, each bus in a thread of its own.
 
 The drives are on three processes, as they would be on three adapters, and this one is only the
-board's side: drivers and buses. Figures are of this process. The joints stand still.
+board's side: drivers and buses. Figures are of this process. The joints are at rest.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from control_board_ros.plants.moteus.driver import make
 BUSES, JOINTS, PERIOD, TIMEOUT = 3, 4, 2e-3, 0.5
 #: Of answers, percent.
 MISSED = 1.0
-#: Linux: whether a socket hears the groups that others joined; python-can leaves it on.
+#: Linux: whether a socket receives the groups that others joined; python-can leaves it on.
 MULTICAST_ALL = 49
 #: Drives of free joints on a bus, until stdin ends.
 DRIVES = """

@@ -79,7 +79,7 @@ def _figures(
         "overruns": float(fared.overruns),
         "skipped": float(fared.skipped),
     } | {f"load_{key}": value for key, value in load.items()}
-    told = "".join(f"; {key} {value:.0f} /s" for key, value in load.items())
+    rates = "".join(f"; {key} {value:.0f} /s" for key, value in load.items())
     skipped: Goal | None = exactly(0.0) if case.startswith("quiet") else None
     return [
         Figure(
@@ -88,7 +88,7 @@ def _figures(
             p99,
             "ms",
             at_most(bound),
-            reference + told,
+            reference + rates,
             details,
         ),
         Figure(

@@ -3,7 +3,7 @@
 
 One client calls both in turns; each call to the board really changes modes. The board runs with
 the niceness of the echo here: one that goes first beats the other by more the busier the machine
-is, and the ratio would tell of that instead of the board.
+is, and the ratio would measure that instead of the board.
 
 Twice: by a client as programs are, which an executor of rclpy turns, and by one that waits on its
 own wait set. The latter has little time of its own, and shows more of the board's.

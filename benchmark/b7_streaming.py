@@ -54,9 +54,9 @@ def _listen(domain: int, name: str, seconds: float) -> dict[str, float]:
         return _judge(listener.result())
 
 
-def _judge(heard: dict[str, Any]) -> dict[str, float]:
+def _judge(received: dict[str, Any]) -> dict[str, float]:
     """What came of what a 1 kHz board sends between the first and the last stamp, percent."""
-    stamps, arrivals = heard["stamps"], heard["arrivals"]
+    stamps, arrivals = received["stamps"], received["arrivals"]
     sent = round((stamps[-1] - stamps[0]) * RATE) + 1
     gaps = [1e3 * (after - before) for before, after in pairwise(arrivals)]
     return {

@@ -42,7 +42,7 @@ def run(effort: Effort) -> list[Figure]:
 
 
 def _measure(domain: int, name: str, times: int) -> dict[str, float]:
-    """Latencies over so many set-points, ms."""
+    """Latencies of ``times`` set-points, ms."""
     chance = random.Random(times)
     latencies = []
     with talker(domain) as talking:

@@ -6,7 +6,7 @@
 ``node``          the same in an rclpy node, which publishes joint_states and BoardState at 100 Hz
 ``service``       an rclpy node that echoes SetControlMode
 ``state``         an rclpy node that publishes BoardState at 1 kHz and shows in it the last
-                  PositionDirectCommand that it heard
+                  PositionDirectCommand that it received
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NAMES = [f"joint_{j}" for j in range(JOINTS)]
 
 
 def ready() -> None:
-    """Tell whoever started this process."""
+    """Report readiness to the parent process."""
     print("ready", flush=True)
 
 
@@ -133,7 +133,7 @@ def service() -> None:
 
 
 def state() -> None:
-    """Publish a state at 1 kHz, stamped, with the last positions heard as references."""
+    """Publish a state at 1 kHz, stamped, with the last positions received as references."""
     from control_board_msgs.msg import BoardState, PositionDirectCommand
 
     node, message = start("bare"), board_state()

@@ -22,7 +22,7 @@ JOINT = f"""\
 
 
 def chain(joints: int) -> str:
-    """The description of a chain of so many joints, each strong enough for what hangs on it."""
+    """The description of a chain of ``joints`` joints, each strong enough for what hangs on it."""
     parts = ['<robot name="chain">\n  <link name="link_0"/>\n']
     for j in range(1, joints + 1):
         beyond = joints + 1 - j

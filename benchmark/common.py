@@ -94,7 +94,7 @@ class Figure:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, never in exponents."""
+    """A number with ``digits`` significant digits, never in exponents."""
     if not math.isfinite(value):
         return str(value)
     if value == 0.0:
@@ -106,7 +106,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def percentile(values: Sequence[float], percent: float) -> float:
-    """The value below which so many percent of the values lie; nearest rank.
+    """The value below which ``percent`` % of the values lie; nearest rank.
 
     Raises:
         ValueError: there are no values.

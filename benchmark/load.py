@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who talks to a board and listens to it, each run as a process: ``python load.py ROLE BOARD …``.
 
-``listen BOARD``         hears ~/state and tells when each message came
-``command BOARD RATE``   hears ~/state and commands all joints, in POSITION_DIRECT, at this rate
+``listen BOARD``         receives ~/state and reports when each message arrived
+``command BOARD RATE``   receives ~/state and commands all joints, in POSITION_DIRECT, at this rate
 
 Both go on until their input ends, then print what they found.
 """
@@ -75,7 +75,7 @@ def main(role: str, board: str, rate: str = "0") -> None:
 
 
 def tell_ready(ended: threading.Event) -> None:
-    """Tell whoever started this process, and note when that one has enough."""
+    """Report readiness to the parent process, and note when it ends the run."""
 
     def watch() -> None:
         sys.stdin.read()
@@ -99,7 +99,7 @@ def command(
         time.sleep(0.01)
     tell_ready(ended)
     begin = now = time.monotonic()
-    heard, sent = len(listener.arrivals), 0
+    received, sent = len(listener.arrivals), 0
     while not ended.is_set():
         now = time.monotonic()
         for _ in range(int((now - begin) * rate) - sent):
@@ -110,7 +110,7 @@ def command(
         time.sleep(NAP)
     return {
         "sent": sent / (now - begin),
-        "heard": (len(listener.arrivals) - heard) / (now - begin),
+        "received": (len(listener.arrivals) - received) / (now - begin),
     }
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot of so many default arms, each a part of it: its description and its parameter file."""
+"""A robot of several default arms, each a part of it: its description and its parameter file."""
 
 from __future__ import annotations
 

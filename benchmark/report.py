@@ -2,8 +2,8 @@
 """From figures to the terminal, the record and the documents.
 
 The record, benchmark/results.json, holds each figure with its date and the one before it.
-docs/performance.md and README.md show it between markers; what stands around them is written
-by hand and stays.
+docs/performance.md and README.md show it between markers; the text around them is written
+by hand and kept.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ INTRODUCTION = f"""\
 
 Every figure comes from `make bench` (`python benchmark/run.py B1 B2 --quick` for a part, or for
 a look), as a ratio against, or beside, a bare reference that ran in the same minutes. What the
-scripts measure, and how, stands at the head of each in `benchmark/`.
+scripts measure, and how, is at the head of each in `benchmark/`.
 
 {BEGIN}
 {END}
@@ -155,7 +155,7 @@ def write_pages(record: dict[str, Any]) -> None:
 
 def full_table(record: dict[str, Any]) -> str:
     """All figures beside the ones before, with machine and versions."""
-    told = "; ".join(
+    versions = "; ".join(
         f"{name} {value}" for name, value in record["machine"].items() if name != "cpu"
     )
     rows = [("#", "what", "measured", "to reach", "met", "before", "reference, same run", "when")]
@@ -173,7 +173,7 @@ def full_table(record: dict[str, Any]) -> str:
                 f"{entry['date']}, {entry['cpu']}",
             )
         )
-    return f"The last of them on {record['machine']['cpu']}: {told}.\n\n{table(rows)}"
+    return f"The last of them on {record['machine']['cpu']}: {versions}.\n\n{table(rows)}"
 
 
 def short_table(record: dict[str, Any]) -> str:

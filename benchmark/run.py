@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measure the figures of docs/performance.md: ``python benchmark/run.py [B1 B2 …] [--quick]``.
 
-Without names it measures all of them, which takes about ten minutes and wants a machine that
+Without names it measures all of them, which takes about ten minutes and needs a machine that
 does nothing else. It prints a table, writes benchmark/results.json and the tables of
 docs/performance.md and README.md. ``--quick`` takes a minute and writes nothing.
 """
@@ -65,14 +65,14 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def measure(names: Sequence[str], effort: Effort) -> tuple[list[Figure], list[str]]:
-    """The figures of these groups, and the modules that failed; tells how it goes on stderr."""
+    """The figures of these groups, and the modules that failed; progress on stderr."""
     figures: list[Figure] = []
     failed: list[str] = []
     for module in dict.fromkeys(GROUPS[name] for name in names):
         run: Callable[[Effort], list[Figure]] = import_module(module).run
-        told = (run.__doc__ or "").strip()
+        text = (run.__doc__ or "").strip()
         begin = time.monotonic()
-        print(f"{module}: {told}", file=sys.stderr, end=" ", flush=True)
+        print(f"{module}: {text}", file=sys.stderr, end=" ", flush=True)
         try:
             figures += run(effort)
         except Exception as error:  # noqa: BLE001 - the others are still worth their time

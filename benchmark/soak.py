@@ -135,7 +135,7 @@ class Load:
         return reply
 
     def reference(self, now: float) -> None:
-        """The reference that the mode takes; a slow wave."""
+        """The reference that the mode accepts; a slow wave."""
         wave = math.sin(now)
         send, value = {
             "pos": (self.client.position_move, 0.3 * wave),
@@ -157,7 +157,7 @@ class Load:
             self.record.switches += 1
 
     def fault(self) -> None:
-        """A passing fault, found and told."""
+        """A passing fault, detected and reported."""
         kind = self.random.choice(FAULTS)
         self.call(self.client.inject_fault, JOINT, kind)
         until = time.monotonic() + 2.0

@@ -21,7 +21,7 @@ PATIENCE = 10.0  # s for an answer
 
 
 class Talker:
-    """A node with an executor of its own, turned by whoever waits for something."""
+    """A node with an executor of its own, spun by the waiting thread."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -98,29 +98,29 @@ class SetPoints:
     """Sends position set-points to a board and watches them come into force.
 
     Args:
-        talking: who sends and hears.
+        talking: sends and receives.
         board: name of the board's node; in POSITION_DIRECT.
     """
 
     def __init__(self, talking: Talker, board: str = BOARD) -> None:
         self._talking = talking
         self.in_force = float("nan")
-        self.heard = 0
+        self.received = 0
         node = talking.node
         topic = f"{board}/command/position_direct"
         self._publisher = node.create_publisher(PositionDirectCommand, topic, 10)
         node.create_subscription(BoardState, f"{board}/state", self._hear, 10)
         ready = talking.wait(
-            lambda: self.heard > 0 and self._publisher.get_subscription_count() > 0
+            lambda: self.received > 0 and self._publisher.get_subscription_count() > 0
         )
         if not ready:
-            raise RuntimeError(f"no state from {board}, or nobody hears {topic}")
+            raise RuntimeError(f"no state from {board}, or no subscriber to {topic}")
         self._rest: list[float] = self._last.position_reference.tolist()[1:]
 
     def _hear(self, message: BoardState) -> None:
         self.in_force = message.position_reference[0]
         self._last = message
-        self.heard += 1
+        self.received += 1
 
     def send(self, position: float) -> None:
         """A set-point for the first joint; the others stay."""
@@ -132,6 +132,6 @@ class SetPoints:
         return self._talking.wait(lambda: self.in_force == position, timeout)
 
     def let_pass(self, states: int) -> None:
-        """Wait for so many states."""
-        end = self.heard + states
-        self._talking.wait(lambda: self.heard >= end)
+        """Wait for ``states`` more states."""
+        end = self.received + states
+        self._talking.wait(lambda: self.received >= end)

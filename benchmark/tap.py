@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lateness of every cycle of a real node, exactly.
 
-/diagnostics tells median, p99 and worst of each second; the p99 of a minute needs every value.
+/diagnostics has median, p99 and worst of each second; the p99 of a minute needs every value.
 So the node of a benchmark is started by ``tapped_node.py``, which lets ``Pacer.take`` write
 down what it is about to sum up. That happens once a second, outside the control thread.
 """
@@ -53,7 +53,7 @@ def install() -> None:
 
 
 def note_collections(path: Path) -> None:
-    """Write down how long each garbage collection takes: generation and s, one per line."""
+    """Record the duration of each garbage collection: generation and s, one per line."""
     begun = [0.0]
 
     def note(phase: str, about: dict[str, int]) -> None:
@@ -85,10 +85,10 @@ class Tap:
         self.environment = {VARIABLE: str(folder)}
 
     def window(self, seconds: float, boards: int = 1) -> list[Fared]:
-        """Let so much time pass; how each loop fared meanwhile, on whole seconds.
+        """Wait; how each loop fared meanwhile, on whole seconds.
 
         Raises:
-            RuntimeError: not so many loops reported twice.
+            RuntimeError: fewer loops than ``boards`` reported twice.
         """
         before = self._last(boards)
         time.sleep(seconds)

@@ -36,7 +36,7 @@ INTRODUCTION = """\
 Generated from the tables of `control_board_ros/core/terms/modes.py`. A request without an arrow is
 refused and changes nothing.
 
-*Selectable* stands for {selectable}:
+*Selectable* is any of {selectable}:
 the user switches freely between them. Two triggers lead to a configured mode: *configured* to the
 joint's `startup_mode` (IDLE or POSITION), *calibrated* to the `control_mode` of its calibrator.
 
@@ -57,13 +57,13 @@ torque less the acceleration's share (`inertia_mean` times the measured accelera
   VELOCITY and MIXED start from it in either interaction mode.
 * **In motion**, or at the first reading, the position law first stops a joint that enters
   COMPLIANT or TORQUE: it brakes within the acceleration limit and returns to the position of the
-  mode change. The load is taken after 30 ms of rest, after 0.5 s at the latest. References that
+  mode change. The load is captured after 30 ms of rest, after 0.5 s at the latest. References that
   arrive before are followed, after 50 ms at the latest; a torque or a `tau_ff` acts at once.
 * **TORQUE** holds the joint until the first torque reference: with the load, and a hold of at most
   a tenth of the torque limit. A stronger push moves the joint, and it stays where it is left.
   From the first reference on only the reference acts: in a pose without stable equilibrium the
   arm moves.
-* **Stop in COMPLIANT** takes the load in the same way.
+* **Stop in COMPLIANT** captures the load in the same way.
 
 Error of the load, measured on the shipped arms against the torque that holds the joint 1.5 s
 later: below 0.01 % of the torque limit at rest; in motion 0.8 % (iiwa) and 1.1 % (panda) while

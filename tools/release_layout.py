@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write the project as a ROS distribution takes it: one folder for each package, none in another.
+"""Write the project as a ROS distribution requires it: one folder per package, none in another.
 
     python tools/release_layout.py FOLDER
 
@@ -7,7 +7,7 @@ colcon and bloom stop at the first package.xml of a folder and never find msg_de
 the layout it stands beside: FOLDER holds control_board_ros, control_board_msgs, and
 yarp_control_msgs, which no distribution has. Each has LICENSE and CHANGELOG.rst; maintainer and
 version are those of the root's package.xml. What was written is checked by catkin_pkg, and by what
-bloom asks for.
+bloom requires.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def changelog(markdown: str, version: str, date: str) -> str:
     """
     title = f"Changelog for package {NAME}"
     lines = ["^" * len(title), title, "^" * len(title), ""]
-    told = False
+    begun = False
     for line in markdown.splitlines():
         heading = re.match(r"## (?:\[?(\d\S*?)\]?(?: \D*(\d{4}-\d\d-\d\d)\D*)?|Unreleased)$", line)
         if heading:
@@ -59,8 +59,8 @@ def changelog(markdown: str, version: str, date: str) -> str:
             if heading[1] is None and f"\n## {version}" in markdown:
                 text = "Forthcoming"
             lines += ["", text, "-" * len(text), ""]
-            told = True
-        elif told and line.startswith(("- ", "  ")):
+            begun = True
+        elif begun and line.startswith(("- ", "  ")):
             plain = LINK.sub(r"\1", line.replace("\\", "\\\\"))
             # Names that end in _, and *, mean something to RST outside of code.
             parts = CODE.split(plain)
@@ -85,7 +85,7 @@ def described(text: str, of: str) -> str:
 
 
 def root_package(text: str) -> str:
-    """The root's package.xml, with the packages that stand beside it as dependencies."""
+    """The root's package.xml, with the packages beside it as dependencies."""
     for tag, name in (
         ("buildtool_depend", "ament_cmake"),
         ("build_depend", "rosidl_default_generators"),

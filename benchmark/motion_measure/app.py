@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
     if asked.page and (asked.rows or asked.joint or asked.delay):
-        parser.error("--page takes whole robots; leave out --rows, --joint and --delay")
+        parser.error("--page requires whole robots; leave out --rows, --joint and --delay")
     if asked.page and asked.drive and asked.drive != SetPoint.PWM.code:
         record_drive(asked, rows)
         document(plots=False)
@@ -165,7 +165,7 @@ def kept(lines: Sequence[Line], findings: Sequence[Finding], rig: Rig) -> dict[s
 
 
 def rounded(value: float) -> float:
-    """Four significant digits: the others tell nothing, and differ between processors."""
+    """Four significant digits: the others carry no information, and differ between processors."""
     return float(f"{value:.4g}")
 
 

@@ -2,7 +2,7 @@
 """Rows of the table about changing modes: no joint drops, jumps or runs away (SPEC M9).
 
 A state is a control mode with an interaction mode. IDLE and OPENLOOP are left out as targets:
-they give the load up on purpose.
+they drop the load on purpose.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def beyond_stopping(rig: Rig, j: int, before: State, after: State, way: float) -
 
 
 def _bring_to_speed(rig: Rig, j: int, mode: M, velocity: float) -> None:
-    """Get a joint moving by what its mode takes, 0.2 s beyond the ramp or a fifth of the range."""
+    """Get a joint moving by its mode, 0.2 s beyond the ramp or a fifth of the range."""
     board, limits = rig.board, rig.joints[j].limits
     ramp = abs(velocity) / limits.acceleration
     seconds = min(ramp + 0.2, 0.2 * rig.windows[j].span / abs(velocity) + 0.5 * ramp)

@@ -20,7 +20,7 @@ def torque(rig: Rig, j: int) -> Figures:
     rise: from 10 to 90 % of the step, of the measured torque, ms, interpolated between cycles
     (and at least one control period); overshoot = max(way · (τ − target)) / step, percent,
     within 50 ms or until the joint has half its limit speed. A joint so light that it has that
-    speed before 90 % of the step is left out; one that never comes there counts 50 ms.
+    speed before 90 % of the step is left out; one that never reaches 90 % counts 50 ms.
     """
     if not rig.has(j, M.TORQUE):
         return {}
@@ -68,7 +68,7 @@ def rise(time: Array, part: Array, period: float) -> float:
 def push(rig: Rig, j: int) -> Figures:
     """An outside push (step) of half the torque limit while holding STIFF, both ways.
 
-    deflection = max |q − q before|, mrad (mm), within 0.7 s. A way in which load and push
+    deflection = max |q − q before|, mrad (mm), within 0.7 s. A direction in which load and push
     together exceed 95 % of the torque limit is left out: the motor cannot hold it.
     """
     limit = rig.joints[j].limits.torque
@@ -89,12 +89,13 @@ def push(rig: Rig, j: int) -> Figures:
 
 
 def stiffness(rig: Rig, j: int) -> Figures:
-    """Stiffness measured over asked, for 0.1, 0.3 and 1 times the greatest, COMPLIANT.
+    """Stiffness measured over requested, for 0.1, 0.3 and 1 times the greatest, COMPLIANT.
 
     k_measured = −Δτ / Δq between rest and rest under a push, τ the measured joint torque, so
     that the change of gravity over the way is not counted; deviation = k_measured / k − 1,
-    percent, the one furthest from zero. ``with_gravity`` = (push / Δq) / k − 1: what a hand
-    feels. The push is k · 50 mrad (5 mm where it slides), at most 30 % of the torque limit.
+    percent, the one furthest from zero. ``with_gravity`` = (push / Δq) / k − 1: by the push,
+    gravity included. The push is k · 50 mrad (5 mm if prismatic), at most 30 % of the torque
+    limit.
     """
     if not rig.has(j, M.POSITION, Way.COMPLIANT):
         return {}
@@ -127,7 +128,7 @@ def stiffness(rig: Rig, j: int) -> Figures:
 
 
 def compensated(rig: Rig, j: int) -> Figures:
-    """The felt stiffness (``with_gravity`` of ``stiffness``) with gravity compensated."""
+    """``with_gravity`` of ``stiffness`` with gravity compensated."""
     with rig.compensating():
         found = stiffness(rig, j)
     return {"felt": found["with_gravity"]} if found else {}

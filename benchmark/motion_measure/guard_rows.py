@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of the table about what no joint may do, whatever is requested: too much speed (P14)."""
+"""Rows of the table about the speed limit, whatever is requested (P14)."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def guard(rig: Rig, j: int) -> Figures:
     """Top speed over the speed limit, whatever is commanded, both ways: max |dq| / limit.
 
     ``torque``: a step of half the torque limit on top of the load, in TORQUE; ``freed``: a
-    position move over 30 % of the range, at half the speed limit, that something rigid blocks for
-    2 s and lets go; ``openloop``: a step to half and to all of the greatest output, in OPENLOOP.
-    Each is watched for 0.4 s. Freed, a joint is fast before a reading can tell: over a control
-    period the greatest speed that the motor's torque gives is T·τ/J.
+    position move over 30 % of the range, at half the speed limit, that a rigid obstacle blocks for
+    2 s and releases; ``openloop``: a step to half and to all of the greatest output, in OPENLOOP.
+    Each is recorded for 0.4 s. Freed, a joint is fast before it is measured: in one control period
+    T the motor's torque τ accelerates the inertia J to at most T·τ/J.
     """
     found: Figures = {}
     for way in (1.0, -1.0):
@@ -97,7 +97,7 @@ def blocked(rig: Rig, j: int) -> Iterator[None]:
 
 
 class Vice:
-    """A body one joint of which stands still; see ``sim.plant.Body``.
+    """A body with one joint at rest; see ``sim.plant.Body``.
 
     Args:
         body: What moves the other joints.

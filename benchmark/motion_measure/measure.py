@@ -48,7 +48,7 @@ class Line:
 
     @property
     def reached(self) -> bool | None:
-        """Whether the worst is good enough, and nothing failed; None where nothing is asked."""
+        """Whether the worst is good enough, and nothing failed; None without a goal."""
         if self.failures:
             return False
         if self.worst is None or self.reach == 0.0:

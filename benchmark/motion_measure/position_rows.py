@@ -2,8 +2,8 @@
 """Rows of the table about following positions and velocities, one function each.
 
 Every function takes a rig at rest in a pose and a joint, and gives figures by their quantity.
-Lengths that mean rad are taken as m on joints that slide where they are parts of a range, and
-1 mrad stands beside 1 mm in results.
+On prismatic joints parts of a range are in m, and
+1 mrad corresponds to 1 mm in results.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def full_step(rig: Rig, j: int) -> Figures:
 
     speed = max |dq| / limits.velocity; overshoot = max(way · (q − target)) / step, percent;
     missed = |q − target| / step at the end, percent. It ends at
-    rest on the target, or 2 s after the time that the way takes at the limit speed.
+    rest on the target, or 2 s after the duration of the way at the limit speed.
     """
     window, limits = rig.windows[j], rig.joints[j].limits
     low, high = window.at(0.1), window.at(0.9)
@@ -197,9 +197,10 @@ def velocity(rig: Rig, j: int) -> Figures:
 
 
 def reversal(rig: Rig, j: int, part: float = 0.5) -> Figures:
-    """A velocity reference turned round, at the limit acceleration, STIFF.
+    """A velocity reference reversed, at the limit acceleration, STIFF.
 
-    v is a part of the limit speed: a half, or less, where friction turns round at a greater share.
+    v = min(part · limits.velocity, √(0.2 · range · limits.acceleration)), part = 0.5 unless
+    stated.
 
     overshoot = max(way · dq) / v − 1, percent, after v has become −v, and again after −v has
     become v; way is the sign of the new one. Each lasts 0.3 s beyond its ramp, or what leaves it

@@ -28,7 +28,7 @@ STARTUP = 60.0
 
 
 class RefusedError(Exception):
-    """The board did not accept what a row of the table asks for; one line."""
+    """The board did not accept a request of a row of the table; one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +242,7 @@ class Rig:
                 return
 
     def rest(self, j: int) -> None:
-        """Let time pass until one joint stands still for 0.2 s, or 6 s are over."""
+        """Let time pass until one joint is at rest for 0.2 s, or 6 s are over."""
         mark = self.position(j)
         for _ in range(30):
             self.run(0.2)

@@ -19,7 +19,7 @@ class Robot:
 
     Attributes: name, robot (a shipped name, a path, ``data:`` and a path inside pybullet_data, or
     ``here:`` and a file of this folder), derived (no tuned parameters), stretched (positions of
-    the stretched pose by joint index, rad; the others stand at 0), parameters (on top of the
+    the stretched pose by joint index, rad; the others are at 0), parameters (on top of the
     configuration).
     """
 

@@ -114,7 +114,7 @@ ROWS = {
         Row(
             "reversal",
             position_rows.reversal,
-            (Quantity("overshoot", "velocity turned round: overshoot", "%", 5.0, 10.0),),
+            (Quantity("overshoot", "velocity reversed: overshoot", "%", 5.0, 10.0),),
         ),
         Row(
             "slow_reversal",
@@ -133,8 +133,8 @@ ROWS = {
             "stiffness",
             force_rows.stiffness,
             (
-                Quantity("deviation", "stiffness measured over asked", "%", 5.0, 5.0),
-                Quantity("with_gravity", "the same as a hand feels it", "%", 0.0, 0.0),
+                Quantity("deviation", "stiffness measured over requested", "%", 5.0, 5.0),
+                Quantity("with_gravity", "the same by the push, gravity included", "%", 0.0, 0.0),
             ),
         ),
         Row(
@@ -179,7 +179,7 @@ ROWS = {
                     "torq", "all at full speed into TORQUE, beyond stopping", "mrad", 30.0, 30.0
                 ),
                 Quantity("comp", "the same into COMPLIANT", "mrad", 30.0, 30.0),
-                Quantity("needs", "torque that a stop of all in v²/(2a) takes", "×", 0.0, 0.0),
+                Quantity("needs", "torque required to stop all joints in v²/(2a)", "×", 0.0, 0.0),
             ),
             pose=0,
             together=together_rows.halt,
@@ -191,7 +191,7 @@ ROWS = {
                 Quantity("at_30", "moves of all joints at 0.3 of their speed", "mrad", 5.0, 5.0),
                 Quantity("at_50", "the same at 0.5", "mrad", 5.0, 5.0),
                 Quantity("at_100", "the same at their full speed", "mrad", 5.0, 5.0),
-                Quantity("longer", "how much longer they take, and say so", "×", 0.0, 0.0),
+                Quantity("longer", "duration over that of the joint alone", "×", 0.0, 0.0),
             ),
             pose=0,
             together=together_rows.moves,

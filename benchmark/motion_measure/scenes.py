@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes: what went wrong once, told in figures. ``--scenes`` plays them.
+"""Scenes: former defects, in figures. ``--scenes`` plays them.
 
 Each is a function that returns figures by what they mean; SCENES names them, with what is to be
 reached. Unlike the rows they are made for one robot each, where the trouble shows best.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of calibration: what the board takes for an angle, and what is true."""
+"""Scenes of calibration: the angle that the board measures against the true one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ JOINT = "l_wrist_prosup"
 
 
 def hard_stop(offsets: Iterable[float], output: float | None) -> float:
-    """The largest error of a hard-stop calibration that says "done", deg.
+    """The largest error of a hard-stop calibration that reports success, deg.
 
     Args:
         offsets: u_ff in percent that are offered while the iCub's forearm drives to its stop.

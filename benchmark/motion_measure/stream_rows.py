@@ -69,8 +69,8 @@ def abrupt(rig: Rig, j: int) -> Figures:
     """A sine c + A sin(2πft) by direct positions at 1 kHz and 100 Hz, at full speed from rest.
 
     Its peak acceleration is 0.9 and 0.95 of limits.acceleration, its peak speed at most 0.8 of
-    limits.velocity, A at most 0.2 of the range; f = 1 Hz, or more where that asks for it, at most
-    2 Hz: where that is not enough, the sine is slower than said. error = max |q(t) − s(t)| / A
+    limits.velocity, A at most 0.2 of the range; f = 1 Hz, or more where required, at most
+    2 Hz: where that is not enough, the sine is slower than stated. error = max |q(t) − s(t)| / A
     over the third and fourth period, percent.
     """
     limits, span = rig.joints[j].limits, rig.windows[j].span
@@ -133,7 +133,7 @@ def ripple(rig: Rig, j: int) -> Figures:
 
 
 def jitter(rig: Rig, j: int) -> Figures:
-    """A sine of 1 Hz by a stream that comes late by up to 0.8 of its interval, 3 % lost, STIFF.
+    """A sine of 1 Hz by a stream that arrives late by up to 0.8 of its interval, 3 % lost, STIFF.
 
     At 20, 30, 50, 100, 500 Hz, made on the even grid and made when sent, the worse of the two.
     error = max |q(t) − s(t)| / A, speed = max |dq − ds/dt| / max |ds/dt|, percent, from the third

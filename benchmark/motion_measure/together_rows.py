@@ -18,7 +18,7 @@ USED = 0.8
 WATCHED = 2.0  # s after a change of mode
 #: Speed of the moves as a part of the joints' limits, by the figure's key.
 PARTS = {"at_30": 0.3, "at_50": 0.5, "at_100": 1.0}
-#: How long a full step is watched beyond the time that it takes, s.
+#: How long a full step is recorded beyond its duration, s.
 AFTER = 1.0
 
 
@@ -30,9 +30,9 @@ def halt(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
     a = limits.acceleration. Half of the trials run by VELOCITY at limits.velocity, the ramps
     timed so that all joints reach it together; half by POSITION moves whose peak is that speed,
     changed at their middle. Where the window is too short for that speed, the greatest that fits.
-    All joints that have the mode change in one cycle, and no command follows. ``needs``: what the
-    stop of all in v²/(2a) each takes of a joint's torque, the largest on the way; above 1 there
-    is no such stop.
+    All joints that have the mode change in one cycle, and no command follows. ``needs``: torque
+    required to stop all joints in v²/(2a) each, over the torque limit, the largest on the way;
+    above 1 there is no such stop.
     """
     found: dict[int, Figures] = {j: {} for j in joints}
     for key, after in (("torq", (M.TORQUE, Way.STIFF)), ("comp", (M.POSITION, Way.COMPLIANT))):
@@ -133,8 +133,8 @@ def moves(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
 
     ``at_30``, ``at_50``, ``at_100``: max |q − reference| of each joint from the start to 0.3 s
     after the last arrival, mrad (mm), the largest of three moves to random places in 80 % of the
-    windows, all joints with the set speed of that part of limits.velocity. ``longer``: how much
-    longer the moves take by what the board says in its reply than each joint by itself, at most.
+    windows, all joints with the set speed of that part of limits.velocity. ``longer``: the
+    duration that the board reports over that of the same joint moving alone, the largest.
     """
     found: dict[int, Figures] = {j: {} for j in joints}
     speeds = np.array([joint.limits.velocity for joint in rig.joints])
@@ -155,11 +155,11 @@ def moves(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
             )
             reply = rig.board.position_move(None, target, part * speeds)
             rig.expect(reply)
-            takes = rig.board.get_remaining_time(None)
-            longer = takes / np.maximum(own, rig.period)
+            duration = rig.board.get_remaining_time(None)
+            longer = duration / np.maximum(own, rig.period)
             if longer.max() > 1.01 and not reply.message:
                 raise RefusedError("the moves take longer, and the reply does not say so")
-            error = _errors(rig, float(takes.max()) + 0.3)
+            error = _errors(rig, float(duration.max()) + 0.3)
             for j in joints:
                 mine = found[j]
                 mine[key] = max(mine.get(key, 0.0), 1e3 * float(error[j]))
