@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from cbctl_process import Asker, Cbctl, until
+from cbctl_process import Asker, Cbctl
+from waiting import until
 
 from control_board_ros.testing import BoardProcess, board_process, child_environment, free_domain
 

@@ -13,8 +13,9 @@ import signal
 from typing import Any
 
 import pytest
-from cbctl_process import GUARD, interrupted, until
+from cbctl_process import interrupted
 from processes import ended
+from waiting import GUARD, until
 
 from control_board_ros.testing import board_process
 

@@ -8,9 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cbctl_process import Asker, Cbctl, interrupted, until
+from cbctl_process import Asker, Cbctl, interrupted
 from cbctl_terminal import terminal
 from hand import JOINT, Hand
+from waiting import until
 
 from control_board_ros.testing import BoardProcess
 

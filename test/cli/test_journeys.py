@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from cbctl_process import Asker
 from rclpy.client import Client
+from waiting import GUARD
 
 from control_board_ros.cli.app import invoke
 from control_board_ros.cli.board.session import Session
@@ -15,7 +16,6 @@ from control_board_ros.cli.line.options import Options
 from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
-GUARD = 60.0
 
 
 @pytest.fixture

@@ -6,7 +6,8 @@ from __future__ import annotations
 from contextlib import ExitStack, closing
 
 import pytest
-from cbctl_process import Cbctl, until
+from cbctl_process import Cbctl
+from waiting import until
 
 from control_board_ros.cli.app import for_several
 from control_board_ros.cli.board.boards import is_pattern, robots_among

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from talk import TIMEOUT, patient
+from talk import patient
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process, ros_node
@@ -41,7 +41,7 @@ def client(shared: ControlBoardClient) -> ControlBoardClient:
     assert shared.pause(False)
     assert shared.clear_injected_faults()
     assert shared.reset()
-    deadline = time.monotonic() + TIMEOUT
-    while any(mode.code != "pos" for mode in shared.get_control_mode()):
-        assert time.monotonic() < deadline, shared.get_faults()  # a cycle configures it
+    until(  # a cycle configures it
+        lambda: all(mode.code == "pos" for mode in shared.get_control_mode()), shared.get_faults
+    )
     return shared

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from talk import TIMEOUT
+from waiting import GUARD
 
 from control_board_ros.client import BoardTimeout, ControlBoardClient, MoveFeedback
 from control_board_ros.core.selection import RequestError
@@ -270,7 +270,7 @@ def test_measured_state(client: ControlBoardClient) -> None:
     assert client.get_encoder_speed().shape == (7,)
     assert abs(client.get_torque(1)[0]) > 1.0  # the arm leans forward
     assert client.position_move(6, 0.2, 1.0)
-    reached = client.wait_for_state(lambda s: abs(s.position[6] - 0.2) < 0.01, TIMEOUT)
+    reached = client.wait_for_state(lambda s: abs(s.position[6] - 0.2) < 0.01, GUARD)
     assert reached.position[6] == pytest.approx(0.2, abs=0.01)
     with pytest.raises(BoardTimeout, match=r"after 0\.2 s"):
         client.wait_for_state(lambda s: bool(s.position[6] > 9.0), 0.2)
@@ -408,7 +408,7 @@ def test_answers_that_come_at_once_are_not_lost(client: ControlBoardClient) -> N
 def test_faults_of_the_hardware(client: ControlBoardClient) -> None:
     """F1 to F3: injected, latched, refused while the cause persists."""
     assert client.inject_fault(3, "encoder", persistent=True)
-    client.wait_for_state(lambda s: not s.output[3], TIMEOUT)
+    client.wait_for_state(lambda s: not s.output[3], GUARD)
     assert client.get_control_mode(3) == [M.HW_FAULT]
     reply = client.set_control_mode(3, "fidl")
     assert reply.answers == (Answer.REFUSED,)

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from rclpy.executors import SingleThreadedExecutor
-from talk import TIMEOUT, patient
+from talk import patient
+from waiting import GUARD
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -38,7 +39,7 @@ def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
             done.set()
 
         timer = spinning.create_timer(0.01, once)
-        assert done.wait(TIMEOUT)
+        assert done.wait(GUARD)
         spinning.destroy_timer(timer)
     assert answers == [[M.POSITION]]
 
@@ -56,7 +57,7 @@ def test_in_a_coroutine_of_rclpy(process: BoardProcess, spinning: Any) -> None:
             done.set()
 
         spinning.executor.create_task(ask)
-        assert done.wait(TIMEOUT)
+        assert done.wait(GUARD)
         assert answers[0] == [M.POSITION]
         assert answers[1], answers[1].message
         assert answers[2] == [True]
@@ -137,13 +138,13 @@ def test_a_board_that_comes_back() -> None:
         free_domain() as domain,
         ros_node(domain, "long", spin=False) as node,
         ControlBoardClient(
-            node, "control_board", find_timeout=2.0, answer_timeout=TIMEOUT
+            node, "control_board", find_timeout=2.0, answer_timeout=GUARD
         ) as client,
     ):
         for limit in (0.5, 1.0):
             parameters = {"joint_defaults.limits.velocity": limit}
             with board_process(parameters, domain=domain):
-                client.wait_until_found(TIMEOUT)
+                client.wait_until_found(GUARD)
                 assert bool(client.position_move(0, 0.1, 0.8)) == (limit > 0.8)
                 assert client.set_control_mode(0, "vel")
                 assert client.velocity_move(0, 0.01)

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from control_board_msgs.msg import JointFault, JointFaults
 from processes import python
-from talk import TIMEOUT, patient
+from talk import patient
+from waiting import GUARD
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode
@@ -36,7 +37,7 @@ def test_a_call_that_waits_ends_with_its_client(
         ends = {"close": client.close, "shutdown": node.context.shutdown}
         threading.Timer(0.3, ends[end]).start()
         with pytest.raises(BoardError, match=text):
-            client.wait_for_state(lambda _: False, TIMEOUT)
+            client.wait_for_state(lambda _: False, GUARD)
         with pytest.raises(BoardError, match=text):
             client.get_control_mode()
         client.close()
@@ -78,7 +79,7 @@ def test_ctrl_c_where_rclpy_handles_signals(process: BoardProcess, node: Any) ->
         _, errors = program.communicate()
         assert errors.splitlines()[-1] == "KeyboardInterrupt"
         assert "BoardError" not in errors
-        client.wait_for_state(lambda state: bool(state.motion_done[0]), TIMEOUT)
+        client.wait_for_state(lambda state: bool(state.motion_done[0]), GUARD)
         assert client.get_encoder(0)[0] < 1.4
         assert client.get_target_position(0) == pytest.approx([1.5])
 

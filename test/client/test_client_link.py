@@ -16,7 +16,8 @@ from control_board_msgs.msg import JointModes, PositionCommand
 from control_board_msgs.srv import GetControlMode, SetControlMode
 from rclpy.action import ActionServer
 from rclpy.qos import QoSProfile
-from talk import state_of, until
+from talk import state_of
+from waiting import GUARD, until
 
 from control_board_ros.client import BoardNotFound, BoardTimeout, InvalidAnswer, state
 from control_board_ros.client.link import Link
@@ -32,7 +33,6 @@ from control_board_ros.testing import ros_node
 from control_board_ros.testing.domains import free_domain
 
 pytestmark = pytest.mark.ros
-GUARD = 60.0
 TOPIC = "/board/command/position"
 
 

@@ -7,12 +7,12 @@ import fcntl
 import os
 import socket
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from waiting import until
 
 from control_board_ros.testing import (
     board_process,
@@ -164,10 +164,12 @@ def test_nodes_of_tests() -> None:
         assert a.context is not b.context
         publisher = a.create_publisher(String, "word", 10)
         b.create_subscription(String, "word", lambda m: received.append(m.data), 10)
-        deadline = time.monotonic() + 120.0
-        while not received and time.monotonic() < deadline:
+
+        def reached() -> bool:
             publisher.publish(String(data="hello"))
-            time.sleep(0.02)
+            return bool(received)
+
+        until(reached, period=0.02)
     assert received[0] == "hello"
 
 

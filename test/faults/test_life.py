@@ -18,7 +18,8 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
-from talk import TIMEOUT, Talker, stamp_of, talking_to
+from talk import Talker, stamp_of, talking_to
+from waiting import GUARD
 
 from control_board_ros.testing import BoardProcess, board_process
 
@@ -80,7 +81,7 @@ def test_a_lost_physics_server_ends_the_node() -> None:
     with hurt("gone", exit_code=4) as (board, _):
         board.process.send_signal(signal.SIGUSR1)
         line = board.wait_for_output("; restart the board")
-        board.process.wait(TIMEOUT)
+        board.process.wait(GUARD)
         told = ("physics server is gone", "physics is closed")
         assert line.strip() in [f"control_board: the {what}; restart the board" for what in told]
         assert "Traceback" not in board.output
@@ -91,7 +92,7 @@ def test_a_bug_in_the_control_loop_ends_the_node_without_power() -> None:
     with hurt("stuck", exit_code=1) as (board, _):
         board.process.send_signal(signal.SIGUSR1)
         line = board.wait_for_output("the control loop failed")
-        board.process.wait(TIMEOUT)
+        board.process.wait(GUARD)
         assert "RuntimeError: a bug" in line
         assert "Traceback" not in board.output
 

@@ -12,7 +12,8 @@ import pytest
 from control_board_msgs import srv
 from rclpy.qos import QoSProfile
 from sender import sending
-from talk import TIMEOUT, Talker
+from talk import Talker
+from waiting import GUARD
 
 from control_board_ros.testing import BoardProcess, board_process, ros_node
 
@@ -37,7 +38,7 @@ def clients_of(board: BoardProcess, count: int) -> Iterator[list]:
             )
             for k in range(count)
         ]
-        assert all(client.wait_for_service(TIMEOUT) for client in clients)
+        assert all(client.wait_for_service(GUARD) for client in clients)
         yield clients
 
 
@@ -115,7 +116,7 @@ def test_a_client_waits_while_its_board_is_restarted() -> None:
         first = stack.enter_context(board_process(exit_code=-9))
         node = stack.enter_context(ros_node(first.domain, "waiting"))
         client = node.create_client(srv.GetControlMode, "/control_board/get_control_mode")
-        assert client.wait_for_service(TIMEOUT)
+        assert client.wait_for_service(GUARD)
         talker = Talker(node, "/control_board")
         assert talker.set_mode([], "vel").success
         first.process.kill()

@@ -9,7 +9,8 @@ import time
 import pytest
 from control_board_msgs import msg, srv
 from std_srvs.srv import SetBool, Trigger
-from talk import Talker, until
+from talk import Talker
+from waiting import until
 
 pytestmark = pytest.mark.ros
 

@@ -10,7 +10,8 @@ from action_msgs.msg import GoalStatus
 from control_board_msgs import msg, srv
 from control_board_msgs.action import Calibrate, GoToPose, Move
 from std_srvs.srv import SetBool
-from talk import Talker, until
+from talk import Talker
+from waiting import until
 
 from control_board_ros.testing import BoardProcess
 

@@ -11,7 +11,8 @@ import pytest
 from cbctl_process import Cbctl
 from control_board_msgs import srv
 from sensor_msgs.msg import JointState
-from talk import Talker, patient, until
+from talk import Talker, patient
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.core.terms.motors import MotorTorqueParameters

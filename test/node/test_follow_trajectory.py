@@ -22,8 +22,9 @@ from control_msgs.msg import (
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
-from talk import Talker, stamp_of, until
+from talk import Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import until
 
 pytestmark = pytest.mark.ros
 

@@ -26,7 +26,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, patient, stamp_of, until
+from talk import LATCHED, Talker, patient, stamp_of
+from waiting import until
 
 pytestmark = pytest.mark.ros
 

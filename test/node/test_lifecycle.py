@@ -9,7 +9,8 @@ import pytest
 from lifecycle_msgs.msg import TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from std_srvs.srv import Trigger
-from talk import Talker, talking_to, until
+from talk import Talker, talking_to
+from waiting import until
 
 from control_board_ros.interface import LIFECYCLE
 from control_board_ros.testing import BoardProcess, board_process

@@ -14,7 +14,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rig import board_config, joint, simulation_config
-from talk import TIMEOUT
+from waiting import GUARD, until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig
@@ -70,11 +70,8 @@ class Rig:
         self.loop = ControlLoop(self.board, self.plant, on_end=self.ended.set, **options)
 
     def run_to(self, cycle: int) -> None:
-        """Wait until so many cycles have run."""
-        deadline = time.monotonic() + TIMEOUT
-        while self.board.cycle < cycle and not self.ended.is_set():
-            assert time.monotonic() < deadline
-            time.sleep(0.002)
+        """Wait until this cycle has run."""
+        until(lambda: self.board.cycle >= cycle or self.ended.is_set(), period=0.002)
 
 
 @pytest.fixture
@@ -198,7 +195,7 @@ def test_a_loop_whose_next_cycle_is_far_away_stops(factor: float) -> None:
     rig.loop.start()
     rig.run_to(50)
     rig.loop.set_real_time_factor(factor)
-    assert rig.loop.stop(TIMEOUT)
+    assert rig.loop.stop(GUARD)
     assert rig.plant.actuation is not None
     assert not rig.plant.actuation.powered.any()
 
@@ -213,8 +210,8 @@ def test_another_pace_acts_before_the_next_cycle_of_the_slow_one() -> None:
     rig.loop.pause(True)
     done = threading.Event()
     assert rig.loop.step(3, lambda _: done.set()) == ""
-    assert done.wait(TIMEOUT)
-    assert rig.loop.stop(TIMEOUT)
+    assert done.wait(GUARD)
+    assert rig.loop.stop(GUARD)
 
 
 def test_a_pacer_that_is_woken_counts_no_cycle(clock: ManualClock) -> None:
@@ -247,7 +244,7 @@ def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
     error = PlantGone("the physics server is gone")
     rig.plant.fails = {20: error}
     rig.loop.start()
-    assert rig.ended.wait(TIMEOUT)
+    assert rig.ended.wait(GUARD)
     assert rig.loop.failure is error
 
 
@@ -321,7 +318,7 @@ def test_steps_are_exact(fast: Rig) -> None:
     for count in (1, 7, 1000):
         before = fast.board.cycle
         assert fast.loop.step(count, told.put) == ""
-        assert told.get(timeout=TIMEOUT) == ""
+        assert told.get(timeout=GUARD) == ""
         assert fast.board.cycle == before + count
 
 
@@ -365,7 +362,7 @@ def test_steps_are_answered_when_their_last_state_is_published(factor: float) ->
             done.set()
 
         assert rig.loop.step(count, tell) == ""
-        assert done.wait(TIMEOUT)
+        assert done.wait(GUARD)
     rig.loop.stop()
     thread.stop()
     assert [state for state, _ in answered] == [[due] for _, due in answered]
@@ -380,7 +377,7 @@ def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(rig.loop._pacer, "restart", lambda: restarts.append(rig.board.cycle))
     stands_still = threading.Event()
     rig.loop.snapshots.on_change = stands_still.set
-    assert stands_still.wait(TIMEOUT)
+    assert stands_still.wait(GUARD)
     paused_at = rig.board.cycle
     rig.loop.pause(False)
     rig.run_to(paused_at + 50)

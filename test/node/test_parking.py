@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from rig import Rig, board_config, joint, plain, simulation_config
-from talk import talking_to, until
+from talk import talking_to
+from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.goals.pose import Pose

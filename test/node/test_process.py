@@ -23,7 +23,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
-from talk import Talker, stamp_of, talking_to, until
+from talk import Talker, stamp_of, talking_to
+from waiting import GUARD, until
 
 from control_board_ros import __version__
 from control_board_ros.node.main import KnownError, main, run
@@ -39,7 +40,6 @@ from control_board_ros.testing import (
 
 pytestmark = pytest.mark.ros
 
-GUARD = 120.0  # s; against what hangs, on the busiest machine: no test is decided by it
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 NODE = [sys.executable, "-m", "control_board_ros.node.main"]
 

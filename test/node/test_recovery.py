@@ -10,7 +10,8 @@ import pytest
 from control_board_msgs import msg, srv
 from std_msgs.msg import Empty
 from std_srvs.srv import SetBool
-from talk import Talker, patient, stamp_of, talking_to, until
+from talk import Talker, patient, stamp_of, talking_to
+from waiting import until
 
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import HEARTBEAT

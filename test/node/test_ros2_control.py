@@ -6,8 +6,9 @@ from __future__ import annotations
 import time
 
 import pytest
-from talk import TIMEOUT, Talker, minimum_jerk, until
+from talk import Talker, minimum_jerk
 from topic_based_hardware import INTERFACES, Component, TopicBasedHardware
+from waiting import GUARD, until
 
 from control_board_ros.interface import JOINT_COMMANDS, JOINT_STATES
 
@@ -37,7 +38,7 @@ def test_a_trajectory_of_positions_arrives(talker: Talker, component: Component)
     begun = time.monotonic()
     while abs(hardware.states[f"{name}/position"] - target) > 2e-3:
         now = time.monotonic() - begun
-        assert now < TIMEOUT, hardware.states
+        assert now < GUARD, hardware.states
         component.read()
         for joint, start in starts.items():
             hardware.commands[f"{joint}/position"] = start

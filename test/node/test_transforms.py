@@ -10,8 +10,8 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from talk import until
 from tf2_msgs.msg import TFMessage
+from waiting import until
 
 from control_board_ros.frames import POSE, Edge, tf_message
 from control_board_ros.node.wiring import prepared

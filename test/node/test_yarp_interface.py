@@ -16,7 +16,8 @@ from interface_table import (
     YARP_SUBSCRIBED,
 )
 from std_msgs.msg import Int8MultiArray, Int32MultiArray
-from talk import TIMEOUT, Talker, until
+from talk import Talker
+from waiting import GUARD, until
 from yarp_control_msgs import msg, srv
 
 from control_board_ros.recording.topics import topics_for_yarp
@@ -54,7 +55,7 @@ class YarpClient:
 
     def call(self, name: str, **request: Any) -> Any:
         client = self._clients[name]
-        assert client.wait_for_service(TIMEOUT), f"no service {name}"
+        assert client.wait_for_service(GUARD), f"no service {name}"
         return self._talker.answer(client.call_async(KINDS[name].Request(**request)))
 
     def send(self, name: str, message: Any) -> None:

@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 from browsing import context_of, operate, panel_beside
-from cbctl_process import interrupted, until
+from cbctl_process import interrupted
 from standins import Panel, StandIn, panel_of
 from talk import patient
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.panel import robot

@@ -8,7 +8,8 @@ import re
 from pathlib import Path
 
 import pytest
-from standins import GUARD, REQUESTS, TOKEN, Panel, StandIn, panel_of
+from standins import REQUESTS, TOKEN, Panel, StandIn, panel_of
+from waiting import GUARD
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from control_board_ros.panel import robot, security

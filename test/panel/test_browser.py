@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of
-from cbctl_process import GUARD, until
+from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from browsing import context_of
-from cbctl_process import until
+from waiting import until
 
 from control_board_ros.testing import BoardProcess, board_process
 

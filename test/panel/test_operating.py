@@ -6,7 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from standins import GUARD, Air, Panel, StandIn, panel_of
+from standins import Air, Panel, StandIn, panel_of
+from waiting import GUARD
 
 from control_board_ros.panel import lease, panels
 from control_board_ros.panel.doing import PATIENCE, Hold, Holds

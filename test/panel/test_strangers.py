@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 from browsing import context_of, panel_beside
-from cbctl_process import GUARD, interrupted, until
+from cbctl_process import interrupted
+from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess

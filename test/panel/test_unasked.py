@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of, operate, panel_beside
-from cbctl_process import until
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process

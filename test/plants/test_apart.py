@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from control_board_msgs import msg, srv
 from levers import IIWA, Levers, offer, path_with
-from talk import talking_to, until
+from talk import talking_to
+from waiting import until
 
 from control_board_ros.core.terms.measurement import Actuation
 from control_board_ros.plants import Readings, SetPoints, Setup

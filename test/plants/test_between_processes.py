@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from drive_bench import LIBRARIES
 from levers import IIWA
+from waiting import GUARD
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.can_line import open_bus
@@ -20,8 +21,6 @@ from control_board_ros.plants.interface import Setup
 from control_board_ros.testing.plant_contract import set_points
 
 can = pytest.importorskip("can")
-#: Timeout of a frame, s.
-GUARD = 30.0
 GROUP = "239.74.163.2"
 DRIVERS = ("moteus", "mit_can", "cia402", "odrive_can")
 

@@ -17,7 +17,8 @@ from pathlib import Path
 import pytest
 from control_board_msgs import msg, srv
 from levers import IIWA
-from talk import Talker, talking_to, until
+from talk import Talker, talking_to
+from waiting import until
 
 from control_board_ros.testing import BoardProcess, board_process
 

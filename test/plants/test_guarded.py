@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from levers import Levers, OwnClock
-from talk import until
+from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.faults import FaultCode

@@ -18,7 +18,8 @@ from levers import IIWA, path_with
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
-from talk import Talker, patient, talking_to, until
+from talk import Talker, patient, talking_to
+from waiting import until
 
 from control_board_ros.testing import (
     BoardProcess,

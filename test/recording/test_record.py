@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cbctl_process import Cbctl, interrupted, until
+from cbctl_process import Cbctl, interrupted
+from waiting import until
 
 from control_board_ros.recording.page import page
 from control_board_ros.recording.reading import read

@@ -14,7 +14,8 @@ import pytest
 from control_board_msgs import action, msg, srv
 from rclpy.context import Context
 from std_srvs.srv import Trigger
-from talk import Talker, talking_to, until
+from talk import Talker, talking_to
+from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.node.process.boards import Boards

@@ -18,8 +18,9 @@ from robots import LOWER, UPPER
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, stamp_of, until
+from talk import LATCHED, Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import until
 
 from control_board_ros.interface import ACTIONS, COMMAND_TOPICS, SERVICES
 from control_board_ros.settings.loading import load

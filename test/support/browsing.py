@@ -8,7 +8,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from cbctl_process import GUARD, Cbctl
+from cbctl_process import Cbctl
+from waiting import GUARD
 
 #: A phone, for ``context_of``.
 PHONE: dict[str, Any] = {

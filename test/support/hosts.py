@@ -17,17 +17,16 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+from waiting import GUARD, until
 
 from control_board_ros.testing import child_environment
 
 HERE = Path(__file__).resolve().parent
 NAMES = ("board", "operator", "monitor")
-#: s; a guard against what hangs.
-PATIENCE = 60.0
 #: What a process of a host starts with: shared memory and host name of its own.
 ENTER = 'mount -t tmpfs tmpfs /dev/shm && hostname "$0" && exec "$@"'
 
@@ -91,7 +90,7 @@ class Process:
         self.process.stdin.write(" ".join(map(str, words)) + "\n")
         self.process.stdin.flush()
 
-    def answer(self, timeout: float = PATIENCE) -> dict[str, Any]:
+    def answer(self, timeout: float = GUARD) -> dict[str, Any]:
         """The next answer."""
         try:
             return self._answers.get(timeout=timeout)
@@ -105,17 +104,21 @@ class Process:
 
     def until(self, good: Any, *words: object) -> dict[str, Any]:
         """Ask until the answer is good."""
-        deadline = time.monotonic() + PATIENCE
-        while not good(found := self.ask(*words)):
-            assert time.monotonic() < deadline, found
-            time.sleep(0.02)
+        found: dict[str, Any] = {}
+
+        def reached() -> bool:
+            nonlocal found
+            found = self.ask(*words)
+            return bool(good(found))
+
+        until(reached, lambda: found, period=0.02)
         return found
 
     def stop(self) -> int:
         """Ask it to end; its exit code."""
         self.process.terminate()
         try:
-            code = self.process.wait(PATIENCE)
+            code = self.process.wait(GUARD)
         except subprocess.TimeoutExpired:
             self.process.kill()
             code = self.process.wait()

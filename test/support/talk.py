@@ -17,6 +17,7 @@ from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
+from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.client.state import FLOAT_FIELDS
@@ -24,9 +25,8 @@ from control_board_ros.testing import BoardProcess, ros_node
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STREAM = QoSProfile(depth=1000)  # ten seconds of states, for a talker that is held up
-TIMEOUT = 120.0  # s; a guard against what never comes, on the busiest machine
 #: A client that waits as long.
-patient = partial(ControlBoardClient, find_timeout=TIMEOUT, answer_timeout=TIMEOUT)
+patient = partial(ControlBoardClient, find_timeout=GUARD, answer_timeout=GUARD)
 
 
 class Talker:
@@ -61,7 +61,7 @@ class Talker:
         self,
         key: str,
         good: Callable[[Any], bool],
-        timeout: float = TIMEOUT,
+        timeout: float = GUARD,
         *,
         fresh: bool = False,
         after: int | None = None,
@@ -96,7 +96,7 @@ class Talker:
 
     def until_state(self, send: Callable[[], None], good: Callable[[Any], bool]) -> None:
         """Send until a state since then is good: the first best-effort messages may be lost."""
-        deadline, begun = time.monotonic() + TIMEOUT, time.time_ns()
+        deadline, begun = time.monotonic() + GUARD, time.time_ns()
         while True:
             send()
             try:
@@ -106,7 +106,7 @@ class Talker:
                 if time.monotonic() > deadline:
                     raise
 
-    def call(self, name: str, kind: Any, /, timeout: float = TIMEOUT, **request: Any) -> Any:
+    def call(self, name: str, kind: Any, /, timeout: float = GUARD, **request: Any) -> Any:
         """Call ``~/name`` and return its response."""
         return self.answer(self.ask(name, kind, **request), timeout)
 
@@ -116,10 +116,10 @@ class Talker:
             self._clients[name] = self.node.create_client(
                 kind, f"{self.board}/{name}", qos_profile=QoSProfile(depth=500)
             )
-            assert self._clients[name].wait_for_service(TIMEOUT), f"no service {name}"
+            assert self._clients[name].wait_for_service(GUARD), f"no service {name}"
         return self._clients[name].call_async(kind.Request(**request))
 
-    def answer(self, future: Future, timeout: float = TIMEOUT) -> Any:
+    def answer(self, future: Future, timeout: float = GUARD) -> Any:
         """What a future gives."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
@@ -146,10 +146,7 @@ class Talker:
         if key not in self._publishers:
             publisher = self.node.create_publisher(type(message), f"{self.board}/{topic}", qos)
             self._publishers[key] = publisher
-            deadline = time.monotonic() + TIMEOUT
-            while not publisher.get_subscription_count():
-                assert time.monotonic() < deadline, f"nobody listens on {topic}"
-                time.sleep(0.01)
+            until(publisher.get_subscription_count, lambda: f"{topic} has no subscription")
         self._publishers[key].publish(message)
 
     def settle(self) -> None:
@@ -163,7 +160,7 @@ class Talker:
     def goal(self, name: str, kind: Any, feedback: list[Any] | None = None, **goal: Any) -> Any:
         """Send a goal to the action ``~/name``; returns the accepted goal's handle."""
         client = ActionClient(self.node, kind, f"{self.board}/{name}")
-        assert client.wait_for_server(TIMEOUT), f"no action {name}"
+        assert client.wait_for_server(GUARD), f"no action {name}"
         number = UUID(uuid=list(uuid4().bytes))
         if feedback is not None:
             self._hear_feedback(name, kind, number, feedback)
@@ -200,17 +197,7 @@ class Talker:
         self.call("pause", SetBool, data=False)
         assert self.call("reset", Trigger).success
         self.wait("modes", lambda m: "cfgn" not in m.control_modes)
-        deadline = time.monotonic() + TIMEOUT
-        while set(self.modes()) != {"pos"}:
-            assert time.monotonic() < deadline, self.modes()
-
-
-def until(good: Callable[[], bool]) -> None:
-    """Wait until something is so."""
-    deadline = time.monotonic() + TIMEOUT
-    while not good():
-        assert time.monotonic() < deadline, "it did not come to pass"
-        time.sleep(0.01)
+        until(lambda: set(self.modes()) == {"pos"}, self.modes)
 
 
 @contextlib.contextmanager
