@@ -17,9 +17,9 @@ from control_board_ros.testing import BoardProcess
 
 
 @pytest.fixture
-def hand(process: BoardProcess) -> Iterator[Hand]:
+def hand(board: BoardProcess) -> Iterator[Hand]:
     """A hand at the arm."""
-    hand = Hand(process)
+    hand = Hand(board)
     yield hand
     hand.close()
 

@@ -32,13 +32,13 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return called
 
 
-def test_a_mode_is_one_round_trip(process: BoardProcess, ask: Asker, asked: list[str]) -> None:
+def test_a_mode_is_one_round_trip(board: BoardProcess, ask: Asker, asked: list[str]) -> None:
     """The response has the modes; only joints that lost their power are looked at.
 
     The first request is preceded by a query, which confirms that the board knows the client.
     """
     asked.clear()
-    domain = str(process.domain)
+    domain = str(board.domain)
     with Session(Options()) as session:
         assert (
             invoke(session, ["mode", "0", "vel", "--timeout", str(GUARD), "--domain", domain]) == 0

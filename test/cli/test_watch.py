@@ -8,6 +8,7 @@ from typing import Any
 
 import cbctl_terminal
 import pytest
+from iiwa import JOINTS
 from rich.text import Text
 
 from control_board_ros.cli.line.words import short_names
@@ -22,7 +23,6 @@ from control_board_ros.cli.verbs.watch import (
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.joint_limits import JointLimits
 
-IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 ICUB = ["l_shoulder_pitch", "l_shoulder_roll", "l_elbow"]
 FAULT = "overcurrent, 23.9 A; the limit is 22 A"
 
@@ -73,7 +73,7 @@ def on_terminal(views: list[View], width: int, height: int) -> list[str]:
     return cbctl_terminal.drawn(on_screen(views, width, height), width).splitlines()
 
 
-@pytest.mark.parametrize("names", [IIWA, ICUB, ["only"]], ids=["iiwa", "icub", "one"])
+@pytest.mark.parametrize("names", [JOINTS, ICUB, ["only"]], ids=["iiwa", "icub", "one"])
 @pytest.mark.parametrize("width", [60, 70, 80, 100, 160])
 @pytest.mark.parametrize("fault", [False, True])
 def test_names_modes_and_positions_are_never_cut(
@@ -93,13 +93,13 @@ def test_names_modes_and_positions_are_never_cut(
 
 
 def test_a_wide_terminal_shows_everything() -> None:
-    head = drawn(IIWA, 120)[0]
+    head = drawn(JOINTS, 120)[0]
     assert [title for title in TITLES if title not in head] == []
-    assert "lbr_iiwa_joint_1" in "\n".join(drawn(IIWA, 120))
+    assert "lbr_iiwa_joint_1" in "\n".join(drawn(JOINTS, 120))
 
 
 def test_eighty_columns_drop_the_least_important_first() -> None:
-    lines = drawn(IIWA, 80)
+    lines = drawn(JOINTS, 80)
     assert "output" not in lines[0]
     assert {"joint", "mode", "int.", "position", "torque", "fault"} <= set(lines[0].split())
     assert any(line.split()[0] == "joint_1" for line in lines[2:])

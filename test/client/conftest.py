@@ -6,32 +6,28 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import board_fixtures
 import pytest
 from talk import patient
 from waiting import until
 
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.testing import BoardProcess, board_process, ros_node
+from control_board_ros.testing import BoardProcess, ros_node
+
+board, params = board_fixtures.board, board_fixtures.params
 
 
 @pytest.fixture(scope="module")
-def process() -> Iterator[BoardProcess]:
-    """The iiwa, with fault injection."""
-    with board_process({"allow_fault_injection": True}) as board:
-        yield board
-
-
-@pytest.fixture(scope="module")
-def node(process: BoardProcess) -> Iterator[Any]:
+def node(board: BoardProcess) -> Iterator[Any]:
     """A node that nobody spins: the client does without."""
-    with ros_node(process.domain, "user", spin=False) as node:
+    with ros_node(board.domain, "user", spin=False) as node:
         yield node
 
 
 @pytest.fixture(scope="module")
-def shared(process: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
+def shared(board: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
     """One client for the module."""
-    with patient(node, process.name) as client:
+    with patient(node, board.name) as client:
         yield client
 
 

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from marks import needs_icub
 from numpy.typing import NDArray
 
 from control_board_ros.core.board import Board
@@ -17,7 +17,6 @@ from control_board_ros.settings.loading import load
 from control_board_ros.simulation import Simulation
 
 pytestmark = [pytest.mark.physics]
-needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
 
 RIGS = [

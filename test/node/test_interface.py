@@ -18,6 +18,7 @@ from interface_table import (
     SERVICES,
     SUBSCRIBED,
 )
+from qos import LATCHED
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.duration import Duration
@@ -26,7 +27,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, patient, stamp_of
+from talk import Talker, patient, stamp_of
 from waiting import until
 
 pytestmark = pytest.mark.ros

@@ -16,10 +16,11 @@ from typing import Any
 import pytest
 from control_board_msgs import msg
 from diagnostic_msgs.msg import DiagnosticArray
+from qos import BEST_EFFORT
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import ReliabilityPolicy
 from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
@@ -40,7 +41,6 @@ from control_board_ros.testing import (
 
 pytestmark = pytest.mark.ros
 
-BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 NODE = [sys.executable, "-m", "control_board_ros.node.main"]
 
 

@@ -8,14 +8,12 @@ from typing import Any
 import pytest
 from control_board_msgs import msg, srv
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from qos import BEST_EFFORT
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of
 
 pytestmark = pytest.mark.ros
-
-BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 @pytest.fixture(scope="module")

@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from iiwa import JOINTS
 from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
-JOINTS = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
 #: Whose client the tests ask.
 BOARD = "/pair/lower"
 PARTS = {
-    "upper": {"joints": JOINTS[:4]},
-    "lower": {"joints": JOINTS[4:]},
+    "upper": {"joints": [*JOINTS[:4]]},
+    "lower": {"joints": [*JOINTS[4:]]},
 }
 
 

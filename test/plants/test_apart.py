@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from control_board_msgs import msg, srv
-from levers import IIWA, Levers, offer, path_with
+from iiwa import JOINTS
+from levers import Levers, offer, path_with
 from talk import talking_to
 from waiting import until
 
@@ -132,9 +133,9 @@ def test_a_stopped_board_with_its_plant_has_no_power_once_it_continues(tmp_path:
         "joint_defaults.startup_mode": "idl",
     }
     path = path_with(tmp_path, "levers:make_logged")
-    output = msg.OutputCommand(names=[IIWA[0]], outputs=[20.0])
+    output = msg.OutputCommand(names=[JOINTS[0]], outputs=[20.0])
     with board_process(params, env=path) as board, talking_to(board) as talker:
-        assert talker.set_mode([IIWA[0]], "open").success
+        assert talker.set_mode([JOINTS[0]], "open").success
         talker.until_state(
             lambda: talker.command("command/output", output), lambda state: state.output[0] > 19.0
         )
@@ -146,9 +147,9 @@ def test_a_stopped_board_with_its_plant_has_no_power_once_it_continues(tmp_path:
         finally:
             os.kill(board.process.pid, signal.SIGCONT)
         talker.wait("modes", lambda modes: modes.control_modes[0] == "hwfa")
-        fault = talker.call("get_faults", srv.GetFaults, names=[IIWA[0]]).faults[0]
+        fault = talker.call("get_faults", srv.GetFaults, names=[JOINTS[0]]).faults[0]
         assert "the control loop was silent for" in fault.text
-        until(lambda: talker.set_mode([IIWA[0]], "fidl").success)
+        until(lambda: talker.set_mode([JOINTS[0]], "fidl").success)
         after = log.read_text().splitlines()[before:]
         powered = [line for line in after if line.startswith("1")]
         assert len(powered) <= 1, "an exchange that was under way ends"

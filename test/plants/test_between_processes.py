@@ -12,7 +12,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES
-from levers import IIWA
+from iiwa import JOINTS
 from waiting import GUARD
 
 from control_board_ros.core.terms.drives import SetPoint
@@ -55,10 +55,12 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
     driver: str, address: str
 ) -> None:
     """S1: every CAN driver, remote frames and CAN FD included."""
-    plant = import_module(f"control_board_ros.plants.{driver}.driver").make(IIWA, {"bus": address})
+    plant = import_module(f"control_board_ros.plants.{driver}.driver").make(
+        JOINTS, {"bus": address}
+    )
     takes = plant.driver.traits.set_points
     kind = SetPoint.POSITION if SetPoint.POSITION in takes else SetPoint.IMPEDANCE
-    n = len(IIWA)
+    n = len(JOINTS)
     rows = {
         "position": np.full(n, 0.2),
         "stiffness": np.full(n, 400.0),

@@ -6,12 +6,12 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Iterator
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import pytest
 from control_board_msgs import action, msg, srv
+from marks import needs_icub
 from rclpy.context import Context
 from std_srvs.srv import Trigger
 from talk import Talker, talking_to
@@ -28,7 +28,7 @@ pytestmark = [
     pytest.mark.ros,
     pytest.mark.physics,
     pytest.mark.slow,
-    pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub"),
+    needs_icub,
 ]
 #: Messages on their way at most, half of what the subscription keeps.
 QUEUE = 5

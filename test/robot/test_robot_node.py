@@ -12,13 +12,14 @@ from cbctl_process import Cbctl
 from control_board_msgs import action, msg, srv
 from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
+from qos import LATCHED
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from robots import LOWER, UPPER
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, stamp_of
+from talk import Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import until
 

@@ -12,6 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from iiwa import JOINTS
+from marks import needs_icub
 from parameter_files import refusal, written
 
 from control_board_ros.core.config.parts import DEGREE
@@ -24,7 +26,6 @@ from control_board_ros.settings.params_file import Entry, convert
 
 J2 = "lbr_iiwa_joint_2"
 ARM = Path(__file__).parents[1] / "support" / "arm.urdf"
-needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def iiwa() -> Settings:
 
 def test_the_default_is_the_iiwa(iiwa: Settings) -> None:
     assert iiwa.values["robot"] == "iiwa"
-    assert iiwa.board.names == tuple(f"lbr_iiwa_joint_{i}" for i in range(1, 8))
+    assert iiwa.board.names == JOINTS
     assert iiwa.simulation.names == iiwa.board.names
     assert iiwa.values["state_rate"] == 100.0
     assert iiwa.board.joints[0].startup_mode is ControlMode.POSITION

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import re
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pybullet_data
 import pytest
+from marks import needs_icub
 
 from control_board_ros.description.meshes import share_folders
 from control_board_ros.settings.loading import SettingsError, load
@@ -83,7 +83,7 @@ def test_a_urdf_of_pybullet_data_moves_or_is_refused(path: Path) -> None:
     assert REFUSED.get(name, "no joint moves") in told
 
 
-@pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
+@needs_icub
 @pytest.mark.parametrize("path", ICUBS, ids=lambda path: path.parent.name)
 def test_a_whole_icub_moves(path: Path) -> None:
     """More joints than pybullet takes, but for the fixed ones."""

@@ -15,9 +15,9 @@ from typing import Any
 
 import rclpy
 from control_board_msgs.msg import BoardState, JointFault, JointFaults, JointModes
+from qos import LATCHED
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from control_board_ros import interface
@@ -32,7 +32,6 @@ FLOATS = (
     *("position", "velocity", "torque", "position_reference", "velocity_reference"),
     *("torque_reference", "output", "current", "temperature"),
 )
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Hostile(Node):

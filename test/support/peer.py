@@ -19,14 +19,13 @@ from typing import Any
 
 import rclpy
 from control_board_msgs.msg import BoardState, JointFaults, JointModes, VelocityCommand
+from qos import LATCHED
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.startup import announce_often
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RATE = 50.0
 
 

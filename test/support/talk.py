@@ -13,8 +13,9 @@ from uuid import uuid4
 
 import numpy as np
 from control_board_msgs import msg, srv
+from qos import LATCHED, STREAM
 from rclpy.action import ActionClient
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 from waiting import GUARD, until
@@ -23,8 +24,6 @@ from control_board_ros.client import ControlBoardClient
 from control_board_ros.client.state import FLOAT_FIELDS
 from control_board_ros.testing import BoardProcess, ros_node
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-STREAM = QoSProfile(depth=1000)  # ten seconds of states, for a talker that is held up
 #: A client that waits as long.
 patient = partial(ControlBoardClient, find_timeout=GUARD, answer_timeout=GUARD)
 
