@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig import LIMITS, board_config, joint, plain
+from rig import LIMITS, board_config, controller, joint, plain
 
-from control_board_ros.core.config.config import BoardConfig, Pid
+from control_board_ros.core.config.config import Pid
 from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.config.parts import Payload
 from control_board_ros.core.laws.control import Controller, set_gains
@@ -20,10 +20,6 @@ from control_board_ros.core.terms.motors import Term
 
 #: N·m per ampere of the joints here.
 PER_AMPERE = 5.0
-
-
-def controller(config: BoardConfig) -> Controller:
-    return Controller(config, StateArrays(config))
 
 
 def test_a_smaller_current_bounds_the_torque() -> None:

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from joints import OneJoint, gains, outputs, resting
-from rig import LIMITS, MOTOR, board_config, joint
+from rig import LIMITS, MOTOR, board_config, controller, joint
 
-from control_board_ros.core.config.config import BoardConfig, Impedance, Pid
+from control_board_ros.core.config.config import Impedance, Pid
 from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.laws.control import Controller, set_constants, set_gains
 from control_board_ros.core.state import StateArrays
@@ -105,10 +105,6 @@ def test_gains_as_the_loops_hold_them() -> None:
 
 
 # --- constants and conversions ---------------------------------------------------------------
-
-
-def controller(config: BoardConfig) -> Controller:
-    return Controller(config, StateArrays(config))
 
 
 def test_constants_of_a_joint() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import MOTOR, RATE, board_config, held, joint, plain, ready
+from rig import HEATED, MOTOR, RATE, board_config, held, joint, plain, ready
 
 from control_board_ros.core.config.config import JointConfig, Timeouts
 from control_board_ros.core.config.parts import DEGREE
@@ -112,8 +112,6 @@ def test_new_limits_are_watched_at_once(
 
 
 # Heat (F6) -----------------------------------------------------------------------------------
-
-HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
 
 
 def test_i2t_is_warned_of_once_before_it_faults() -> None:

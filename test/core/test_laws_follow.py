@@ -10,12 +10,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from joints import OneJoint, gains
-from pure import load_python
+from pure import LAWS
 
 from control_board_ros.core.terms.modes import Law
 
 PERIOD, SPEED, ACCELERATION = 0.001, 3.0, 20.0
-PYTHON = load_python("control_board_ros.core.laws.laws")
 FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
 PERIODS = st.sampled_from([0.001, 0.002, 0.01])
 
@@ -57,7 +56,7 @@ def test_brake_speed_ends_within_the_distance(
     The speed after k cycles is v − k·a·T, the way Σ v_k·T; the last, shorter step brings it to
     rest.
     """
-    speed = PYTHON.brake_speed(distance, acceleration, period)
+    speed = LAWS.brake_speed(distance, acceleration, period)
     step = acceleration * period
     cycles = math.ceil(speed / step - 1e-9)
     way = period * sum(speed - k * step for k in range(cycles))
@@ -73,7 +72,7 @@ def test_brake_speed_grows_with_the_distance(
     distances: tuple[float, float], acceleration: float
 ) -> None:
     """P14: without a gap where the number of cycles changes."""
-    near, far = (PYTHON.brake_speed(d, acceleration, PERIOD) for d in sorted(distances))
+    near, far = (LAWS.brake_speed(d, acceleration, PERIOD) for d in sorted(distances))
     assert near <= far + 1e-12
 
 

@@ -46,23 +46,32 @@ def blocks(count: int) -> list[Array]:
     return [np.zeros((rows, count)) for rows in (READ, READ, READ, MOTOR_ROWS)]
 
 
+def zeros(count: int) -> dict[str, Array]:
+    """The rows that a monitor of some joints reads."""
+    return {name: np.zeros(count) for name in [*READINGS, *ROWS]}
+
+
+def monitor_of(joints: list[JointMonitor], taken: list[Array], rows: dict[str, Array]) -> Monitor:
+    return Monitor(
+        joints,
+        taken,
+        [rows[name].data for name in READINGS],
+        [rows[name].data for name in ROWS],
+        SLOW,
+        PERIOD,
+        FORGET,
+    )
+
+
 class Bench:
     """One joint that reads 0 everywhere, at 25 °C, and what a test sets."""
 
     def __init__(self, **constants: float) -> None:
         self.one = JointMonitor()
         self.one.set(CONSTANTS | constants)
-        self.rows = {name: np.zeros(1) for name in [*READINGS, *ROWS]}
+        self.rows = zeros(1)
         self.rows["temperature"][0] = 25.0
-        self.monitor = Monitor(
-            [self.one],
-            blocks(1),
-            [self.rows[name].data for name in READINGS],
-            [self.rows[name].data for name in ROWS],
-            SLOW,
-            PERIOD,
-            FORGET,
-        )
+        self.monitor = monitor_of([self.one], blocks(1), self.rows)
 
     def step(self, cycles: int = 1, **readings: float) -> bool:
         """Cycles with these readings, which stay; whether the joint is healthy then."""
@@ -315,18 +324,10 @@ def test_warnings_have_a_relief() -> None:
 def test_any_joint_s_cause_counts() -> None:
     """Of two joints, each reads its own column."""
     joints = [JointMonitor(), JointMonitor()]
-    rows = {name: np.zeros(2) for name in [*READINGS, *ROWS]}
+    rows = zeros(2)
     for one in joints:
         one.set(CONSTANTS)
-    monitor = Monitor(
-        joints,
-        blocks(2),
-        [rows[name].data for name in READINGS],
-        [rows[name].data for name in ROWS],
-        SLOW,
-        PERIOD,
-        FORGET,
-    )
+    monitor = monitor_of(joints, blocks(2), rows)
     assert not monitor.news
     assert monitor.step()
     rows["torque"][0] = 99.0
@@ -344,16 +345,7 @@ def test_a_reading_is_taken_and_the_one_before_is_kept() -> None:
     """Also where the plant fills the same arrays again, and where another array comes."""
     taken = blocks(2)
     raw, measured, before, motors = taken
-    rows = [np.zeros(2) for _ in [*READINGS, *ROWS]]
-    monitor = Monitor(
-        [JointMonitor(), JointMonitor()],
-        taken,
-        [row.data for row in rows[: len(READINGS)]],
-        [row.data for row in rows[len(READINGS) :]],
-        SLOW,
-        PERIOD,
-        FORGET,
-    )
+    monitor = monitor_of([JointMonitor(), JointMonitor()], taken, zeros(2))
     reused, shafts = np.arange(16.0).reshape(8, 2), np.arange(6.0).reshape(3, 2)
     monitor.take(reused, shafts)
     np.testing.assert_array_equal(raw, np.arange(16.0).reshape(8, 2))
@@ -386,16 +378,7 @@ def test_other_readings_are_taken_as_numpy_does_or_refused() -> None:
     """Never read beyond their ends: a plant may be wrong, and may reuse what is copied here."""
     taken = blocks(2)
     raw, motors = taken[0], taken[3]
-    rows = [np.zeros(2) for _ in [*READINGS, *ROWS]]
-    monitor = Monitor(
-        [JointMonitor(), JointMonitor()],
-        taken,
-        [row.data for row in rows[: len(READINGS)]],
-        [row.data for row in rows[len(READINGS) :]],
-        SLOW,
-        PERIOD,
-        FORGET,
-    )
+    monitor = monitor_of([JointMonitor(), JointMonitor()], taken, zeros(2))
     single, whole = np.ones((READ, 2), dtype=np.float32), np.zeros((READ, 2))
     turns = np.ones((MOTOR_ROWS, 2), dtype=np.int64)
     for value in (1, 2):

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pure import load_python
+from pure import LAWS
 
-LAWS = load_python("control_board_ros.core.laws.laws")
 PERIOD = 0.001
 FADE = 1.0 - 1.0 / 100.0
 WIDE = 1e6

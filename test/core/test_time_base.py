@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pure import load_python
+from pure import LAWS
 
-LAWS = load_python("control_board_ros.core.laws.laws")
 KNOTS = 6
 
 

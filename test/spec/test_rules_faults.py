@@ -12,6 +12,7 @@ import pytest
 from rig import (
     COMMANDS,
     COMPLIANT,
+    HEATED,
     RATE,
     STANDARD,
     M,
@@ -237,9 +238,6 @@ def test_overrun_of_the_hard_stop() -> None:
         assert (rig.modes() == [M.HW_FAULT]) is faulted
         if faulted:
             assert rig.board.get_faults("left")[0].code == 17
-
-
-HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
 
 
 def test_overload() -> None:

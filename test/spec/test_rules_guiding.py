@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scara import SCARA
 
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.settings.loading import SettingsError, load
@@ -21,7 +21,6 @@ ARMS = {
     "icub": ("l_shoulder", "l_elbow", "l_wrist"),
     "scara": "",
 }
-SCARA = Path(__file__).resolve().parents[2] / "benchmark" / "motion_measure" / "scara.urdf"
 PAUSES = (ControlMode.CALIBRATING, ControlMode.NOT_CONFIGURED)
 
 

@@ -19,7 +19,8 @@ from control_board_ros.core.config.config import (
     Motor,
     Pid,
 )
-from control_board_ros.core.state import Snapshot
+from control_board_ros.core.laws.control import Controller
+from control_board_ros.core.state import Snapshot, StateArrays
 from control_board_ros.core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
@@ -57,6 +58,10 @@ MOTOR = Motor(
 PER_TORQUE = 100.0 / 48.0 / 5.0
 
 
+#: Currents of a joint that overheats within seconds.
+HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
+
+
 def joint(name: str, *, limits: dict[str, Any] | None = None, **changes: Any) -> JointConfig:
     """A joint with a torque sensor that implements everything, at rest in IDLE."""
     values: dict[str, Any] = {
@@ -87,6 +92,11 @@ def board_config(*joints: JointConfig, **changes: Any) -> BoardConfig:
     """A board of these joints; of left, right (all modes) and bare (no torque sensor) else."""
     chosen = joints or (joint("left"), joint("right"), plain("bare"))
     return BoardConfig(joints=chosen, **({"control_rate": RATE} | changes))
+
+
+def controller(config: BoardConfig) -> Controller:
+    """The controller of a board's joints, with arrays of its own."""
+    return Controller(config, StateArrays(config))
 
 
 def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> SimulationConfig:

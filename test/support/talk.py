@@ -11,7 +11,6 @@ from functools import partial
 from typing import Any
 from uuid import uuid4
 
-import numpy as np
 from control_board_msgs import msg, srv
 from qos import LATCHED, STREAM
 from rclpy.action import ActionClient
@@ -217,9 +216,3 @@ def state_of(names: list[str], **other: Any) -> Any:
 def stamp_of(message: Any) -> float:
     """The header's time, s."""
     return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
-
-
-def minimum_jerk(start: float, target: float, speed: float, times: np.ndarray) -> np.ndarray:
-    """The profile of SPEC P1 at some times since its start."""
-    s = np.clip(times / (abs(target - start) / speed), 0.0, 1.0)
-    return start + (target - start) * (10 * s**3 - 15 * s**4 + 6 * s**5)
