@@ -26,7 +26,7 @@ def test_a_robot_is_what_its_parts_are() -> None:
     assert robots_among({"/a": ["x"], "/b": ["x"]}) == set()
 
 
-def test_what_a_pattern_is_and_who_takes_it() -> None:
+def test_patterns_and_the_verbs_that_accept_them() -> None:
     assert [is_pattern(name) for name in ("/icub/*", "arm?", "/[ab]/x", "/icub/head")] == [
         True,
         True,

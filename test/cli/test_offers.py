@@ -94,7 +94,7 @@ def test_a_line_of_the_shell(session: Session, line: str, words: list[str]) -> N
         ("cbctl --timeout x mo", []),
     ],
 )
-def test_what_needs_no_board(
+def test_completions_without_a_board(
     capsys: pytest.CaptureFixture[str], line: str, words: list[str]
 ) -> None:
     """Verbs, options, shells; nothing where the value of an option is typed, or is wrong."""

@@ -114,7 +114,7 @@ def test_a_continuous_joint_is_endless(shown: Shown) -> None:
     assert "revolute       -  -170.0…170.0°" in text
 
 
-def test_a_name_wider_than_the_terminal_takes_more_lines(shown: Shown) -> None:
+def test_a_name_wider_than_the_terminal_wraps(shown: Shown) -> None:
     """Broken, not cut: all characters are there."""
     name = "a_joint_of_a_very_long_name"
     text = shown(20, grid, {"joint": [name], "position": ["-168.0°"]})

@@ -105,7 +105,7 @@ def test_eighty_columns_drop_the_least_important_first() -> None:
     assert any(line.split()[0] == "joint_1" for line in lines[2:])
 
 
-def test_who_is_not_calibrated_is_marked() -> None:
+def test_uncalibrated_joints_are_marked() -> None:
     """K7: where a mode is refused for it; not while the calibration is still to come."""
     assert "not calibrated" in "\n".join(drawn(ICUB, 120, control_mode="idl", calibrated=False))
     assert "not calibrated" in "\n".join(drawn(ICUB, 80, control_mode="idl", calibrated=False))
@@ -132,14 +132,14 @@ def test_all_joints_are_seen(width: int, height: int, split: bool) -> None:
     assert ("/icub/left_leg" in text) is split
 
 
-def test_what_finds_no_room_is_told() -> None:
+def test_rows_without_room_are_reported() -> None:
     """And never a line more than the terminal has."""
     lines = on_terminal([view("/icub/robot", EVERYONE)], 40, 12)
     assert len(lines) < 12
     assert lines[-1].startswith("… 24 lines more: a larger")
 
 
-def test_faults_stand_below() -> None:
+def test_faults_are_shown_below() -> None:
     """Three lines of them at most; the last counts the rest."""
     lines = on_terminal([view("/icub/robot", EVERYONE, tuple(EVERYONE[:2]))], 80, 24)
     assert lines[-2:] == [f"{name}: {FAULT}" for name in EVERYONE[:2]]

@@ -40,7 +40,7 @@ def test_joints_by_name_index_sequence_and_none(client: ControlBoardClient) -> N
     assert client.get_control_mode(2) == [M.POSITION]
 
 
-def test_what_the_board_refuses_is_a_reply(client: ControlBoardClient) -> None:
+def test_refusals_of_the_board_are_replies(client: ControlBoardClient) -> None:
     """M6, M7: refused whole, nothing changes, the message says why."""
     for joints, modes, text in (
         ("lbr_iiwa_joint_8", "vel", "unknown; did you mean"),
@@ -154,7 +154,7 @@ def test_reference_speeds(client: ControlBoardClient) -> None:
     assert client.get_ref_speed(0).tolist() == [0.3]
 
 
-def test_commands_out_of_mode_are_told_and_counted(client: ControlBoardClient) -> None:
+def test_commands_out_of_mode_are_reported_and_counted(client: ControlBoardClient) -> None:
     """M4: ignored, the board says so where it is asked, and counts; the others are served."""
     before = client.get_state().rejected_commands
     assert client.set_control_mode(0, "vel")

@@ -39,7 +39,7 @@ def test_a_board_that_is_not_there(board: BoardProcess, monkeypatch: pytest.Monk
     )
 
 
-def test_what_ros_refuses_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refusals_of_ros_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """A domain that is none ends nothing but the call; an option that is none is a TypeError."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "none")
     with pytest.raises(BoardError, match=r"^cannot start a ROS node: .+$"):

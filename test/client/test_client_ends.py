@@ -83,7 +83,7 @@ def test_ctrl_c_where_rclpy_handles_signals(board: BoardProcess, node: Any) -> N
 
 
 @pytest.mark.parametrize("end", ["close", "shutdown", "destroy"])
-def test_what_goes_away_under_calls_is_a_board_error(board: BoardProcess, end: str) -> None:
+def test_nodes_destroyed_during_calls_are_board_errors(board: BoardProcess, end: str) -> None:
     """Nothing of rclpy's comes through, in no thread, whatever it was doing."""
     ended: list[BaseException] = []
     with ros_node(board.domain, "brief", spin=False) as node:

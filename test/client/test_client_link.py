@@ -103,7 +103,7 @@ def test_a_command_waits_for_the_board_itself(link: Link) -> None:
         assert other.receives(2.0, 3.0)
 
 
-def test_what_was_published_is_settled_when_a_call_has_been_answered(link: Link) -> None:
+def test_publications_are_delivered_when_a_later_call_is_answered(link: Link) -> None:
     """A call that failed settles nothing: the next one queries again."""
     with ros_node(link.domain, "board") as node:
         board, ear = Board(node), Ear(node)
@@ -133,7 +133,7 @@ def test_a_board_that_does_not_answer_and_does_again(link: Link) -> None:
         run(link.call(GET_CONTROL_MODE))
 
 
-def test_a_request_waits_until_the_board_has_heard_of_the_client(link: Link) -> None:
+def test_a_request_waits_until_the_board_has_discovered_the_client(link: Link) -> None:
     """It is made once, however often the way of its answer was tried before."""
     made: list[list[str]] = []
 
@@ -151,7 +151,7 @@ def test_a_request_waits_until_the_board_has_heard_of_the_client(link: Link) -> 
         assert made == [["pos"], ["vel"]]
 
 
-def test_a_goal_waits_until_the_board_has_heard_of_the_client(
+def test_a_goal_waits_until_the_board_has_discovered_the_client(
     link: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Answers to a client that the board does not know yet go nowhere; it is asked again."""
@@ -167,7 +167,7 @@ def test_a_goal_waits_until_the_board_has_heard_of_the_client(
         assert run(link.thread.until(lambda: not link.is_there(), GUARD))
 
 
-def test_a_state_is_heard_again_by_new_subscriptions(
+def test_new_subscriptions_receive_states_again(
     link: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the old ones hear the board no more, as after a long cut of the network."""

@@ -73,7 +73,7 @@ class TestOnABoard:
         assert temperatures.shape == (7,)
         assert np.nanmin(temperatures) > 10.0
 
-    def test_the_last_state_heard_comes_at_once(self, client: ControlBoardClient) -> None:
+    def test_the_last_received_state_is_returned_at_once(self, client: ControlBoardClient) -> None:
         first = client.get_state()
         client.velocity_move(0, 0.1)  # a fresh state would be waited for now
         assert client.get_state(fresh=False).stamp >= first.stamp

@@ -75,7 +75,7 @@ def test_the_environment_of_a_child(monkeypatch: pytest.MonkeyPatch) -> None:
     assert child["AMENT_PREFIX_PATH"] == "/opt/ros/jazzy"
 
 
-def test_what_killed_processes_leave_in_shared_memory(tmp_path: Path) -> None:
+def test_shared_memory_left_by_killed_processes(tmp_path: Path) -> None:
     """Removed where nobody holds it: segments that are old, and ports of this domain."""
     from control_board_ros.testing.domains import sweep
 
@@ -96,7 +96,7 @@ def test_what_killed_processes_leave_in_shared_memory(tmp_path: Path) -> None:
 
 
 @pytest.mark.ros
-def test_a_board_that_ends_early_tells_why() -> None:
+def test_a_board_that_ends_early_reports_why() -> None:
     """The exit code and what it printed stand in the error."""
     program = "print('bad configuration'); raise SystemExit(2)"
     with (

@@ -112,7 +112,7 @@ RESULTS = [
 ]
 
 
-def test_text_names_what_is_not_held() -> None:
+def test_text_names_the_failed_rules() -> None:
     assert as_text(RESULTS) == "1 held, 1 not held, 1 not testable: P1"
     assert as_text(RESULTS[:1]) == "1 held, 0 not held, 0 not testable"
 

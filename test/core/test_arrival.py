@@ -44,7 +44,7 @@ def now(position: float, reference: float = 0.0, velocity: float = 0.0, **modes:
         (-3.0, 0.1, 1.0, True, 1.0, S.AWAY),
     ],
 )
-def test_standings(
+def test_statuses_of_moves(
     kind: JointKind,
     reference: float,
     velocity: float,
@@ -68,7 +68,7 @@ def test_metres_are_not_radians() -> None:
         assert to(0.02, kind).standing(now(0.015, 0.02), 2.0) is expected
 
 
-def test_what_is_said() -> None:
+def test_texts_of_moves_that_end() -> None:
     """One line with the joint, where it is, in its unit, why, and what to do."""
     assert to(1.0).ending(S.ARRIVED, now(1.001)) == ""
     assert to(1.0).ending(S.ARRIVED, now(0.999, interaction=COMPLIANT)) == ""

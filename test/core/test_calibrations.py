@@ -75,7 +75,7 @@ def test_a_joint_calibrates_again_by_its_encoder() -> None:
         rig.tick(2)
 
 
-def test_a_joint_is_held_where_its_encoder_says_that_it_is(
+def test_a_joint_is_held_at_its_encoder_reading(
     own: Callable[[type[Calibrator]], Rig],
 ) -> None:
     """K2, K6: be that outside its limits, before its angle is known and when it is set; without

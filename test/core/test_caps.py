@@ -88,7 +88,7 @@ def test_constants_of_a_motor_that_users_set_are_those_in_force() -> None:
         (SetPoint.CURRENT, 1.0 / PER_AMPERE, 0.01 * LIMITS.peak_current),
     ],
 )
-def test_what_a_drive_of_its_own_loops_is_handed(
+def test_set_points_of_a_drive_with_its_own_loops(
     drive: SetPoint, per_torque: float, per_feed: float
 ) -> None:
     """S1, K6: N·m or A; 1 % of a feed-forward is 1 % of the peak current."""
@@ -109,7 +109,7 @@ def test_a_position_error_asks_for_a_velocity(kd: float, delay: float, pursuit: 
     assert one.pursuit == pytest.approx(pursuit)
 
 
-def test_what_a_joint_carries_where_its_law_begins() -> None:
+def test_load_of_a_joint_where_its_law_begins() -> None:
     """M9: the measured torque; of a joint without a sensor what its current makes."""
     config = board_config(joint("a"), plain("b"), plain("c"))
     state = StateArrays(config)

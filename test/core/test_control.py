@@ -58,7 +58,7 @@ def test_new_gains_make_no_jump(before: Pid, after: Pid, loop: str) -> None:
 
 
 @pytest.mark.parametrize("kp", [0.0, 200.0])
-def test_an_integral_limit_that_falls_takes_the_integral_along(kp: float) -> None:
+def test_a_lowered_integral_limit_reduces_the_integral(kp: float) -> None:
     """I5, M9: the output makes no jump; what is beyond the new limit leaves evenly in 0.5 s."""
     one = resting()
     before = Pid(kp=0.0, ki=1000.0, integral_limit=30.0)
@@ -165,7 +165,7 @@ def test_direct_gains_are_those_of_position_direct() -> None:
     assert made.joints[0].position_pid.kp == 11.0
 
 
-def test_a_law_brings_the_power_and_takes_it() -> None:
+def test_a_law_switches_the_power_on_and_off() -> None:
     """M1, M10: of the joints that get it, and of no other."""
     config = board_config(joint("a"), joint("b"))
     state = StateArrays(config)
@@ -191,7 +191,7 @@ def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
     assert made.joints[0].stiffness == 90.0
 
 
-def test_at_power_on_no_reference_is_taken() -> None:
+def test_at_power_on_no_reference_is_accepted() -> None:
     """N1, M3: whatever a joint took before."""
     state = StateArrays(board_config(joint("a"), joint("b")))
     state.accepts[:] = True

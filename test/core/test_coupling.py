@@ -153,13 +153,13 @@ def test_joints_follow_by_gears() -> None:
         (((1.0, float("nan")), (2.0, 2.0), (3.0, 3.0)), "not singular"),
     ],
 )
-def test_what_is_no_coupling(rows: tuple[tuple[float, ...], ...], text: str) -> None:
+def test_invalid_couplings(rows: tuple[tuple[float, ...], ...], text: str) -> None:
     """Y3: sizes, and a matrix by which axes could not be told apart."""
     with pytest.raises(ValueError, match=text):
         Coupling(("a", "b"), ("x", "y", "z"), rows)
 
 
-def test_motors_share_what_the_axes_ask_for() -> None:
+def test_motors_share_the_demand_of_the_axes() -> None:
     """Y3: unlike motors give the torques of the axes, at standstill and in motion."""
     rng = np.random.default_rng(3)
     torque_per_ampere, ohms, emf, percent = rng.uniform(0.5, 2.0, size=(4, 3))

@@ -55,9 +55,7 @@ def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], tex
         ("prismatic", 6e-5, 1.0, True),
     ],
 )
-def test_a_move_is_told_of_where_it_is_slower(
-    kind: str, way: float, time: float, told: bool
-) -> None:
+def test_a_slower_move_is_reported(kind: str, way: float, time: float, told: bool) -> None:
     """P1: below 99 % of the speed requested, and longer than what nobody sees."""
     text = explain_slower(joint("a", kind=kind), way, 0.5, time)
     assert bool(text) is told

@@ -33,7 +33,7 @@ M = ControlMode
 
 @pytest.mark.parametrize("rate", [200.0, 500.0, 1000.0])
 @pytest.mark.parametrize("electrical", [1e-5, 1.5e-3, 10e-3])
-def test_a_motor_tells_its_travel_whatever_its_inductance(rate: float, electrical: float) -> None:
+def test_travel_is_independent_of_inductance(rate: float, electrical: float) -> None:
     """F1: V = R i + L di/dt + Ke ω; only the plant's step between speed and position is left."""
     motor = replace(MOTOR, inductance=electrical * MOTOR.resistance)
     wide = {"peak_current": 200.0, "overload_time": 100.0, "velocity": 30.0, "lower": -1e3}
@@ -80,7 +80,7 @@ def test_the_weight_of_a_cycle_s_first_current() -> None:
     assert first_weight(1e-3 * (1 - 1e-9)) == pytest.approx(first_weight(1e-3), abs=1e-8)
 
 
-def test_a_change_of_current_takes_its_part_of_the_voltage() -> None:
+def test_a_change_of_current_uses_part_of_the_voltage() -> None:
     """F1: L di, less the share of R i that the mean of the cycle has counted already."""
     motor = replace(MOTOR, resistance=2.0, inductance=0.02)
     constants = travel_constants(joint("left", motor=motor), 0.005)
@@ -179,7 +179,7 @@ def test_the_bound_of_a_light_joint_is_what_its_torque_does_to_it() -> None:
         ("prismatic", Check.TORQUE, r"N"),
     ],
 )
-def test_a_cause_is_told_in_the_units_of_the_joint(kind: str, check: Check, units: str) -> None:
+def test_causes_are_in_the_units_of_the_joint(kind: str, check: Check, units: str) -> None:
     """F3."""
     rig = ready(board_config(joint("left", kind=kind)))
     cause = bound_cause(check, rig.board.engine.monitor.joints[0], rig.config.joints[0], 900.0)
@@ -235,7 +235,7 @@ def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:
     assert watch.warnings(1) == {}
 
 
-def test_a_warning_is_told_once_until_its_cause_was_gone() -> None:
+def test_a_warning_is_reported_once_until_its_cause_is_gone() -> None:
     """F6."""
     watch = watched(joint("a"))
     one = watch.joints[0]
@@ -246,7 +246,7 @@ def test_a_warning_is_told_once_until_its_cause_was_gone() -> None:
     assert told == [True, False, False, True]
 
 
-def test_news_are_told_once() -> None:
+def test_events_are_reported_once() -> None:
     watch = watched(joint("a"))
     assert not watch.has_news()
     watch.monitor.news = True

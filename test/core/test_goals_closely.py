@@ -86,7 +86,7 @@ def bench() -> Bench:
 # --- following paths -----------------------------------------------------------------------------
 
 
-def test_a_newer_path_takes_over_without_a_word_in_the_log(bench: Bench) -> None:
+def test_a_newer_path_takes_over_without_a_log_entry(bench: Bench) -> None:
     """T1: a replacement is what the user asked for; only other ends are logged."""
     bench.follow("ab", (1.0, 0.1))
     bench.cycle(10)
@@ -142,7 +142,7 @@ def test_a_path_begins_in_the_very_cycle_of_its_start(bench: Bench) -> None:
     assert bench.cycle()[0] == pytest.approx(0.02)
 
 
-def test_a_fault_within_a_cycle_takes_one_joint_from_a_path(bench: Bench) -> None:
+def test_a_fault_within_a_cycle_removes_one_joint_from_a_path(bench: Bench) -> None:
     """T2, M4: b goes on to its end, and nothing that is sent for a is counted as ignored."""
     bench.follow("ab", (0.2, 0.1))
     bench.cycle(20)
@@ -177,7 +177,7 @@ def test_holding_ends_the_velocity_of_a_path_at_once(bench: Bench) -> None:
     assert bench.events() == ["trajectory of a ended: a trajectory without points came"]
 
 
-def test_holding_leaves_joints_alone_that_follow_nothing(bench: Bench) -> None:
+def test_holding_does_not_affect_joints_without_a_path(bench: Bench) -> None:
     """M4: b in POSITION is sent nothing that it would have to ignore, while a is held."""
     assert bench.board.set_control_mode("b", "pos")
     bench.follow("a", (1.0, 0.1))
@@ -248,7 +248,7 @@ def test_a_calibration_lasts_until_its_slowest_joint_is_done() -> None:
     assert task.outcome() is None
 
 
-def test_why_a_calibration_failed_is_told_also_after_the_fault_was_left() -> None:
+def test_the_reason_of_a_failed_calibration_is_reported_after_the_fault() -> None:
     """K4: that of its fault, then the text of its status, not the phase "failed"."""
     rig = Rig(board_config(joint("a", calibration=QUICK)))
     rig.tick(2)
@@ -419,7 +419,7 @@ def test_of_several_parts_the_shortest_goal_time_counts() -> None:
         assert configured(board, board.selector.select(joints)).goal_time == expected
 
 
-def test_what_a_goal_desires_is_its_path_with_its_accelerations(bench: Bench) -> None:
+def test_the_desired_values_of_a_goal_are_its_path_with_accelerations(bench: Bench) -> None:
     """Feedback: at rest while it waits; a quarter on its way to 0.4 rad: 0.9 rad/s, 1.2 rad/s²."""
     goal = bench.start("b", (0.0, 0.0, 0.0), (1.0, 0.4, 0.0), ahead=0.1)
     waiting = goal.desired()
@@ -472,7 +472,7 @@ def test_only_joints_beyond_their_tolerance_stop_where_they_are(bench: Bench) ->
     assert b == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_goal_that_another_path_took_all_joints_of_lets_it_be(bench: Bench) -> None:
+def test_a_goal_without_joints_leaves_the_other_path_running(bench: Bench) -> None:
     """T2: the goal has ended; the newer path is followed to its 0.1 rad, not braked."""
     goal = bench.start("a", (4.0, 1.0))
     bench.cycle(50)

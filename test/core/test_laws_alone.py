@@ -101,7 +101,7 @@ def leading(**at: float) -> Any:
     return one
 
 
-def test_what_stays_needs_no_torque_to_get_moving() -> None:
+def test_a_joint_that_stays_needs_no_torque_to_start_moving() -> None:
     one = leading()
     LAWS.stay(one, 0.7)
     assert (one.followed, one.followed_velocity, one.followed_acceleration) == (0.7, 0.0, 0.0)
@@ -110,7 +110,7 @@ def test_what_stays_needs_no_torque_to_get_moving() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_what_is_followed_leads_by_no_more_than_the_torque(way: float) -> None:
+def test_the_followed_position_leads_by_no_more_than_the_torque(way: float) -> None:
     """P14: 60 N·m at 100 N·m/rad, and what a drive's delay is worth."""
     for lead, delay, stays in (
         (0.59, 0.0, False),
@@ -411,7 +411,7 @@ def test_a_joint_is_on_a_limit_until_it_is_off_its_edge(
 @pytest.mark.parametrize("law", [POSITION, TORQUE])
 @pytest.mark.parametrize("settling", [True, False])
 @pytest.mark.parametrize("calibrated", [True, False])
-def test_what_a_joint_may_get(law: int, settling: bool, calibrated: bool) -> None:
+def test_admissible_reference_of_a_joint(law: int, settling: bool, calibrated: bool) -> None:
     """1.02 of its speed where a position law has it; else as far as limits let it."""
     at = BOUND | {"limit_lower": -2.0, "limit_upper": 2.0, "position": 1.9, "max_velocity": 3.0}
     at |= {"max_drive": 500.0, "velocity": 2.5, "max_acceleration": 20.0, "max_torque": 600.0}
@@ -593,7 +593,7 @@ def test_a_torque_beyond_the_limit_strains_the_joint(way: float) -> None:
     )
 
 
-def test_a_cut_drive_takes_the_integral_back() -> None:
+def test_a_saturated_drive_reduces_the_integral() -> None:
     """Of the loop that runs, where it pushes further: by the torque's limit, by the drive's."""
     for at in ({"forward": 70.0}, {"max_drive": 5.0}):
         for error, integral in ((0.1, 10.0), (-0.1, 10.0 - 1e-10)):

@@ -221,7 +221,7 @@ def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
 # --- a joint that cannot follow --------------------------------------------------------------
 
 
-def test_a_blocked_joint_is_led_by_its_torque_limit_and_let_go_gently() -> None:
+def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> None:
     """P14: q_ref leads by at most τ_max/kp; free again, it goes on at a reference's speed."""
     one = standing()
     gains(one.joint.position_pid, kp=200.0)

@@ -148,7 +148,7 @@ def test_the_first_cause_counts() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_reading_may_stand_still_or_go_on(way: float) -> None:
+def test_a_reading_may_be_constant_or_continue(way: float) -> None:
     """Between both: q + min(0, Δ) − m ≤ q' ≤ q + max(0, Δ) + m."""
     for moved, low, high in ((0.0, -0.1, 0.1), (0.08, -0.1, 0.18)):
         for off, good in ((low, True), (high, True), (low - 1e-6, False), (high + 1e-6, False)):
@@ -177,7 +177,7 @@ def test_after_a_spike_the_motion_begins_anew() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 1.1 * CREDIBLE])
-def test_after_a_reading_that_is_none_any_is_good(bad: float) -> None:
+def test_after_a_missing_reading_any_reading_is_good(bad: float) -> None:
     """The last one stands in for it."""
     bench = shows(position=0.05)
     bench.step(position=bad)
@@ -208,7 +208,7 @@ def test_the_travel_of_a_motor_by_its_own_equation() -> None:
     assert bench.one.travel == pytest.approx(0.5 * (travelled - 0.04) + more)
 
 
-def test_a_look_comes_every_so_many_cycles() -> None:
+def test_checks_run_at_a_fixed_number_of_cycles() -> None:
     bench = Bench()
     seen = []
     for _ in range(3 * SLOW):
@@ -341,7 +341,7 @@ def test_any_joint_s_cause_counts() -> None:
     assert rows["travelled"].tolist() == pytest.approx([0.3, 0.6])
 
 
-def test_a_reading_is_taken_and_the_one_before_is_kept() -> None:
+def test_a_reading_is_copied_and_the_previous_one_kept() -> None:
     """Also where the plant fills the same arrays again, and where another array comes."""
     taken = blocks(2)
     raw, measured, before, motors = taken
@@ -374,7 +374,7 @@ def test_a_reading_is_taken_and_the_one_before_is_kept() -> None:
     np.testing.assert_array_equal(motors, 0.0)
 
 
-def test_other_readings_are_taken_as_numpy_does_or_refused() -> None:
+def test_other_array_types_of_readings_are_converted_or_refused() -> None:
     """Never read beyond their ends: a plant may be wrong, and may reuse what is copied here."""
     taken = blocks(2)
     raw, motors = taken[0], taken[3]

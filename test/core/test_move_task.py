@@ -141,7 +141,7 @@ def test_a_failed_goal_leaves_joints_that_others_move(rig: Rig) -> None:
     assert outcome(rig, second) == (True, "")
 
 
-def test_a_target_beyond_the_limits_succeeds_and_says_so(rig: Rig) -> None:
+def test_a_target_beyond_the_limits_succeeds_with_a_text(rig: Rig) -> None:
     """P1, P9: it arrives at the limit; the result says what was asked and what was done."""
     success, message = outcome(rig, MoveTask(rig.board, ["a"], [2.6], [1.2]))
     assert success

@@ -23,7 +23,7 @@ def events(rig: Rig, key: str) -> list[str]:
     return [event.joint for event in rig.board.take_events() if event.key == key]
 
 
-def test_a_joint_at_its_limit_is_told_of_again_after_a_power_cycle() -> None:
+def test_a_joint_at_its_limit_is_reported_again_after_a_power_cycle() -> None:
     """P9, N1."""
     rig = ready(board_config(joint("a"), joint("b")), home=[1.9, 0.0])
     for _ in range(2):
@@ -95,7 +95,7 @@ def test_a_calibrator_s_joint_has_no_limits_behind_its_brake_either() -> None:
     assert math.isinf(rig.board.engine.controller.joints[0].upper)
 
 
-def test_what_clears_a_fault_is_new() -> None:
+def test_clearing_a_fault_changes_the_version() -> None:
     """F2: those who look at versions see it."""
     rig = in_status(M.HW_FAULT)
     rig.run(0.1)
@@ -139,7 +139,7 @@ def test_a_stop_keeps_the_gains_of_the_mode(mode: str, kp: float) -> None:
     assert rig.board.engine.controller.joints[0].position_pid.kp == kp
 
 
-def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
+def test_a_request_together_faults_only_joints_that_do_not_implement_it() -> None:
     """M5, M7: who could do it stays as it is; who refuses does, too."""
     bare = joint("b", control_modes=(M.IDLE, M.POSITION))
     rig = ready(board_config(joint("a"), bare, joint("c")))
@@ -153,7 +153,7 @@ def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
     assert "external" in rig.board.get_faults()[2].text
 
 
-def test_a_request_together_does_no_part_of_what_a_joint_cannot_do() -> None:
+def test_a_request_together_is_all_or_none() -> None:
     """M5, M7: its interaction mode stays, too."""
     rig = ready(board_config(joint("a"), joint("b", control_modes=(M.IDLE, M.POSITION))))
     rig.enter("pos")

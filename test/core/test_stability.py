@@ -60,7 +60,7 @@ def config(**changes: float):
         ({"integral_limit": math.inf}, "a.position_pid.integral_limit: inf bounds nothing"),
     ],
 )
-def test_what_cannot_be_meant_is_named(changes: dict[str, float], told: str) -> None:
+def test_implausible_values_are_named(changes: dict[str, float], told: str) -> None:
     """One line of the parameter, with what would be right; of nothing else."""
     assert warnings(config()) == {}
     [(name, text)] = warnings(config(**changes)).items()

@@ -168,7 +168,7 @@ def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
         (0.25, 5.0, 1.0, 0.5),  # all of the way is that of braking
     ],
 )
-def test_what_fits_is_within_both_limits(
+def test_fitted_moves_are_within_both_limits(
     distance: float, time: float, velocity: float, brake: float
 ) -> None:
     """P1: speed and acceleration of the whole curve, as its ends determine it."""
@@ -248,7 +248,7 @@ def test_a_velocity_towards_the_target_asks_for_no_more_time(
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_what_is_braked_counts_as_way(way: float) -> None:
+def test_braking_counts_as_travel(way: float) -> None:
     """P1: Δ − v0 T_b/2 is left of the move, whichever way it goes."""
     speed, limits = 0.5, (6.0, 50.0)
     time, brake = durations(-way, speed, way * 2.0, *limits)
@@ -261,7 +261,7 @@ def test_a_move_without_time_fits_nothing() -> None:
     assert not _fits(1.0, -1.0, 0.0, 0.0, 6.0, 50.0)
 
 
-def test_what_comes_after_the_end_of_a_move_is_at_rest() -> None:
+def test_after_its_end_a_move_is_at_rest() -> None:
     """P1: braking may last longer than the move, which stays at its end meanwhile."""
     assert _fits(0.35, 0.5, 1.0, 0.9, 6.0, 50.0)
     assert not _fits(0.35, 0.5, 1.0, 0.02, 6.0, 50.0)

@@ -124,7 +124,7 @@ def test_numbers_that_no_code_packs_to(vocab: int) -> None:
         (2.5, "2.5 is no control mode"),
     ],
 )
-def test_unknown_modes_say_what_is_known(text: object, hint: str) -> None:
+def test_unknown_modes_list_the_known_ones(text: object, hint: str) -> None:
     with pytest.raises(ValueError, match=re.escape(hint)) as error:
         parse_control_mode(text)  # type: ignore[arg-type]
     message = str(error.value)

@@ -75,7 +75,7 @@ def test_there_is_no_model_where_the_masses_are_not_those_of_the_urdf(
     assert load("iiwa", values).board.model is None
 
 
-def test_somebody_elses_plant_has_its_gravity_compensated_and_no_more() -> None:
+def test_a_third_party_plant_has_only_its_gravity_compensated() -> None:
     """G1: what its joints feel of the URDF is their weight; the rest is the plant's own matter."""
     model = load("iiwa", {"plant": "somebody"}).board.model
     assert model is not None

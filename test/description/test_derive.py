@@ -69,7 +69,7 @@ def test_limits_that_are_derived_can_be_reached(name: str) -> None:
         assert limits.acceleration <= 10.0 * limits.velocity
 
 
-def test_shipped_robots_reach_their_acceleration_and_are_told_without_a_word() -> None:
+def test_shipped_robots_reach_their_acceleration_without_warnings() -> None:
     for name in SHIPPED:
         made = load(name)
         assert (made.warnings, made.notes) == ((), ())
@@ -93,7 +93,7 @@ def test_friction_of_the_urdf_is_the_simulation_s(tmp_path: Path) -> None:
     assert given.simulation.joints[0].motor.viscous == 3.0
 
 
-def test_a_strong_effort_is_taken_and_an_absurd_one_told(tmp_path: Path) -> None:
+def test_a_strong_effort_is_accepted_and_an_absurd_one_reported(tmp_path: Path) -> None:
     """Above 1000 N·m it is used as it is, unless a hundred times what the load needs."""
     strong = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="2500" velocity="2"/>'))
     assert strong.board.joints[0].limits.torque == 2500.0
@@ -104,7 +104,7 @@ def test_a_strong_effort_is_taken_and_an_absurd_one_told(tmp_path: Path) -> None
     assert "instead of 1e+06 N·m; give limits.torque" in absurd.warnings[0]
 
 
-def test_what_is_assumed_is_told(tmp_path: Path) -> None:
+def test_assumptions_are_reported(tmp_path: Path) -> None:
     made = derived(arm(tmp_path, "", kind="continuous"))
     told = "\n".join(made.warnings)
     assert "no effort above 0 in the URDF, assumed: hinge" in told
@@ -119,7 +119,7 @@ def test_what_is_assumed_is_told(tmp_path: Path) -> None:
     assert "hinge 50 rad/s" in quick.warnings[0]
 
 
-def test_damping_that_a_sliding_mass_does_not_bear_is_told(tmp_path: Path) -> None:
+def test_damping_too_high_for_a_sliding_mass_is_reported(tmp_path: Path) -> None:
     """H · viscous / mass stays below one: the physics would be unstable."""
     limit = '<limit lower="0" upper="1" effort="50" velocity="1"/>'
     made = derived(arm(tmp_path, limit, '<dynamics damping="5000"/>', kind="prismatic"))
@@ -127,7 +127,7 @@ def test_damping_that_a_sliding_mass_does_not_bear_is_told(tmp_path: Path) -> No
     assert "hinge 500 N·s/m instead of 5e+03 N·s/m" in made.warnings[0]
 
 
-def test_friction_that_leaves_no_torque_is_told(tmp_path: Path) -> None:
+def test_friction_that_leaves_no_torque_is_reported(tmp_path: Path) -> None:
     """With the numbers: friction and damping at full speed, of the torque limit."""
     limit = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
     made = derived(arm(tmp_path, limit, '<dynamics damping="35" friction="12"/>'))
@@ -140,7 +140,7 @@ def test_friction_that_leaves_no_torque_is_told(tmp_path: Path) -> None:
     assert "of 100 N·m" in own.warnings[0]
 
 
-def test_a_nominal_current_that_overheats_is_told() -> None:
+def test_a_nominal_current_that_overheats_is_reported() -> None:
     made = load("iiwa", {"lbr_iiwa_joint_2.motor.thermal_resistance": 0.8})
     assert "the nominal current overheats the winding" in made.warnings[0]
     assert "lbr_iiwa_joint_2 329 °C of 120 °C" in made.warnings[0]

@@ -113,7 +113,7 @@ def test_a_distal_rotor_counts_as_far_as_axes_are_parallel() -> None:
     assert found["one"].inertia_min == pytest.approx(0.001, rel=1e-2)
 
 
-def test_joints_that_do_not_move_stand_at_zero_and_followers_follow() -> None:
+def test_fixed_joints_are_at_zero_and_followers_follow() -> None:
     urdf = described(GRIPPER)
     found = loads(urdf, {"left_finger": (0.0, 1.0)})
     assert found.names == ("left_finger",)
@@ -122,7 +122,7 @@ def test_joints_that_do_not_move_stand_at_zero_and_followers_follow() -> None:
     assert "unused" not in sampled
 
 
-def test_the_board_is_told_what_its_joints_move() -> None:
+def test_the_board_knows_the_loads_of_its_joints() -> None:
     """Derived where nobody gives them, also for a robot with motors of its own."""
     settings = load("iiwa")
     least, greatest = settings.board.joints[0].inertia_min, settings.board.joints[0].inertia_max

@@ -231,7 +231,7 @@ def test_a_calibration_blocked_by_an_obstacle_fails_with_its_reason():
         assert "moving to the start position" in record.text
 
 
-def test_a_calibration_during_a_fast_motion_takes_over_smoothly():
+def test_a_calibration_during_a_fast_motion_begins_smoothly():
     """K1, M9: requested in full motion, it stops the joint and then does its work."""
     with calibrated_arm(timeout=6.0) as simulation:
         board = simulation.board

@@ -48,7 +48,7 @@ def loop_status(message: DiagnosticArray) -> tuple[bytes, dict[str, str]]:
 
 
 @pytest.mark.slow
-def test_slow_cycles_are_counted_caught_up_within_bounds_and_told() -> None:
+def test_slow_cycles_are_counted_caught_up_within_bounds_and_reported() -> None:
     """Cycles that take too long: overruns, skipped periods, diagnostics WARN, then OK again."""
     with hurt("slow", control_rate=100.0, state_rate=100.0) as (board, talker):
         talker.hear("diagnostics", DiagnosticArray, "/diagnostics")

@@ -137,7 +137,7 @@ def test_the_policy_obeys_its_schema() -> None:
             assert NAME.match(element.text or ""), element.text
 
 
-def test_the_board_may_do_what_it_does_and_no_more() -> None:
+def test_the_board_has_only_the_permissions_it_uses() -> None:
     """Every topic and service of the node, as interface.py has them, with what is optional."""
     from control_board_ros.interface import (
         ACTIONS,
@@ -182,7 +182,7 @@ def test_the_board_may_do_what_it_does_and_no_more() -> None:
 
 
 @pytest.mark.parametrize("profile", ["operator", "monitor"])
-def test_the_others_may_use_what_the_board_offers(profile: str) -> None:
+def test_other_nodes_may_use_the_interface_of_the_board(profile: str) -> None:
     """Whatever a profile calls or hears, the board offers; nobody else offers the same."""
     board, own = "/control_board", f"/control_board/{profile}"
     both = {"/rosout", "/parameter_events"}

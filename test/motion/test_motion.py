@@ -107,7 +107,7 @@ def hold(rig: Rig, row: str, watched: tuple[str, tuple[int, ...]] | None = None)
 
 
 @pytest.mark.parametrize("key", SHORT)
-def test_what_went_wrong_once_does_not_again(key: str) -> None:
+def test_former_failures_do_not_recur(key: str) -> None:
     """K6, K7, P1, P14, P11, M9, I10: each scene's figure is within its bound."""
     scene = SCENES[key]
     value = scene.play()

@@ -90,7 +90,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
 
 
 @pytest.mark.parametrize("first", ["reliable", "best_effort"])
-def test_what_comes_by_both_counts_once(rig: Rig, first: str) -> None:
+def test_a_message_received_twice_counts_once(rig: Rig, first: str) -> None:
     """While they are matched, and when they are."""
     order = sorted(rig.node.there, key=lambda one: one is not getattr(rig, first))
     for stamp in (1, 2):
@@ -137,7 +137,7 @@ def test_messages_without_a_time_stamp_all_count(rig: Rig) -> None:
     assert rig.heard == [0, 0, 0]
 
 
-def test_who_publishes_with_best_effort_is_told_of_by_name(rig: Rig) -> None:
+def test_best_effort_publishers_are_reported_by_name(rig: Rig) -> None:
     """Once, as soon as the graph knows the name."""
     publisher = rig.node.best_effort[0]
     publisher.node_name = NOT_KNOWN_YET
@@ -150,7 +150,7 @@ def test_who_publishes_with_best_effort_is_told_of_by_name(rig: Rig) -> None:
     assert told.startswith("/teleoperation publishes ")
 
 
-def test_one_that_never_has_a_name_is_told_of_all_the_same(rig: Rig) -> None:
+def test_nameless_best_effort_publishers_are_reported(rig: Rig) -> None:
     """A program that is not of ROS."""
     rig.node.best_effort[0].node_name = NOT_KNOWN_YET
     for _ in range(3):

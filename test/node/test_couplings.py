@@ -84,7 +84,7 @@ def test_motor_torque_parameters_are_set_by_yarps_names(client: ControlBoardClie
     assert set_params("l_pinky", before)
 
 
-def test_open_loop_is_what_yarp_4_reads_back(talker: Talker, client: ControlBoardClient) -> None:
+def test_open_loop_reads_back_as_in_yarp_4(talker: Talker, client: ControlBoardClient) -> None:
     """Y3: with pwm_name: ipwm a mode that is read has that name; all others are ours."""
     name = "l_hand_finger"
     assert talker.set_mode([name], "ipwm").modes == ["open"]
@@ -108,7 +108,7 @@ def test_a_brake_has_yarps_names(client: ControlBoardClient) -> None:
     assert client.set_manual_brake_active(BRAKED, True).codes == ("other_mode",)
 
 
-def test_cbctl_shows_what_an_axis_moves(board: BoardProcess) -> None:
+def test_cbctl_shows_the_motors_of_an_axis(board: BoardProcess) -> None:
     """Y3: ``cbctl info``, for people and for machines."""
     cbctl = Cbctl(board.environment)
     assert "l_hand_little_3_joint" in cbctl("info").out

@@ -69,7 +69,7 @@ def test_a_status_of_the_loop_and_one_per_joint() -> None:
     assert watched.statuses()[2].level == DiagnosticStatus.OK
 
 
-def test_rejected_commands_are_told_once() -> None:
+def test_rejected_commands_are_reported_once() -> None:
     """M4, P13: by their joint; by the loop where they name no joint of the board."""
     watched = Watched("a", "b")
     board = watched.rig.board
@@ -87,7 +87,7 @@ def test_rejected_commands_are_told_once() -> None:
 
 
 @pytest.mark.parametrize(("left", "level"), [(11.0, b"\0"), (9.0, b"\1")])
-def test_heat_is_told_before_it_is_a_fault(left: float, level: bytes) -> None:
+def test_heat_is_reported_before_it_is_a_fault(left: float, level: bytes) -> None:
     """F6: within 10 K of the limit, in the joint's status; its key tells the limit."""
     limit = 25.0 + left
     status = Watched("a", temperature=limit).statuses()[1]

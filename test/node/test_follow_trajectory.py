@@ -139,7 +139,7 @@ def test_a_new_goal_preempts(talker: Talker, names: list[str]) -> None:
         ),
     ],
 )
-def test_what_is_wrong_has_its_code_and_text(
+def test_wrong_goals_have_their_code_and_text(
     talker: Talker, names: list[str], changes: dict[str, Any], code: int, text: str
 ) -> None:
     """T1: the codes 0 to -3; nothing moves."""
@@ -177,9 +177,7 @@ def test_tolerances_end_a_goal(talker: Talker, names: list[str]) -> None:
     assert "after the last point" in text
 
 
-def test_a_mode_set_while_time_stands_still_aborts_the_goal(
-    talker: Talker, names: list[str]
-) -> None:
+def test_a_mode_set_while_time_is_paused_aborts_the_goal(talker: Talker, names: list[str]) -> None:
     """T2: also when no control cycle runs."""
     handle = send(talker, trajectory=trajectory(names, (60.0, [1.0, 1.0])))
     assert talker.call("pause", SetBool, data=True).success

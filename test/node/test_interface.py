@@ -100,7 +100,7 @@ def test_actions(talker: Talker) -> None:
     assert found == {absolute(name): [kind] for name, kind in ACTIONS.items()}
 
 
-def test_command_topics_take_qos_overrides(talker: Talker) -> None:
+def test_command_topics_accept_qos_overrides(talker: Talker) -> None:
     """The QoS of command topics can be overridden by parameters."""
     listed = talker.call(
         "list_parameters", ListParameters, prefixes=["qos_overrides"], depth=0
@@ -194,7 +194,7 @@ def test_power_cycle_and_configure(talker: Talker) -> None:
     assert "configured already" in answer.message
 
 
-def test_faults_are_told_and_cleared(talker: Talker) -> None:
+def test_faults_are_reported_and_cleared(talker: Talker) -> None:
     """F1, F2, F5: an injected fault shows on ~/faults and leaves by FORCE_IDLE only."""
     name, begun = talker.names[2], time.time()
     answer = talker.call("inject_fault", srv.InjectFault, names=[name], fault="external")
@@ -225,7 +225,7 @@ def test_faults_are_told_and_cleared(talker: Talker) -> None:
     ],
     ids=["best effort", "transient local", "deadline", "plain"],
 )
-def test_every_publisher_is_heard_once(talker: Talker, qos: QoSProfile) -> None:
+def test_every_publisher_is_received_once(talker: Talker, qos: QoSProfile) -> None:
     """Best-effort and transient-local publishers move the arm like plain ones."""
     name = talker.names[6]
     assert talker.set_mode([name], "posd").success

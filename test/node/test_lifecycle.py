@@ -89,7 +89,7 @@ def test_from_configure_to_cleanup(managed: Talker) -> None:
 
 
 @pytest.mark.parametrize(("label", "number"), [("activate", 0), ("", 4), ("fly", 0), ("", 77)])
-def test_what_is_not_possible_is_answered(
+def test_impossible_transitions_are_answered(
     board: BoardProcess, managed: Talker, label: str, number: int
 ) -> None:
     """Nobody waits indefinitely; the log says what is possible, and nothing changes."""

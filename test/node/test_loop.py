@@ -163,7 +163,7 @@ def test_catching_up_is_bounded(clock: ManualClock) -> None:
     assert pacer.take().worst == 0.5 * period
 
 
-def test_a_thread_that_was_held_up_tells_the_same_time(clock: ManualClock) -> None:
+def test_a_delayed_thread_reads_the_same_time(clock: ManualClock) -> None:
     """A pause between two clocks' readings is no step of the system's clock."""
     pacer = Pacer(2.0**-10)
     clock.held_up = [0.02, 0.005]
@@ -171,7 +171,7 @@ def test_a_thread_that_was_held_up_tells_the_same_time(clock: ManualClock) -> No
     assert not clock.held_up
 
 
-def test_readings_that_never_lie_close_are_told_by_the_closest(clock: ManualClock) -> None:
+def test_without_close_readings_the_closest_counts(clock: ManualClock) -> None:
     """On a machine that holds every reading up, the time told errs by half the shortest pause."""
     clock.held_up = [0.02, 0.001, 0.005, *[0.01] * 20]
     assert abs(Pacer(2.0**-10).due_time() - 100 * 10**9 - SYSTEM_AHEAD) <= 500_000
@@ -248,7 +248,7 @@ def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
     assert rig.loop.failure is error
 
 
-def test_whoever_waits_gets_the_lock_next() -> None:
+def test_lock_is_fair() -> None:
     """Also when the one that has it asks again at once."""
     lock, order = FairLock(), []
 
@@ -473,7 +473,7 @@ def test_running_freely_every_state_is_published(fast: Rig) -> None:
     assert any(paced < cycle <= free for cycle in published)
 
 
-def test_states_lie_on_whole_cycles(fast: Rig) -> None:
+def test_states_are_published_on_whole_cycles(fast: Rig) -> None:
     """state_rate is a number of cycles."""
     fast.loop.set_state_rate(200.0)
     fast.loop.start()
@@ -533,7 +533,7 @@ def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
     assert cycles[1:] == [0]
 
 
-def test_a_plant_that_answers_what_is_no_reading_faults_the_joints_and_ends_nothing(
+def test_invalid_plant_readings_fault_the_joints_and_the_loop_continues(
     fast: Rig,
 ) -> None:
     """B3: a stamp that is no number, arrays of another length; the loop goes on."""

@@ -168,7 +168,7 @@ def test_every_parameter_is_declared_with_type_range_and_description(node: Any) 
             assert len(described.floating_point_range) == 1, name
 
 
-def test_what_is_fixed_is_read_only(node: Any) -> None:
+def test_fixed_parameters_are_read_only(node: Any) -> None:
     fixed = ("robot", "control_rate", f"{J2}.motor.resistance", f"{J2}.impedance.stiffness")
     live = ("state_rate", f"{J2}.position_pid.kp", f"{J2}.limits.lower", f"{J2}.timeouts.torque")
     assert all(node.describe_parameter(name).read_only for name in fixed)

@@ -78,7 +78,7 @@ CANNOT: dict[str, tuple[Callable[[Any], Any], str]] = {
 
 
 @pytest.mark.parametrize("case", CANNOT)
-def test_what_cannot_be_parked_says_why_and_does_not_move(case: str) -> None:
+def test_joints_that_cannot_be_parked_report_why_and_stay(case: str) -> None:
     """R6: it ends with its reason; a joint without power gets none."""
     act, text = CANNOT[case]
     rig = Rig(board_config(joint("a"), plain("b"), autoconfigure=False))

@@ -34,7 +34,7 @@ from control_board_ros.node.wiring.prepared import prepared_state
 from control_board_ros.node.wiring.reporter import ThrottledLog
 
 
-def test_throttled_log_counts_what_it_leaves_out() -> None:
+def test_throttled_log_counts_suppressed_lines() -> None:
     """P2 of the promises: at once, then once per period with the count, then silence."""
     log, lines = ThrottledLog(), []
     for value in range(39):
@@ -92,7 +92,7 @@ def test_lock_is_per_name_and_domain(tmp_path: Any, monkeypatch: pytest.MonkeyPa
     assert not list(tmp_path.rglob("*.lock"))
 
 
-def test_a_lock_that_is_removed_meanwhile_is_none(
+def test_a_lock_removed_meanwhile_is_not_held(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever opened the file before its holder removed it takes the one that is there then."""
@@ -230,7 +230,7 @@ def test_a_users_own_dds_profiles_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     assert os.environ[startup.VARIABLE] == "mine.xml"
 
 
-def test_what_a_start_makes_is_not_walked_by_collections() -> None:
+def test_garbage_collections_skip_objects_of_the_start() -> None:
     """Loading is not held up by the collector, and afterwards it looks at what is new only."""
     made = [[] for _ in range(1000)]  # type: ignore[var-annotated]
     try:

@@ -103,7 +103,7 @@ def noted(monkeypatch: pytest.MonkeyPatch) -> list[Noted]:
     return made
 
 
-def test_a_node_that_does_not_start_lets_go_of_the_plant(
+def test_a_node_that_does_not_start_closes_the_plant(
     noted: list[Noted], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(**_: Any) -> None:

@@ -59,7 +59,7 @@ def test_an_emergency_stop_is_answered_when_the_motors_have_no_power(talker: Tal
     assert talker.set_mode(names, "pos").success
 
 
-def test_a_program_that_goes_on_commanding_changes_nothing(talker: Talker) -> None:
+def test_continued_commands_change_nothing(talker: Talker) -> None:
     """E2: it streams references, and asks for its mode again and again."""
     name, other = talker.names[:2]
     assert talker.set_mode([name], "posd").success

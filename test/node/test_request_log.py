@@ -73,7 +73,7 @@ def test_an_answer_holds_all_of_request_and_response() -> None:
     assert 0.0 <= told.duration < 60.0
 
 
-def test_what_only_reads_is_left_out() -> None:
+def test_read_only_calls_are_not_logged() -> None:
     out = {service.short for service in SERVICES if left_out(service)}
     assert out >= {GET_CONTROL_MODE.short, LIST_POSES.short, STEP.short}
     assert {"set_control_mode", "stop", "save_pose", "power_cycle"}.isdisjoint(out)
@@ -89,7 +89,7 @@ def test_numbers_that_json_has_not_are_texts() -> None:
     assert json.loads(told.request) == {"stiffness": ["nan", 1.5], "damping": ["inf"]}
 
 
-def test_what_is_too_long_is_cut_and_says_so() -> None:
+def test_long_texts_are_truncated_and_marked() -> None:
     request = srv.SetControlMode.Request(names=["x" * 10_000] * 5000, modes=["y"] * 5000)
     told = Told().answered(SET_CONTROL_MODE, request, srv.SetControlMode.Response())
     assert len(told.names) == 33
@@ -127,7 +127,7 @@ def test_a_goal_of_a_trajectory_names_its_joints() -> None:
 
 
 @pytest.mark.ros
-def test_each_node_of_a_robot_tells_what_it_was_asked_also_to_who_comes_late() -> None:
+def test_each_node_of_a_robot_publishes_its_requests_to_late_subscribers() -> None:
     names = ["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"]
     parts = {"one": names[:1], "two": names[1:]}
     params = {"robot": "iiwa", "robot_name": "pair", "parts": parts, "physics": "ideal"}

@@ -44,7 +44,7 @@ def test_the_first_reading_sets_the_offset() -> None:
     assert {b - a for a, b in itertools.pairwise(stamps)} == {1_000_000}
 
 
-def test_what_was_lost_is_made_up_smoothly() -> None:
+def test_lost_time_is_made_up_smoothly() -> None:
     """Skipped periods: the offset grows by a tenth of the time that passes, until it is right."""
     base = made()
     run(base, 0.0, 100, START)

@@ -39,7 +39,7 @@ def test_the_bytes_read_as_the_message(count: int, prefix: str) -> None:
         assert all(one.header.frame_id.startswith(prefix + "b") for one in meant.transforms)
 
 
-def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_complete_messages_where_the_layout_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
     """Slower, and the same."""
     real = prepared.serialize_message
     monkeypatch.setattr(prepared, "serialize_message", lambda m: real(m) + real(m))
@@ -51,7 +51,7 @@ def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.Monkey
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_a_board_tells_the_frames_of_its_joint_states() -> None:
+def test_a_board_publishes_the_frames_of_its_joint_states() -> None:
     """Every link but the base, once: moving ones with each reading's stamp, fixed ones latched."""
     settings = load("panda")
     frames = frames_of(settings.urdf, settings.board.names)

@@ -47,7 +47,7 @@ def test_the_target_is_within_the_limits(lower: float, upper: float, kind: str) 
         (M.NOT_CONFIGURED, "Try", "configure"),
     ],
 )
-def test_the_mode_takes_what_is_suggested(mode: ControlMode, when: str, first: str) -> None:
+def test_the_mode_accepts_the_suggested_command(mode: ControlMode, when: str, first: str) -> None:
     """K2, M3: a move is suggested where the joint takes one, and when."""
     found, words = suggestions(joint("a"), mode)
     assert (found, words[0]) == (when, first)

@@ -103,7 +103,7 @@ def test_every_mode_that_a_joint_is_in_has_a_name() -> None:
 
 
 @pytest.mark.parametrize("mode", ["HW_FAULT", "CALIBRATING", "position", "", "🤖", "x" * 10_000])
-def test_what_cannot_be_set_is_reported(mode: str) -> None:
+def test_unsettable_modes_are_reported(mode: str) -> None:
     """M6: a status and an unknown mode; the text lists what can be set."""
     with pytest.raises(RefusedError) as refused:
         wanted(["POSITION", mode], 2)
@@ -167,7 +167,7 @@ def test_every_refusal_of_a_reading_has_its_word_and_its_reason(
         ("icub/head", "/icub/head"),
     ],
 )
-def test_what_the_names_are_below(msgs_name: str, base: str) -> None:
+def test_namespace_of_the_yarp_names(msgs_name: str, base: str) -> None:
     """As msgs_name there: a slash comes first; and as ROS has it, ~ is the node."""
     assert base_name(msgs_name, "/left/board") == base
 
@@ -297,7 +297,7 @@ def test_a_repeat_in_mixed_begins_anew(rig: Asked) -> None:
         (msg.Position(names=["a"], positions=[0.1], ref_velocities=[math.inf]), [1, 0]),
     ],
 )
-def test_what_is_wrong_is_ignored_counted_and_reported(
+def test_wrong_messages_are_ignored_counted_and_reported(
     rig: Asked, message: Any, counted: list[int]
 ) -> None:
     """M4, P13: as of the board's own commands."""
@@ -342,7 +342,7 @@ def test_kinds_of_commands() -> None:
         ({"yarp_interface": True, "yarp_msgs_name": "~"}, "/left/board", {"get_available_modes"}),
     ],
 )
-def test_what_is_offered(
+def test_offered_endpoints(
     rig: Asked,
     capfd: pytest.CaptureFixture[str],
     values: dict[str, Any],

@@ -165,7 +165,7 @@ def test_a_switch_is_true_or_false(launch_file: ModuleType, wrong: dict[str, str
         started(launch_file, **wrong)
 
 
-def test_a_wrong_robot_is_told_by_the_board(launch_file: ModuleType, tmp_path: Path) -> None:
+def test_a_wrong_robot_is_reported_by_the_board(launch_file: ModuleType, tmp_path: Path) -> None:
     (node,) = started(launch_file, robot="pandaa")
     with pytest.raises(SettingsError, match="did you mean 'panda'"):
         settings_of(node, tmp_path)

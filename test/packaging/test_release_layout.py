@@ -36,7 +36,7 @@ def layout(module: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path
     return folder
 
 
-def test_a_distribution_takes_it(module: ModuleType, layout: Path) -> None:
+def test_a_distribution_accepts_the_layout(module: ModuleType, layout: Path) -> None:
     assert module.problems(layout) == []
     assert sorted(path.name for path in layout.iterdir()) == NAMES
     assert (layout / "control_board_msgs" / "msg" / "BoardState.msg").is_file()
@@ -61,7 +61,7 @@ def test_the_messages_are_built_once(layout: Path) -> None:
         ('file="LICENSE"', 'file="COPYING"', "no license file COPYING"),
     ],
 )
-def test_what_a_distribution_refuses_is_told(
+def test_layouts_that_a_distribution_refuses_are_reported(
     module: ModuleType, layout: Path, tmp_path: Path, old: str, new: str, told: str
 ) -> None:
     copy = shutil.copytree(layout, tmp_path / "copy")
@@ -72,7 +72,7 @@ def test_what_a_distribution_refuses_is_told(
     assert told in " ".join(module.problems(copy))
 
 
-def test_what_is_not_released_is_forthcoming(module: ModuleType) -> None:
+def test_unreleased_changes_are_forthcoming(module: ModuleType) -> None:
     new = "- A [link](x.md) to `name_`, *b*.\n"
     text = f"# Changelog\n\n## Unreleased\n\n{new}\n## 0.1.0\n\n- Old.\n"
     told = module.changelog(text, "0.1.0", "2026-01-31")

@@ -179,7 +179,7 @@ def test_yarp_s_installed_types_have_their_hashes(name: str) -> None:
     assert in_source(name) == in_installation(name)
 
 
-def test_what_is_vendored_has_its_licence() -> None:
+def test_vendored_files_have_their_licence() -> None:
     for package in (ROOT / "vendor").iterdir():
         text = (package / "LICENSE").read_text(encoding="utf-8")
         assert "Redistribution and use in source and binary forms" in text
@@ -201,7 +201,7 @@ def built_with(*prefixes: Path) -> list[str]:
     return python(TO_BUILD, *prefixes, cwd=ROOT).stdout.split()
 
 
-def test_what_the_ros_at_hand_has_is_not_built(tmp_path: Path) -> None:
+def test_packages_of_the_installed_ros_are_not_built(tmp_path: Path) -> None:
     """An earlier installation of ours is no reason to leave it out."""
     theirs, ours = tmp_path / "theirs", tmp_path / "ours"
     for prefix, text in (

@@ -62,7 +62,7 @@ def test_it_is_driven_and_read(apart: PlantApart) -> None:
     assert apart.process.pid != os.getpid()
 
 
-def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
+def test_silence_switches_the_power_off(apart: PlantApart, offered: Path) -> None:
     """B5: without requests; later set-points are void until the board knows."""
     driven(apart)
     until(lambda: offered.read_text().splitlines()[-1] == "0 0")
@@ -73,7 +73,7 @@ def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
     driven(apart)
 
 
-def test_a_board_that_is_gone_takes_the_power_off(offered: Path) -> None:
+def test_the_end_of_a_board_switches_the_power_off(offered: Path) -> None:
     plant = PlantApart("levers", ["a", "b"], [f"log={offered}"], silence=NEVER)
     driven(plant)
     plant.close()
@@ -99,13 +99,13 @@ def test_signals_that_end_a_board_do_not_end_it(apart: PlantApart) -> None:
     assert isinstance(apart.exchange(output(0.0, 0.0)), Readings)
 
 
-def test_what_the_plant_raises_is_reported_in_its_words(apart: PlantApart) -> None:
+def test_exceptions_of_the_plant_are_reported_verbatim(apart: PlantApart) -> None:
     with pytest.raises(RuntimeError, match="index out of range") as caught:
         apart.clear_fault(7)
     assert type(caught.value).__name__ == "IndexError"
 
 
-def test_what_cannot_be_had_is_one_line(offered: Path) -> None:
+def test_impossible_configurations_are_one_line(offered: Path) -> None:
     for name, told in (("lever", "'lever' unknown; did you mean"), ("levers", "cannot be made")):
         with pytest.raises(PlantSettingsError, match=told) as caught:
             PlantApart(name, ["a"], [], NEVER)

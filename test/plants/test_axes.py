@@ -19,7 +19,7 @@ def parsed(**arguments: str) -> Options:
     return Options.parse(JOINTS, given, bus="here", whole={"speed": 1.0}, each={"kt": 0.5})
 
 
-def test_what_is_left_out_has_a_default() -> None:
+def test_omitted_values_have_a_default() -> None:
     found = parsed()
     assert (found.bus, found.own) == ("here", {"speed": 1.0})
     assert [axis.id for axis in found.axes] == [1, 2]

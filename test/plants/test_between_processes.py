@@ -78,7 +78,7 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
         plant.close()
 
 
-def test_two_buses_of_one_computer_do_not_hear_each_other(address: str) -> None:
+def test_two_buses_of_one_computer_are_separate(address: str) -> None:
     """By their ports: each group of multicast reaches every socket of its port."""
     group, _, port = address.rpartition(":")
     with open_bus(address) as one, open_bus(f"{group}:{int(port) + 1}") as other:

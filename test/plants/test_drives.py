@@ -237,7 +237,7 @@ def test_every_driver_is_tested_documented_and_an_extra() -> None:
         assert f"`{name}`" in install
 
 
-def test_connecting_gives_no_power_and_tells_type_and_firmware(bench: Bench) -> None:
+def test_connecting_gives_no_power_and_reports_type_and_firmware(bench: Bench) -> None:
     """S4, N1."""
     found = bench.follow(OFF, 20)
     assert healthy(found)
@@ -341,7 +341,7 @@ def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -
     assert healthy(bench.follow(bench.accepts[0]))
 
 
-def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> None:
+def test_a_drive_without_frames_stops_by_its_own_watchdog(bench: Bench) -> None:
     """S5: reported when it answers again; only without power can the joint recover."""
     if not watched(bench):
         pytest.skip("it has no watchdog")
@@ -357,7 +357,7 @@ def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> N
     recover(bench)
 
 
-def test_what_a_watchdog_did_before_the_start_is_over_with_it(bench: Bench) -> None:
+def test_a_watchdog_trip_before_the_start_is_cleared(bench: Bench) -> None:
     """S5: a program that was killed is started again; nothing is left to clear."""
     bench.follow(bench.accepts[0], 20)
     bench.pass_time(25 * TIMEOUT)
@@ -452,7 +452,7 @@ def test_a_drive_that_answers_for_another_is_reported(make: Make, request: Any) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["dynamixel", "feetech"])
-def test_a_late_answer_is_none_to_the_next_question(name: str) -> None:
+def test_a_late_answer_does_not_answer_the_next_request(name: str) -> None:
     """Packets of serial drives do not say what they answer: limits would be those of others."""
     driver, options = DRIVERS[name]
     pytest.importorskip(LIBRARIES[driver])
@@ -534,7 +534,7 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
     recover(bench)
 
 
-def test_a_scan_lists_what_answers(make: Make) -> None:
+def test_a_scan_lists_the_drives_that_answer(make: Make) -> None:
     """Type, id, firmware, voltage, faults."""
     bench = make()
     bench.drives[1].fail(bench.drives[1].SOME_FAULT)
@@ -546,7 +546,7 @@ def test_a_scan_lists_what_answers(make: Make) -> None:
     assert found[1].fault is not None
 
 
-def test_letting_go_takes_the_power_where_silence_is_free(bench: Bench) -> None:
+def test_release_removes_power_where_silence_is_free(bench: Bench) -> None:
     """S5, B5."""
     kind = bench.accepts[0]
     bench.follow(kind, 30)

@@ -92,7 +92,7 @@ def recovers(bench: Bench) -> None:
     driven(bench)
 
 
-def test_a_plant_is_powered_driven_and_let_go(bench: Bench) -> None:
+def test_a_plant_is_powered_driven_and_released(bench: Bench) -> None:
     """B1, M10: power follows the modes; what was applied is known."""
     driven(bench)
     assert bench.plant.on == [True, True]
@@ -164,7 +164,7 @@ def test_a_reading_that_is_no_number_faults_its_joint_alone(bench: Bench) -> Non
     assert bench.modes()[1] is M.OPENLOOP
 
 
-def test_motors_are_what_the_plant_measures_of_them(bench: Bench) -> None:
+def test_motor_readings_are_those_of_the_plant(bench: Bench) -> None:
     """Y5: shaft and supply; a velocity that is not read is that of the position; else NaN."""
     driven(bench)
     assert np.isnan(bench.board.get_motors().positions).all()
@@ -275,7 +275,7 @@ def test_a_silent_loop_leaves_no_power_on_a_slow_plant(bench: Bench) -> None:
     until(lambda: bench.plant.on == [False, False])
 
 
-def test_what_a_loop_says_after_its_silence_does_not_count(bench: Bench) -> None:
+def test_actuations_after_a_silence_do_not_count(bench: Bench) -> None:
     """B5: a hook that stalls between reading and writing leaves outputs of long ago."""
     driven(bench)
     before = bench.board.tick(bench.guarded.read())

@@ -51,7 +51,7 @@ def test_a_plant_is_made_of_its_name_joints_and_arguments(levers: None) -> None:
         ("levers", ["colour=red"], r"cannot be made \(ValueError: arguments \['colour'\] are"),
     ],
 )
-def test_what_cannot_be_had_is_one_line(
+def test_impossible_configurations_are_one_line(
     levers: None, name: str, arguments: list[str], told: str
 ) -> None:
     with pytest.raises(PlantSettingsError, match=told) as caught:
@@ -182,7 +182,7 @@ def test_limits_of_board_and_drive_are_compared() -> None:
     assert drives().notes == load("iiwa").notes
 
 
-def test_what_a_motor_does_in_silence_is_what_its_drive_can() -> None:
+def test_behaviour_in_silence_is_one_the_drive_supports() -> None:
     """S5."""
     asked = load("iiwa", {"joint_defaults.on_silence": "braked"})
     made = drives(asked, on_silence=(OnSilence.FREE, OnSilence.BRAKED))

@@ -54,7 +54,7 @@ def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None
         plant.close()
 
 
-def test_drives_that_only_hold_on_want_a_board_that_says_so() -> None:
+def test_drives_that_only_hold_require_a_board_configured_for_it() -> None:
     """S5."""
     pytest.importorskip("scservo_sdk")
     told = settings({})

@@ -146,7 +146,7 @@ def test_a_trajectory_over_parts(talkers: Talkers) -> None:
     assert LOWER[0] in refused.error_string
 
 
-def test_a_stop_of_the_robot_ends_what_a_part_follows(talkers: Talkers) -> None:
+def test_a_stop_of_the_robot_ends_trajectories_of_parts(talkers: Talkers) -> None:
     """T1, P3: also where that is no trajectory of the robot's own."""
     robot, upper = talkers["robot"], talkers["upper"]
     upper.set_mode([], "posd")

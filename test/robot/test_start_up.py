@@ -97,7 +97,7 @@ def test_a_part_that_fails_stops_those_that_follow() -> None:
     assert "not started: head;" in event.text
 
 
-def test_it_goes_on_when_the_cause_is_gone() -> None:
+def test_start_up_continues_when_the_cause_is_gone() -> None:
     """R4, N2: configure of the robot goes on where the start-up stopped."""
     robot = rig()
     robot.until("torso", "cal")
@@ -218,7 +218,7 @@ def test_a_level_is_done_when_all_its_parts_are() -> None:
     robot.until("head", "idl")
 
 
-def test_a_part_that_fails_in_the_last_level_stops_nobody() -> None:
+def test_a_part_that_fails_in_the_last_level_delays_no_part() -> None:
     """R4: nobody waits for it, so the log says no more than its fault."""
     robot = rig()
     robot.until("right", "pos")
@@ -229,7 +229,7 @@ def test_a_part_that_fails_in_the_last_level_stops_nobody() -> None:
     assert not [event for event in robot.robot.take_events() if event.key == "start-up"]
 
 
-def test_what_stops_a_start_up_is_told_once() -> None:
+def test_the_cause_of_a_stopped_start_up_is_reported_once() -> None:
     """R4: in the very first cycles, too."""
     robot = rig()
     robot.plant.inject("yaw", "overcurrent")

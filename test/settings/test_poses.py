@@ -80,7 +80,7 @@ def test_a_pose_beyond_the_limits_is_cut_with_a_warning() -> None:
         ("poses.wave.speed", 1.0, r"poses\.wave: names no joint; add poses\.wave\.<joint>"),
     ],
 )
-def test_what_is_wrong_ends_the_start_with_one_line(name: str, value: object, text: str) -> None:
+def test_wrong_poses_end_the_start_with_one_line(name: str, value: object, text: str) -> None:
     with pytest.raises(SettingsError, match=text) as caught:
         load("iiwa", {name: value})
     assert "\n" not in str(caught.value)
@@ -166,7 +166,7 @@ def test_a_file_that_cannot_be_written_is_reported(user: UserPoses) -> None:
         user.save(Pose("p", ("a",), (0.0,)))
 
 
-def test_so_many_poses_are_enough(user: UserPoses) -> None:
+def test_the_number_of_poses_is_limited(user: UserPoses) -> None:
     """A flood of requests makes no file that cannot be read again."""
     text = "".join(f"p{k}: {{positions: {{a: 0.0}}}}\n" for k in range(MOST))
     user.path.parent.mkdir(parents=True)

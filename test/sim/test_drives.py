@@ -158,7 +158,7 @@ def test_a_delay_is_whole_cycles_between_set_point_and_motor() -> None:
 
 
 @pytest.mark.parametrize("silence", list(OnSilence))
-def test_a_drive_that_hears_nothing_does_what_it_is_set_to(silence: OnSilence) -> None:
+def test_a_drive_without_set_points_does_what_it_is_configured_to(silence: OnSilence) -> None:
     """S5, S7: within its watchdog's time, and tells it as a fault until it hears again."""
     rest = {
         "joint_defaults__drive_model__watchdog": 0.05,

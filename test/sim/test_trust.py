@@ -149,7 +149,7 @@ def test_a_move_of_a_milliradian_keeps_the_acceleration_limit(iiwa: Simulation) 
     assert board.get_encoder(j)[0] == pytest.approx(here + 1e-3, abs=1e-4)
 
 
-def test_a_target_beyond_a_limit_is_accepted_and_told(iiwa: Simulation) -> None:
+def test_a_target_beyond_a_limit_is_accepted_and_reported(iiwa: Simulation) -> None:
     """P1, P9: what a limit cuts is said in degrees, with what was requested."""
     board = iiwa.board
     reply = board.position_move("lbr_iiwa_joint_1", 30.0)
@@ -294,7 +294,7 @@ def test_a_feedforward_gain_that_changes_does_not_move_a_joint(iiwa: Simulation)
     assert abs(float(board.get_encoder(1)[0]) - at) < 1e-3
 
 
-def test_a_timeout_that_is_taken_away_does_not_fault(iiwa: Simulation) -> None:
+def test_a_removed_timeout_does_not_fault(iiwa: Simulation) -> None:
     """P12: a deadline that ran already once faulted the joint all the same."""
     board = iiwa.board
 

@@ -35,7 +35,7 @@ def test_every_rule_has_a_test() -> None:
     assert named == set(RULES)
 
 
-def test_every_rule_of_the_page_is_tried_from_outside_or_says_why_not() -> None:
+def test_every_rule_of_the_page_is_checked_from_outside_or_gives_a_reason() -> None:
     """docs/spec.md has an anchor for each, and one of its headings is about A."""
     anchors = re.findall(r'<a id="([vmpifknd]\d+|y[1-5])">', SPEC.read_text(encoding="utf-8"))
     assert sorted(anchors) == sorted(rule.lower() for rule in RULES if rule != "A")

@@ -77,7 +77,7 @@ def test_the_brake_is_closed_before_power_goes(mode: ControlMode, end: ControlMo
 
 
 @pytest.mark.parametrize("kind", ["overcurrent", "encoder", "external", "torque_sensor"])
-def test_a_fault_takes_the_power_at_once_and_loses_little(kind: str) -> None:
+def test_a_fault_removes_power_at_once_with_little_droop(kind: str) -> None:
     """Y4, F1: the joint is without power in the cycle of the fault; the brake then holds it."""
     rig = braked()
     rig.enter(M.POSITION, "left")
@@ -144,7 +144,7 @@ def test_a_current_asked_for_while_the_brake_opens_acts_when_it_is_open() -> Non
     assert rig.board.state.current[0] == pytest.approx(2.0, abs=0.3)
 
 
-def test_asked_back_before_it_is_closed_the_joint_goes_on() -> None:
+def test_a_mode_set_while_the_brake_closes_keeps_power() -> None:
     """Y4, M9: from idle back into a mode while the brake closes: no power is lost."""
     rig = braked()
     rig.enter(M.POSITION, "left")
@@ -159,7 +159,7 @@ def test_asked_back_before_it_is_closed_the_joint_goes_on() -> None:
     assert abs(truth(rig) - before) < 0.05 * DEGREE
 
 
-def test_taken_back_while_it_opens_the_brake_stays_closed() -> None:
+def test_idle_set_while_the_brake_opens_keeps_it_closed() -> None:
     """Y4: a mode and idle again within the release time: there was never power."""
     rig = braked()
     before = truth(rig)

@@ -209,7 +209,7 @@ def uncalibrated(calibration: Calibration = OFFSET, **changes: Any) -> Rig:
 
 
 @pytest.mark.parametrize("wanted", ["pos", "posd", "vel", "mix", "torq", "open", "icur", "veld"])
-def test_who_lacks_its_calibration_takes_no_mode(wanted: str) -> None:
+def test_uncalibrated_joint_refuses_modes(wanted: str) -> None:
     """K7: refused with the reason and the next step; it faults nothing and moves nothing."""
     rig = uncalibrated()
     reply = rig.board.set_control_mode("left", wanted)
@@ -224,7 +224,7 @@ def test_who_lacks_its_calibration_takes_no_mode(wanted: str) -> None:
     assert rig.board.snapshot().output[0] == 0.0
 
 
-def test_what_a_joint_without_its_calibration_takes() -> None:
+def test_requests_accepted_by_an_uncalibrated_joint() -> None:
     """K7, I2: IDLE, FORCE_IDLE, calibration, and an interaction mode, stored as in IDLE."""
     rig = uncalibrated()
     assert rig.board.set_control_mode("left", "idl")
@@ -273,7 +273,7 @@ def test_a_calibration_that_is_lost_is_shown(how: str) -> None:
 
 @pytest.mark.parametrize("how", ["aborted", "failed"])
 @pytest.mark.parametrize("calibration", ALL[1:], ids=NAMES[1:])
-def test_who_needs_no_calibration_has_its_angle_and_limits_back(
+def test_joints_without_required_calibration_recover_angle_and_limits(
     calibration: Calibration, how: str
 ) -> None:
     """K2, K4, P9: what an aborted or failed calibration changed is taken back, limits stay."""
@@ -332,7 +332,7 @@ def test_a_fault_while_calibrating() -> None:
     assert rig.board.snapshot().output[0] == 0.0
 
 
-def test_a_joint_that_seems_to_stand_while_its_motor_runs_has_not_stalled() -> None:
+def test_a_joint_at_rest_with_a_running_motor_has_not_stalled() -> None:
     """K5, K4: with no check of the encoder either, a frozen one is no stop to begin with."""
     near = replace(STOP, stop=-1.9, start=-1.895, timeout=0.7)
     rig = calibrating(near, max_travel_error=float("inf"))
@@ -386,7 +386,7 @@ def phases(rig: Rig) -> list[str]:
     return [one.phase for one in rig.board.get_calibration()]
 
 
-def test_who_has_begun_goes_on_and_who_is_new_waits() -> None:
+def test_running_calibrations_continue() -> None:
     """K1: a calibrator that drives is not suspended by a joint of an earlier group."""
     rig = in_turn()
     assert rig.board.calibrate("second")
@@ -401,7 +401,7 @@ def test_who_has_begun_goes_on_and_who_is_new_waits() -> None:
     assert rig.modes() == [M.POSITION, M.POSITION]
 
 
-def test_what_watches_a_calibrator_goes_on_when_another_is_asked() -> None:
+def test_monitoring_of_a_calibrator_continues_when_another_is_requested() -> None:
     """K4: the timeout of a joint that drives runs, whoever calibrates beside it."""
     rig = in_turn(replace(STOP, timeout=0.7))
     assert rig.board.calibrate("second")
@@ -413,7 +413,7 @@ def test_what_watches_a_calibrator_goes_on_when_another_is_asked() -> None:
     assert phases(rig)[0] == "driving to the hard stop"
 
 
-def test_the_group_that_drives_takes_nobody_in_before_an_earlier_one() -> None:
+def test_joints_added_later_wait_for_earlier_groups() -> None:
     """K1: joints of the driving group that are asked later come after those who wait."""
     names = ("first", "second", "third")
     joints = [joint(n, calibration=replace(STOP, required=False)) for n in names]

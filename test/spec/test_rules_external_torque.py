@@ -44,7 +44,7 @@ def test_without_torques_there_is_no_sensor(rig: Rig) -> None:
     assert rig.board.set_interaction_mode("left", "comp").codes == (Reason.UNSUPPORTED,)
 
 
-def test_what_is_told_is_the_torque(rig: Rig) -> None:
+def test_external_torque_replaces_the_sensor(rig: Rig) -> None:
     """Y5: whatever the joint's own sensor says."""
     assert tell(rig, 3.5).torque[0] == 3.5
     assert M.TORQUE in rig.board.get_available_modes("left")[0][0]
@@ -83,7 +83,7 @@ def test_silence_is_no_fault_in_stiff_modes(rig: Rig) -> None:
     assert abs(float(after.position[0] - before.position[0])) < 2e-3
 
 
-def test_what_is_no_torque_is_ignored(rig: Rig) -> None:
+def test_invalid_external_torques_are_ignored(rig: Rig) -> None:
     """P13, M4: counted, and the reason told."""
     assert rig.board.update_torque_sensor("left", math.nan).codes == (Reason.NOT_FINITE,)
     assert rig.board.update_torque_sensor("right", 1.0).codes == (Reason.UNSUPPORTED,)

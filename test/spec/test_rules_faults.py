@@ -55,7 +55,7 @@ def test_the_causes_are_all() -> None:
 
 
 @pytest.mark.parametrize("mode", STANDARD, ids=str)
-def test_a_fault_takes_the_power_in_its_cycle(mode: ControlMode) -> None:
+def test_a_fault_removes_power_in_its_cycle(mode: ControlMode) -> None:
     """F1, M2: from every mode; in the very cycle that shows it bridge and PWM are off."""
     rig = ready(board_config(joint("left"), joint("right")))
     rig.enter(mode)
@@ -120,7 +120,7 @@ def test_an_encoder_that_lies_is_found_again_when_the_motor_runs(cause: str) -> 
 
 
 @pytest.mark.parametrize("cause", [cause for cause in CAUSES if cause != "diverged"])
-def test_a_cause_that_is_there_at_power_on_lets_no_power_through(cause: str) -> None:
+def test_a_cause_present_at_power_on_prevents_power(cause: str) -> None:
     """F1, N1, N2: found in the cycle that configures the joint; afterwards it is as before."""
     rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
     rig.plant.inject("left", cause, persistent=True)
@@ -140,7 +140,7 @@ def test_a_cause_that_is_there_at_power_on_lets_no_power_through(cause: str) -> 
     assert abs(rig.board.get_encoder()[0]) < 1e-3
 
 
-def test_a_joint_configured_on_what_is_no_number() -> None:
+def test_a_joint_configured_on_non_finite_readings() -> None:
     """F1: no other fault follows from it."""
     rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
     rig.plant.inject("left", "encoder_nan", persistent=True)
@@ -271,7 +271,7 @@ def overloaded(current: float = 10.0) -> Rig:
     return rig
 
 
-def test_i2t_fades_without_power_whatever_the_sensor_says() -> None:
+def test_i2t_fades_without_power_regardless_of_the_sensor() -> None:
     """F6: FORCE_IDLE names the time to wait; before it is refused, after it accepted."""
     rig = overloaded()
     rig.tick(8)

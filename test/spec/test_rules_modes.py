@@ -95,7 +95,7 @@ def test_every_request_in_every_mode(
 
 
 @pytest.mark.parametrize(("mode", "interaction", "sensed"), MODES_OF_A_JOINT, ids=str)
-def test_each_mode_takes_its_commands(
+def test_each_mode_accepts_its_commands(
     mode: ControlMode, interaction: InteractionMode, sensed: bool
 ) -> None:
     """M3, M4, M11, I3, N4: each mode and status, each interaction mode, each kind of reference.
@@ -124,9 +124,7 @@ def test_each_mode_takes_its_commands(
 
 @pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
 @pytest.mark.parametrize("mode", [*STANDARD, M.HW_FAULT], ids=str)
-def test_what_a_mode_ignores_is_never_kept(
-    mode: ControlMode, interaction: InteractionMode
-) -> None:
+def test_ignored_commands_are_never_kept(mode: ControlMode, interaction: InteractionMode) -> None:
     """M4, M2, M9, D2: it switches no mode; it moves nothing, now and in a mode that takes it."""
     rig = in_mode(mode, interaction)
     ignored = [kind for kind in COMMANDS if kind not in TAKES[mode]]

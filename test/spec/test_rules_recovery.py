@@ -243,7 +243,7 @@ def test_the_silence_of_the_heartbeat_is_a_stop() -> None:
     assert rig.board.recover()
 
 
-def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
+def test_a_requested_stop_outlasts_the_heartbeat() -> None:
     """E2: each cause has its own end."""
     rig = Rig(board_config(heartbeat_timeout=0.1))
     rig.tick()
