@@ -65,7 +65,7 @@ def translate(module: str, source: Path, work: Path) -> Path:
 
 
 def say_uncompiled(module: str, error: Exception) -> None:
-    """One line that tells what is missing."""
+    """One line that names what is missing."""
     cause = " ".join(str(error).split()) or type(error).__name__
     print(
         f"{module} is not compiled ({cause}): the board runs it as Python, slower; "

@@ -4,7 +4,7 @@
     python tools/release_layout.py FOLDER
 
 colcon and bloom stop at the first package.xml of a folder and never find msg_defs/ below it. In
-the layout it stands beside: FOLDER holds control_board_ros, control_board_msgs, and
+the layout beside it: FOLDER holds control_board_ros, control_board_msgs, and
 yarp_control_msgs, which no distribution has. Each has LICENSE and CHANGELOG.rst; maintainer and
 version are those of the root's package.xml. What was written is checked by catkin_pkg, and by what
 bloom asks for.
@@ -85,7 +85,7 @@ def described(text: str, of: str) -> str:
 
 
 def root_package(text: str) -> str:
-    """The root's package.xml, with the packages that stand beside it as dependencies."""
+    """The root's package.xml, with the packages beside it as dependencies."""
     for tag, name in (
         ("buildtool_depend", "ament_cmake"),
         ("build_depend", "rosidl_default_generators"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every benchmark yields numbers. How good they are is for `make bench` to tell, not for tests."""
+"""Every benchmark yields numbers. `make bench` judges them, not tests."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def test_paused_time() -> None:
 
 
 def test_missing_packages_are_no_refusal() -> None:
-    """Errors that nobody expects keep their traceback."""
+    """Unexpected errors keep their traceback."""
     with pytest.raises(ModuleNotFoundError, match="rich"):
         explain(ModuleNotFoundError("No module named 'rich'"))
 
@@ -188,7 +188,7 @@ def test_amounts() -> None:
 
 
 def test_options_anywhere() -> None:
-    """The options of every verb may stand behind it."""
+    """The options of every verb may follow it."""
     assert hoist(["modes", "--json", "a"]) == (["--json"], ["modes", "a"])
     assert hoist(["modes", "--board", "x", "--domain=3"]) == (
         ["--board", "x", "--domain=3"],
@@ -204,7 +204,7 @@ def test_options_anywhere() -> None:
 
 
 def test_options_of_a_verb() -> None:
-    """They stand anywhere among its words; a value may be negative."""
+    """They may be anywhere among its words; a value may be negative."""
     read = Parser("cbctl move", arguments_of(move)).read
     found = read(["0=1", "--speed", "2", "1=-3"])
     assert found == {"words": ["0=1", "1=-3"], "speed": 2.0, "wait": True}

@@ -87,7 +87,7 @@ def test_a_key_saves_a_pose(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path: Path
 
 
 def test_a_replay_asks_first(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:
-    """G2: without a terminal nobody can be asked, and nothing moves."""
+    """G2: without a terminal there is no confirmation, and nothing moves."""
     assert ask("modes")
     answer = cbctl("replay", str(tmp_path / "none.mcap"))
     assert answer.code == 2

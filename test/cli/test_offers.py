@@ -53,7 +53,7 @@ def test_modes_are_those_that_can_be_set() -> None:
         ("modes joint_3", ["joint_3"]),
         ("info ", []),
         ("nonsense ", []),
-        # poses, or save; a new name is nobody's to offer; then joints
+        # poses, or save; a new name cannot be offered; then joints
         ("pose ", ["home", "park", "save"]),
         ("pose s", ["save"]),
         ("pose home ", []),

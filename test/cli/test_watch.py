@@ -118,7 +118,7 @@ def test_uncalibrated_joints_are_marked() -> None:
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 24), (160, 20), (200, 14)])
 @pytest.mark.parametrize("split", [False, True], ids=["robot", "parts"])
 def test_all_joints_are_seen(width: int, height: int, split: bool) -> None:
-    """32 joints stand beside each other, with their modes and positions, and no line more."""
+    """32 joints are shown side by side, with their modes and positions, and no line more."""
     views = [view(f"/icub/{part}", names) for part, names in PARTS.items()]
     lines = on_terminal(views if split else [view("/icub/robot", EVERYONE)], width, height)
     text = "\n".join(lines)

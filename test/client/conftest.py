@@ -19,7 +19,7 @@ board, params = board_fixtures.board, board_fixtures.params
 
 @pytest.fixture(scope="module")
 def node(board: BoardProcess) -> Iterator[Any]:
-    """A node that nobody spins: the client does without."""
+    """A node that is not spun: the client does without."""
     with ros_node(board.domain, "user", spin=False) as node:
         yield node
 

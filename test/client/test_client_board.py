@@ -345,7 +345,7 @@ def test_an_interrupted_move_stops_the_joints(client: ControlBoardClient) -> Non
 
 
 def test_calibrate(client: ControlBoardClient) -> None:
-    """K1, K3: started at once, or waited for; the statuses tell."""
+    """K1, K3: started at once, or waited for; the statuses report it."""
     received: list[Any] = []
     reply = client.calibrate([0, 1], feedback=received.append)
     assert reply, reply.message
@@ -461,7 +461,7 @@ def test_the_urdf(client: ControlBoardClient) -> None:
 
 
 def test_poses(client: ControlBoardClient) -> None:
-    """R5: list, save as measured or as given, go there with feedback; replies tell of refusals."""
+    """R5: list, save as measured or as given, go there with feedback; replies report refusals."""
     assert client.list_poses()[:2] == ["home", "park"]
     assert client.get_pose("home").positions[1] == 0.5
     with pytest.raises(RequestError, match="did you mean 'park'"):

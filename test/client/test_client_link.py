@@ -170,7 +170,7 @@ def test_a_goal_waits_until_the_board_has_discovered_the_client(
 def test_new_subscriptions_receive_states_again(
     link: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where the old ones hear the board no more, as after a long cut of the network."""
+    """Where the old ones receive nothing any more, as after a long cut of the network."""
     monkeypatch.setattr(state, "SILENCE", 0.3)
     link.answer_timeout = 0.2
     with ros_node(link.domain, "board") as node:
@@ -180,7 +180,7 @@ def test_new_subscriptions_receive_states_again(
         view = state.StateView(link)
         until(lambda: received(view))
         deaf = link._entities[STATE]
-        deaf.callback = lambda *_: None  # as one that nobody sends to any more
+        deaf.callback = lambda *_: None  # as one without publishers
         until(lambda: run(view.following(0.1)) is not None)
         assert link._entities[STATE] is not deaf
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What somebody who knows YARP looks for in the client, against a real board."""
+"""What users of YARP look for in the client, against a real board."""
 
 from __future__ import annotations
 

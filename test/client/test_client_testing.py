@@ -76,7 +76,7 @@ def test_the_environment_of_a_child(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_shared_memory_left_by_killed_processes(tmp_path: Path) -> None:
-    """Removed where nobody holds it: segments that are old, and ports of this domain."""
+    """Removed where no process holds it: segments that are old, and ports of this domain."""
     from control_board_ros.testing.domains import sweep
 
     kept = {"fastrtps_held", "fastrtps_held_el", "fastrtps_young", "other"}
@@ -97,7 +97,7 @@ def test_shared_memory_left_by_killed_processes(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 def test_a_board_that_ends_early_reports_why() -> None:
-    """The exit code and what it printed stand in the error."""
+    """The error has the exit code and what it printed."""
     program = "print('bad configuration'); raise SystemExit(2)"
     with (
         pytest.raises(AssertionError, match="ended with code 2") as raised,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a joint stands whose move has ended, and what is said of it (SPEC P3, I4)."""
+"""Status and text of a joint whose move has ended (SPEC P3, I4)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def to(target: float, kind: JointKind = TURNS, control: M = M.POSITION) -> Joint
 
 
 def now(position: float, reference: float = 0.0, velocity: float = 0.0, **modes: Any) -> JointNow:
-    """A joint in POSITION and STIFF, unless told otherwise."""
+    """A joint in POSITION and STIFF by default."""
     given = {"control": M.POSITION, "interaction": STIFF} | modes
     return JointNow(position, reference, velocity, **given)
 

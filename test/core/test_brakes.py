@@ -103,7 +103,7 @@ def test_a_brake_closes_before_its_joint_loses_power(made: Made) -> None:
 
 @pytest.mark.parametrize("mode", [M.HW_FAULT, M.NOT_CONFIGURED])
 def test_a_fault_waits_for_no_brake(mode: M, made: Made) -> None:
-    """Y4: the power goes at once; whoever worked the brake, it works by itself from then on."""
+    """Y4: the power goes at once; a brake set by hand is automatic from then on."""
     made.run()
     made.brakes._set_mode(0, BrakeMode.OPEN)
     made.state.control_modes[0] = mode
@@ -148,7 +148,7 @@ def test_a_brake_whose_switch_reads_closed_gets_time(release: float, patience: i
 
 @pytest.mark.parametrize(("kind", "least"), [("revolute", 0.5 * DEGREE), ("prismatic", 1e-3)])
 def test_a_slip_is_seen_at_the_next_look(kind: str, least: float) -> None:
-    """Y4: 0.5° or 1 mm from where it came to rest, looked at each 50 ms; told of once."""
+    """Y4: 0.5° or 1 mm from where it came to rest, checked each 50 ms; reported once."""
     made = Made(kind)
     made.state.position[0], made.state.offset[0] = 1.0, 0.5
     made.until(LOOK)

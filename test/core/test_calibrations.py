@@ -18,7 +18,7 @@ SENSOR = Calibration(type=12, required=False, zero=0.7)
 
 @pytest.fixture
 def own() -> Iterator[Callable[[type[Calibrator]], Rig]]:
-    """A function that calibrates joint ``left``, which stands at 0.5 rad, by a class."""
+    """A function that calibrates joint ``left``, at rest at 0.5 rad, by a class."""
 
     def started(calibrator: type[Calibrator]) -> Rig:
         register(1, "of a test")(calibrator)

@@ -249,7 +249,7 @@ def test_it_backs_off_and_pushes_towards_its_stop(way: float) -> None:
 
 @pytest.mark.parametrize(("kind", "scale"), KINDS)
 def test_a_creeping_joint_has_not_met_a_stop(kind: str, scale: float) -> None:
-    """K5: encoder and motor must stand still, 0.002 and 0.01 rad in the time of a stall."""
+    """K5: encoder and motor must be at rest, 0.002 and 0.01 rad in the time of a stall."""
     for reading, motor, cycles in (
         (0.0019, 0.0019, 10),
         (0.0021, 0.0021, 15),
@@ -351,11 +351,11 @@ def test_a_stall_draws_at_least_half_of_its_current(phase: str, output: float, w
 
     assert found(0.55) == ""
     text = r"stands still, but its motor draws (\S+) A at (\S+) %, where a stall needs (\S+) A"
-    told = re.match(text, found(0.45))
-    assert told is not None
+    matched = re.match(text, found(0.45))
+    assert matched is not None
     needs = way * output * 0.48
     numbers = pytest.approx([0.45 * needs, way * output, needs], rel=0.01)
-    assert [*map(float, told.groups())] == numbers
+    assert [*map(float, matched.groups())] == numbers
 
 
 class Rippled(Bench):

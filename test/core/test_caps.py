@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""control.py: bounds that users set, constants of a drive, and what the laws tell of."""
+"""control.py: bounds that users set, constants of a drive, and what the laws report."""
 
 from __future__ import annotations
 

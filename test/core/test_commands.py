@@ -130,7 +130,7 @@ def test_a_move_slowed_by_limits_is_reported() -> None:
 
 
 def test_moves_that_arrive_together_report_torques_only() -> None:
-    """R5: nobody has asked for a speed."""
+    """R5: no speed was requested."""
     rig = ready(CONFIG, home=[1.0, 1.0, 1.0])
     rig.enter("pos")
     targets = np.array([1.9, -1.5, 0.5])

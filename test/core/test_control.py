@@ -67,13 +67,13 @@ def test_a_lowered_integral_limit_reduces_the_integral(kp: float) -> None:
     one.set(position=-0.1)
     assert outputs(one, 400)[-1] == pytest.approx(30.0)
     set_gains(one.joint.position_pid, replace(before, kp=kp, integral_limit=4.0), PERIOD)
-    told = np.array([30.0, *outputs(one, 600)])
-    steps = np.diff(told)
+    values = np.array([30.0, *outputs(one, 600)])
+    steps = np.diff(values)
     span = 30.0 - (4.0 + kp * 0.1)
     assert np.abs(steps).max() == pytest.approx(abs(span) * PERIOD / 0.5, rel=1e-6)
     assert (steps <= 0.0).all()
-    assert told[250] == pytest.approx(30.0 - span / 2.0)
-    np.testing.assert_allclose(told[501:], 4.0 + kp * 0.1)
+    assert values[250] == pytest.approx(30.0 - span / 2.0)
+    np.testing.assert_allclose(values[501:], 4.0 + kp * 0.1)
 
 
 def test_an_integral_on_its_way_below_a_new_limit_may_leave_faster() -> None:

@@ -154,7 +154,7 @@ def test_joints_follow_by_gears() -> None:
     ],
 )
 def test_invalid_couplings(rows: tuple[tuple[float, ...], ...], text: str) -> None:
-    """Y3: sizes, and a matrix by which axes could not be told apart."""
+    """Y3: sizes, and a singular matrix."""
     with pytest.raises(ValueError, match=text):
         Coupling(("a", "b"), ("x", "y", "z"), rows)
 
@@ -198,7 +198,7 @@ def test_an_axis_without_power_asks_for_no_torque() -> None:
 
 
 def test_a_linkage_that_turns_right_round() -> None:
-    """Its ground is the shortest link: the rocker follows all round, told from −π to π."""
+    """Its ground is the shortest link: the rocker follows all round, read from −π to π."""
     bar = FourBar(ground=10.0, crank=30.0, coupler=30.0, rocker=25.0, zero=0.3)
     turns = np.linspace(-2.0 * np.pi, 2.0 * np.pi, 2001)
     values = bar.value(turns)

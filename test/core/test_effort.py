@@ -35,7 +35,7 @@ def ask(panda: Simulation) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_all_joints_need_longer_than_each_alone(panda: Simulation) -> None:
-    """P1: get_move_time, the move and its reply agree on it; nobody leaves the path."""
+    """P1: get_move_time, the move and its reply agree on it; no joint leaves the path."""
     board, joints = panda.board, list(range(7))
     target, speed = ask(panda)
     alone = np.array(
@@ -59,7 +59,7 @@ def test_all_joints_need_longer_than_each_alone(panda: Simulation) -> None:
 
 
 def test_a_torque_at_its_limit_is_reported(panda: Simulation) -> None:
-    """A joint that is pushed away in POSITION: one warning with its name, whoever it drags on."""
+    """A joint that is pushed away in POSITION: one warning with its name, not those of others."""
     board, j = panda.board, 1
     name, limit = board.names[j], board.config.joints[j].limits.torque
     board.take_events()
@@ -82,7 +82,7 @@ def test_no_durations_by_torques_that_are_not_known(panda: Simulation) -> None:
         assert [one is not None for one in efforts] == [known] * len(efforts)
 
 
-# --- what the arm's model is told, with an arm that only listens ---------------------------------
+# --- input of the arm's model, with an arm that only records -------------------------------------
 
 
 class Listening:

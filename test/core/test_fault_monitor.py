@@ -152,7 +152,7 @@ def test_a_jump_is_an_angle_or_a_length(kind: str, step: float) -> None:
     rig = held(joint("left", kind=kind))
     allowed = 4.0 * rig.config.joints[0].limits.velocity * rig.period + step
     rig.plant.values[Row.POSITION] += 0.99 * allowed
-    rig.tick(2)  # it stands still in the second: the next jump is none that goes on
+    rig.tick(2)  # it is at rest in the second: the next jump does not continue one
     assert rig.modes() == [M.IDLE]
     rig.plant.values[Row.POSITION] += 1.01 * allowed
     rig.tick()
@@ -239,11 +239,11 @@ def test_a_warning_is_reported_once_until_its_cause_is_gone() -> None:
     """F6."""
     watch = watched(joint("a"))
     one = watch.joints[0]
-    told = []
+    warned = []
     for hot in (True, True, False, True):
         one.hot = hot
-        told.append(bool(watch.warnings(0)))
-    assert told == [True, False, False, True]
+        warned.append(bool(watch.warnings(0)))
+    assert warned == [True, False, False, True]
 
 
 def test_events_are_reported_once() -> None:
@@ -266,7 +266,7 @@ def test_the_first_position_after_arming_may_be_any() -> None:
 
 
 def test_the_bridges_of_coupled_motors() -> None:
-    """Y3: told once for each change; a change of an axis's power is one, too."""
+    """Y3: reported once for each change; a change of an axis's power is one, too."""
     watch = watched(joint("a"), joint("b"))
     watch.feed(np.array([1.0, 0.0]))
     assert [one.fed for one in watch.joints] == [1.0, 0.0]

@@ -110,7 +110,7 @@ def test_the_old_path_goes_on_until_a_future_start(rig: Tracked) -> None:
 
 
 def test_a_path_that_is_past_is_refused(rig: Tracked) -> None:
-    """T1, P13: it is counted and told, and what is followed goes on."""
+    """T1, P13: it is counted and reported, and the followed path continues."""
     rig.follower.follow("a", line(("a",), (1.0, 0.2)), rig.board.time)
     rig.cycle(50)
     before = rig.board.rejected_commands

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals with a duration, looked at closely: moves, poses, calibrations, paths, trajectories.
 
-The boards here drive a plant that stands still at 0 unless told otherwise, so that references
+The boards here drive a plant that is at rest at 0 by default, so that references
 and times are exact (SPEC T1 to T3, P3, R5, K1).
 """
 
@@ -51,7 +51,7 @@ def path(joints: str, *points: tuple[float, ...]) -> Path:
 
 
 class Bench(Following):
-    """Joints a, b, c that stand still, with a follower."""
+    """Joints a, b, c at rest, with a follower."""
 
     def __init__(self) -> None:
         super().__init__((still := held(*(joint(name) for name in NAMES))).config, still.plant)
@@ -199,7 +199,7 @@ def test_braking_at_rest_is_one_point() -> None:
 # --- poses ---------------------------------------------------------------------------------------
 
 
-def standing_at(position: float) -> Rig:
+def at_rest_at(position: float) -> Rig:
     """A rig of one joint ``a`` in POSITION, held at a position."""
     config = board_config(joint("a"))
     plant = Held(config)
@@ -212,7 +212,7 @@ def standing_at(position: float) -> Rig:
 
 def test_the_way_to_a_pose_is_from_where_the_joint_is() -> None:
     """R5, P1: 0.2 rad from 0.5 to 0.7, at 20 rad/s² no faster than 47.8°/s on the mean."""
-    rig = standing_at(0.5)
+    rig = at_rest_at(0.5)
     assert rig.board.state.position_reference[0] == 0.5
     time, note = plan_move(rig.board, Pose("p", ("a",), (0.7,)), 3.0)
     assert time == pytest.approx(0.24, abs=0.001)
@@ -223,12 +223,12 @@ def test_the_way_to_a_pose_is_from_where_the_joint_is() -> None:
 @pytest.mark.parametrize(("shown", "taken"), [(-2.005, -2.0), (2.005, 2.0), (-1.995, -1.995)])
 def test_a_joint_at_either_limit_is_within(shown: float, taken: float) -> None:
     """R5: a reading of 5 mrad beyond a limit is the limit."""
-    assert pose_now(standing_at(shown).board, "p", ["a"]).positions == (taken,)
+    assert pose_now(at_rest_at(shown).board, "p", ["a"]).positions == (taken,)
 
 
 def test_a_pose_has_no_negative_zero() -> None:
     """It is shown to people and written to files: 0.0, not -0.0."""
-    assert repr(made_pose(standing_at(0.0).board, "p", ["a"], [-0.0], 0.0).positions) == "(0.0,)"
+    assert repr(made_pose(at_rest_at(0.0).board, "p", ["a"], [-0.0], 0.0).positions) == "(0.0,)"
 
 
 # --- calibrations --------------------------------------------------------------------------------
@@ -272,7 +272,7 @@ def test_the_reason_of_a_failed_calibration_is_reported_after_the_fault() -> Non
 
 @pytest.fixture
 def still() -> Rig:
-    """Joints a, b, c in POSITION that stand still whatever their references are."""
+    """Joints a, b, c in POSITION that rest whatever their references are."""
     rig = held(*(joint(name) for name in NAMES))
     assert rig.board.set_control_mode(None, "pos")
     rig.tick()

@@ -176,7 +176,7 @@ def test_a_blocked_joint_pushes_no_harder_than_it_is_caught(way: float) -> None:
     ],
 )
 def test_when_a_joint_is_blocked(at: dict[str, float], blocked: bool, carried: float) -> None:
-    """It stands, and is to move; until it moves. What it carried till then is free."""
+    """It is at rest and is to move; until it moves. The load it carried till then is released."""
     one = leading(**(BLOCKED | at))
     one.position_pid = pid(kp=100.0, limit=1e3, integral=3.0)
     LAWS.hold_back(one)

@@ -19,8 +19,8 @@ FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
 PERIODS = st.sampled_from([0.001, 0.002, 0.01])
 
 
-def standing(position: float = 0.0, **constants: float) -> OneJoint:
-    """A powered joint at a position, whose laws follow what it is told."""
+def at_rest(position: float = 0.0, **constants: float) -> OneJoint:
+    """A powered joint at rest at a position, whose laws follow its references."""
     one = OneJoint(**constants)
     one.set(position=position)
     one.step(2)
@@ -40,8 +40,8 @@ def keeps_its_limits(one: OneJoint, rows: np.ndarray, lower: float, upper: float
     assert np.all((position >= lower - 1e-9) & (position <= upper + 1e-9))
     last_part = 1e-6 * ACCELERATION * period**2
     assert np.abs(np.diff(position) - velocity[1:] * period).max() < 1e-11 + last_part
-    told = np.abs(np.diff(velocity) - acceleration[1:] * period) < 1e-9
-    assert np.all(told | (velocity[1:] == 0.0))  # not in the cycle that comes to rest
+    consistent = np.abs(np.diff(velocity) - acceleration[1:] * period) < 1e-9
+    assert np.all(consistent | (velocity[1:] == 0.0))  # not in the cycle that comes to rest
 
 
 # --- braking ---------------------------------------------------------------------------------
@@ -86,7 +86,7 @@ def test_a_step_is_the_fastest_way_there(target: float, period: float) -> None:
 
     T = 2√(d/a) while 2√(d·a)/2 ≤ v, else d/v + v/a
     """
-    one = standing(period=period)
+    one = at_rest(period=period)
     one.joint.step_to(target)
     way = abs(target)
     least = 2.0 * math.sqrt(way / ACCELERATION)
@@ -113,7 +113,7 @@ COMMANDS = st.lists(
 )
 
 
-def tell(one: OneJoint, kind: str, position: float, velocity: float) -> None:
+def send(one: OneJoint, kind: str, position: float, velocity: float) -> None:
     """Give a joint a reference, bounded as the board bounds it."""
     joint = one.joint
     position = min(max(position, joint.lower), joint.upper)
@@ -133,10 +133,10 @@ def test_no_sequence_of_references_passes_a_limit(
     commands: list[tuple[str, float, float, int]], period: float
 ) -> None:
     """P9, P14: any kinds in any order, with any moves, velocities and feed-forwards."""
-    one = standing(period=period)
+    one = at_rest(period=period)
     rows = []
     for kind, position, velocity, cycles in commands:
-        tell(one, kind, position, velocity)
+        send(one, kind, position, velocity)
         rows.append(one.record(cycles, *FOLLOWED))
     one.joint.step_to(one.joint.reference)
     rows.append(one.record(round(3.0 / period), *FOLLOWED))
@@ -151,7 +151,7 @@ def test_no_sequence_of_references_passes_a_limit(
 )
 def test_a_new_step_starts_from_the_present_speed(step: float, later: float, when: int) -> None:
     """P4, P14: led back it brakes first; it passes no further than that takes, and arrives."""
-    one = standing()
+    one = at_rest()
     one.joint.step_to(step)
     first = one.record(when, *FOLLOWED)
     one.joint.step_to(later)
@@ -171,7 +171,7 @@ def test_a_new_step_starts_from_the_present_speed(step: float, later: float, whe
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
     """P5, P9, P14: at full speed towards it, and at rest just there."""
-    one = standing()
+    one = at_rest()
     one.joint.ramp(sign * SPEED, ACCELERATION)
     rows = one.record(2000, *FOLLOWED)
     keeps_its_limits(one, rows, -2.0, 2.0)
@@ -185,7 +185,7 @@ def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
 
 def test_a_move_and_a_velocity_together_keep_the_speed() -> None:
     """P6, P14: the velocity gives way to the move, and is there again after it."""
-    one = standing(-1.5)
+    one = at_rest(-1.5)
     one.joint.ramp(0.4, ACCELERATION)
     one.joint.move(1.0, 1.7, 0.0)  # its peak is 2.76 rad/s
     names = ("followed_velocity", "ramp_velocity", "moved_velocity")
@@ -198,7 +198,7 @@ def test_a_move_and_a_velocity_together_keep_the_speed() -> None:
 
 def test_a_joint_found_outside_comes_in_and_stays_in() -> None:
     """P9: its bounds follow it inwards, never out again."""
-    one = standing(2.3, upper=2.3)
+    one = at_rest(2.3, upper=2.3)
     one.joint.step_to(2.1)
     one.step(300)
     assert one.joint.upper == pytest.approx(2.1)
@@ -212,7 +212,7 @@ def test_a_joint_found_outside_comes_in_and_stays_in() -> None:
 
 def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
     """K7, P9: no limit is known that could close behind it."""
-    one = standing(2.3, upper=math.inf, calibrated=False)
+    one = at_rest(2.3, upper=math.inf, calibrated=False)
     one.joint.step_to(1.0)
     one.step(1000)
     assert one.joint.upper == math.inf
@@ -223,7 +223,7 @@ def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
 
 def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> None:
     """P14: q_ref leads by at most τ_max/kp; free again, it goes on at a reference's speed."""
-    one = standing()
+    one = at_rest()
     gains(one.joint.position_pid, kp=200.0)
     one.joint.step_to(1.8)
     blocked = one.record(1000, "followed", "output")
@@ -243,7 +243,7 @@ def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> Non
 
 def test_a_joint_pushed_away_brings_its_reference_along_no_further() -> None:
     """P14: pushed beyond the lead, it comes back on a path within the limits, not by a leap."""
-    one = standing()
+    one = at_rest()
     gains(one.joint.position_pid, kp=200.0)
     one.set(position=1.0)
     one.step()

@@ -40,7 +40,7 @@ def test_modes_that_require_a_torque_sensor() -> None:
 
 
 def test_moves_and_steps_have_a_mode_of_their_own() -> None:
-    """M3: what whoever asks for a move, or for steps, asks for before."""
+    """M3: the queries of a caller before a move, or before steps."""
     kinds = modes.ACCEPTS[modes.MOVES], modes.ACCEPTS[modes.STEPS]
     assert kinds == ({modes.K.POSITION}, {modes.K.POSITION_DIRECT})
 
@@ -52,17 +52,17 @@ SELECTABLE = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "veld", "icur"
 
 def test_mode_transitions() -> None:
     """M1, M5, F1, F2, F4, K1 to K4, N1 to N3; what is absent is refused."""
-    told: dict[tuple[str, object], object] = {}
+    table: dict[tuple[str, object], object] = {}
     for code in SELECTABLE:
-        told |= {(code, other): other for other in SELECTABLE}
-        told |= {
+        table |= {(code, other): other for other in SELECTABLE}
+        table |= {
             (code, E.FORCE_IDLE): "idl",
             (code, E.UNSUPPORTED): "hwfa",
             (code, E.FAULT): "hwfa",
             (code, E.CALIBRATE): "cali",
             (code, E.POWER_ON): "cfg",
         }
-    told |= {
+    table |= {
         ("hwfa", E.FORCE_IDLE): "idl",
         ("hwfa", E.POWER_ON): "cfg",
         ("cali", E.FORCE_IDLE): "idl",
@@ -80,7 +80,7 @@ def test_mode_transitions() -> None:
     names = {"cali": M.CALIBRATING.code, "cfg": M.NOT_CONFIGURED.code}
     expected = {
         (names.get(a, a), b): names.get(to, to) if isinstance(to, str) else to
-        for (a, b), to in told.items()
+        for (a, b), to in table.items()
     }
     found = {(word(a), word(b)): word(to) for (a, b), to in modes.TRANSITIONS.items()}
     assert found == expected

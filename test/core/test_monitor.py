@@ -178,7 +178,7 @@ def test_after_a_spike_the_motion_begins_anew() -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 1.1 * CREDIBLE])
 def test_after_a_missing_reading_any_reading_is_good(bad: float) -> None:
-    """The last one stands in for it."""
+    """The last one replaces it."""
     bench = shows(position=0.05)
     bench.step(position=bad)
     assert bench.failed() is Check.POSITION
@@ -285,7 +285,7 @@ def test_a_current_beyond_the_peak_heats_as_the_peak() -> None:
     bench = Bench()
     bench.step(SLOW, current=80.0)
     assert bench.one.overload == pytest.approx((64.0 - 4.0) * ELAPSED)
-    bench.step(SLOW, current=math.nan)  # the last one stands in
+    bench.step(SLOW, current=math.nan)  # the last one replaces it
     assert bench.one.overload == pytest.approx(2.0 * (64.0 - 4.0) * ELAPSED)
 
 

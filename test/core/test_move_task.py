@@ -80,7 +80,7 @@ def test_a_compliant_joint_is_judged_by_its_reference(rig: Rig) -> None:
 
 
 def test_a_blocked_sliding_joint_fails(rig: Rig) -> None:
-    """A tolerance of 1 mm, not of 10: a finger that stands 5 mm away has not arrived."""
+    """A tolerance of 1 mm, not of 10: a finger 5 mm away has not arrived."""
     rig.plant.push("c", -22.0)  # 20 N is what the integral part may give, the rest is 400 N/m
     rig.run(10.0)
     success, message = outcome(rig, MoveTask(rig.board, ["c"], [0.02], [0.1]))

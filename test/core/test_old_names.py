@@ -26,16 +26,16 @@ def test_each_old_method_has_its_new_ones() -> None:
 
 def test_old_methods_write_to_the_log() -> None:
     """D1: where there is a log, the deprecation is written to it."""
-    told: list[str] = []
+    texts: list[str] = []
 
     class Logging(ModeShortcuts):
         def set_control_mode(self, joints: object, modes: object) -> bool:
             return True
 
         def log_deprecated(self, text: str) -> None:
-            told.append(text)
+            texts.append(text)
 
     with pytest.warns(DeprecationWarning, match="set_velocity_mode"):
         assert Logging().set_velocity_mode(0)
-    assert len(told) == 1
-    assert "set_velocity_mode" in told[0]
+    assert len(texts) == 1
+    assert "set_velocity_mode" in texts[0]

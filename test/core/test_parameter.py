@@ -65,7 +65,7 @@ def test_a_configuration_is_frozen_slotted_and_made_by_keywords() -> None:
 
 
 def row(**changes: Any) -> Parameter:
-    """A parameter, a number unless told otherwise."""
+    """A parameter, a number by default."""
     given = {"name": "it", "kind": Kind.DOUBLE, "default": 1.0, "text": "What it is"}
     return Parameter(**(given | changes))
 

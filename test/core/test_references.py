@@ -100,7 +100,7 @@ class Heavy:
 
 @pytest.mark.parametrize("within", [False, True])
 def test_moves_of_a_part_are_as_long_as_its_torques_ask_for(made: Made, within: bool) -> None:
-    """P1: of one part twice as long, of another as without; told as factors."""
+    """P1: of one part twice as long, of another as without; given as factors."""
     heavy: list[Any] = [None, Heavy()]
     references = References(CONFIG, made.state, made.laws, heavy)
     both, targets = np.array([1, 0]), np.array([0.5, 0.2])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""machine.py, requests.py: what starts afresh, what is kept, and what is told as new."""
+"""machine.py, requests.py: what starts afresh, what is kept, and what is reported as new."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_an_interaction_that_is_stored_is_new() -> None:
 
 
 def test_after_a_stop_no_reference_expires() -> None:
-    """P3, P12: of a joint that had a velocity; nothing is told of it."""
+    """P3, P12: of a joint that had a velocity; it is not reported."""
     quick = Timeouts(velocity=0.05)
     rig = ready(board_config(joint("a", timeouts=quick), joint("b", timeouts=quick)))
     rig.enter("vel")
@@ -164,7 +164,7 @@ def test_a_request_together_is_all_or_none() -> None:
 
 
 def test_an_output_that_was_no_number_is_forgotten_with_its_fault() -> None:
-    """F2: what another joint's laws tell later is no fault of this one."""
+    """F2: what another joint's laws report later is no fault of this one."""
     rig = ready(board_config(joint("a"), joint("b")), home=[0.0, 1.9])
     rig.enter("torq")
     rig.board.engine.controller.joints[0].torque_pid.integral = math.nan

@@ -29,7 +29,7 @@ DRIVES = [*chain.from_iterable(combinations(KINDS, k) for k in range(1, len(KIND
 
 
 def one(*drive: SetPoint, **rest) -> BoardConfig:
-    """A board whose joint has such a drive, which does not tell its PWM."""
+    """A board whose joint has such a drive, which does not report its PWM."""
     config = board_of("joint", **rest)
     joint = replace(config.joints[0], drive=drive, max_travel_error=math.inf)
     return replace(config, joints=(joint,))

@@ -31,7 +31,7 @@ def stream(**changes: Any) -> Any:
 def taken(
     made: Any, x: float, d: float, velocity: float | None = None, speed: float = 10.0
 ) -> None:
-    """One more sample, so many s after the last."""
+    """One more sample, ``d`` s after the last."""
     given = velocity is not None
     made.take(x, velocity or 0.0, given, d / PERIOD, PERIOD, speed, WIDE)
 
@@ -426,7 +426,7 @@ def test_an_uneven_stream_may_be_slower(ways: tuple[float, float], flows: bool) 
 
 
 def test_positions_alone_are_fitted_on_both_readings() -> None:
-    """As sent with the five newest where jitter is told from motion best."""
+    """As sent with the five newest where jitter differs from motion most."""
     for interval, few in ((0.02, True), (0.014, False), (0.03, False)):
         made = stream()
         random = np.random.default_rng(5)

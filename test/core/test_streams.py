@@ -120,7 +120,7 @@ def test_jitter_and_loss_are_seen_through(
 
 
 def stalled(rate: float, seconds: float, seed: int) -> Due:
-    """An even stream whose program stands still at times, and sends what it missed in bursts."""
+    """An even stream whose program stalls at times, and sends what it missed in bursts."""
     chance, due, waiting = random.Random(seed), Due(), list[float]()
     until, every = 0, round(1.0 / (rate * PERIOD))
     for cycle in range(round(seconds / PERIOD)):

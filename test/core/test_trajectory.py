@@ -37,7 +37,7 @@ WIDE = {
 
 
 def at(start: float) -> OneJoint:
-    """A joint that stands at a position, and holds it."""
+    """A joint at rest at a position, which it holds."""
     one = OneJoint(**WIDE)
     one.set(position=start)
     one.joint.hold(start)

@@ -223,7 +223,7 @@ def test_refused_goals_do_not_affect_the_running_goal(rig: Goals) -> None:
 
 
 def test_joints_in_another_mode_are_named_with_the_way_out(rig: Goals) -> None:
-    """T2, M2, M4: nobody but the user switches modes; it counts, once, and nothing moves."""
+    """T2, M2, M4: only the user switches modes; it counts, once, and nothing moves."""
     rig.request("set_control_mode", "b", "pos")
     with pytest.raises(
         GoalError, match="for b ignored: mode is POSITION; it is accepted in posd"

@@ -20,7 +20,7 @@ ROBOTS = {
     "scara": str(BENCHMARK / "scara.urdf"),
     "snake": str(BENCHMARK / "snake.urdf"),
 }
-#: Part of the torques that a follower takes, which the model takes to stand.
+#: Part of the torques that a follower needs, which the model takes as fixed.
 FOLLOWERS = {"panda": 0.02}
 
 
@@ -112,7 +112,7 @@ def test_the_load_of_a_pose_is_pinocchios(robot: str) -> None:
 
 
 def test_a_part_has_the_model_of_its_own_joints() -> None:
-    """R1: the rest of the robot stands, what it carries included."""
+    """R1: the rest of the robot is fixed, its load included."""
     names = [joint.name for joint in load("iiwa").board.joints]
     settings = load("iiwa", {"parts.upper": names[:3], "parts.lower": names[3:]})
     model = settings.part("lower").board.model

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motors, friction, heat and limits where nobody gives them: derived from the URDF (F6)."""
+"""Motors, friction, heat and limits that are not given: derived from the URDF (F6)."""
 
 from __future__ import annotations
 
@@ -106,9 +106,9 @@ def test_a_strong_effort_is_accepted_and_an_absurd_one_reported(tmp_path: Path) 
 
 def test_assumptions_are_reported(tmp_path: Path) -> None:
     made = derived(arm(tmp_path, "", kind="continuous"))
-    told = "\n".join(made.warnings)
-    assert "no effort above 0 in the URDF, assumed: hinge" in told
-    assert "no speed above 0 in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in told
+    text = "\n".join(made.warnings)
+    assert "no effort above 0 in the URDF, assumed: hinge" in text
+    assert "no speed above 0 in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in text
     assert "motors of all joints, gains of all joints" in made.notes[0]
     sliding = arm(tmp_path, '<limit lower="0" upper="1" effort="50"/>', kind="prismatic")
     assert "hinge 0.5 m/s; give limits.velocity" in derived(sliding).warnings[0]
@@ -131,9 +131,9 @@ def test_friction_that_leaves_no_torque_is_reported(tmp_path: Path) -> None:
     """With the numbers: friction and damping at full speed, of the torque limit."""
     limit = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
     made = derived(arm(tmp_path, limit, '<dynamics damping="35" friction="12"/>'))
-    (told,) = made.warnings
-    assert "friction and damping at full speed" in told
-    assert "hinge 82 of 100 N·m" in told
+    (text,) = made.warnings
+    assert "friction and damping at full speed" in text
+    assert "hinge 82 of 100 N·m" in text
     most = derived(arm(tmp_path, limit, '<dynamics damping="35" friction="9"/>'))
     assert most.warnings == ()
     own = derived(arm(tmp_path, limit), **{"hinge.motor.coulomb": 120.0})
@@ -149,7 +149,7 @@ def test_a_nominal_current_that_overheats_is_reported() -> None:
 @pytest.mark.parametrize("rate", [200.0, 300.0, 1000.0, 4000.0])
 @pytest.mark.parametrize("wrong", [0.8, 1.0, 1.25])
 def test_the_current_loop_fits_the_control_rate(rate: float, wrong: float) -> None:
-    """P10: V = R i_ref + PI on a winding whose R is not quite as told; no ringing, no lag."""
+    """P10: V = R i_ref + PI on a winding whose R differs slightly; no ringing, no lag."""
     made = load("iiwa", {"control_rate": rate})
     for joint in made.board.joints:
         motor, gains, period = joint.motor, joint.current_pid, 1.0 / rate

@@ -51,7 +51,7 @@ def loop_status(message: DiagnosticArray) -> tuple[bytes, dict[str, str]]:
 def test_slow_cycles_are_counted_caught_up_within_bounds_and_reported() -> None:
     """Cycles that take too long: overruns, skipped periods, diagnostics WARN, then OK again."""
     with hurt("slow", control_rate=100.0, state_rate=100.0) as (board, talker):
-        talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
 
         def fine(message: DiagnosticArray) -> bool:
             return loop_status(message)[0] == DiagnosticStatus.OK
@@ -82,8 +82,8 @@ def test_a_lost_physics_server_ends_the_node() -> None:
         board.process.send_signal(signal.SIGUSR1)
         line = board.wait_for_output("; restart the board")
         board.process.wait(GUARD)
-        told = ("physics server is gone", "physics is closed")
-        assert line.strip() in [f"control_board: the {what}; restart the board" for what in told]
+        causes = ("physics server is gone", "physics is closed")
+        assert line.strip() in [f"control_board: the {what}; restart the board" for what in causes]
         assert "Traceback" not in board.output
 
 
@@ -172,7 +172,7 @@ def test_a_clock_that_jumps_back_or_stops(talker: Talker) -> None:
         lambda: talker.command("command/velocity", velocity),
         lambda s: s.velocity_reference[6] > 0.01,
     )
-    talker.state(lambda s: s.velocity_reference[6] == 0.0)  # P12, though /clock stands still
+    talker.state(lambda s: s.velocity_reference[6] == 0.0)  # P12, though /clock is paused
     talker.node.destroy_publisher(publisher)
 
 

@@ -183,7 +183,7 @@ def test_the_board_has_only_the_permissions_it_uses() -> None:
 
 @pytest.mark.parametrize("profile", ["operator", "monitor"])
 def test_other_nodes_may_use_the_interface_of_the_board(profile: str) -> None:
-    """Whatever a profile calls or hears, the board offers; nobody else offers the same."""
+    """The board alone offers all that a profile calls or subscribes to."""
     board, own = "/control_board", f"/control_board/{profile}"
     both = {"/rosout", "/parameter_events"}
     assert f"{board}/state" in granted(own, "topics", "subscribe")
@@ -203,7 +203,7 @@ def test_other_nodes_may_use_the_interface_of_the_board(profile: str) -> None:
 
 
 def test_a_monitor_sees_everything_and_changes_nothing() -> None:
-    """It calls getters only, and publishes nothing that a board hears."""
+    """It calls getters only, and publishes nothing that a board subscribes to."""
     own = "/control_board/monitor"
     seen = granted("/control_board", "topics", "publish") - {"/rosout"}
     assert granted(own, "topics", "subscribe") == seen

@@ -177,13 +177,13 @@ def test_frames_come_with_the_positions(foxglove: Foxglove, talker: Talker) -> N
     """Transforms of all links, though the board publishes no /tf."""
     joints = published_joints(foxglove.message("/robot_description", String).data)
     all_of_them = {joint.child for joint in joints.values()}
-    told = foxglove.message(
+    received = foxglove.message(
         TF.name, TFMessage, lambda m: {t.child_frame_id for t in m.transforms} == all_of_them
     )
     state = foxglove.message("/joint_states", JointState)
     frames = Frames(joints, state.name)
     k = [edge.child for edge in frames.moving].index("lbr_iiwa_link_4")
-    link = next(t for t in told.transforms if t.child_frame_id == "lbr_iiwa_link_4")
+    link = next(t for t in received.transforms if t.child_frame_id == "lbr_iiwa_link_4")
     turn = link.transform.rotation
     wanted = frames.poses(np.array(state.position))[k, 3:]
     assert [turn.x, turn.y, turn.z, turn.w] == pytest.approx(wanted, abs=1e-2)

@@ -2,7 +2,7 @@
 """The worst figures of docs/motion.md, held on simulated time (SPEC P1, P4, P5, P7, P14, I5, M9).
 
 A few joints of three robots in one pose each; `make motion` measures all of them in all poses.
-What is to be reached stands in benchmark/motion_measure/rows.py.
+What is to be reached is in benchmark/motion_measure/rows.py.
 """
 
 from __future__ import annotations

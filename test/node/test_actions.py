@@ -121,7 +121,7 @@ def test_services_answer_during_a_move(talker: Talker) -> None:
 
 
 def test_a_paused_move_waits_and_the_log_says_so(talker: Talker, board: BoardProcess) -> None:
-    """Time that stands still ends no move."""
+    """Paused time ends no move."""
     assert talker.call("pause", SetBool, data=True).success
     handle = talker.goal("move", Move, names=talker.names[6:], positions=[0.1], speeds=[0.5])
     waiting = talker.within(handle.get_result_async)

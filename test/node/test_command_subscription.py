@@ -65,11 +65,12 @@ class PlayedNode:
 
 
 class Rig:
-    """A command topic of which somebody publishes with best effort, after the handover."""
+    """A command topic with a best-effort publisher, after the handover."""
 
     def __init__(self, clock: SimpleNamespace) -> None:
-        self.node, self.clock, self.heard = PlayedNode(), clock, list[int]()
-        self.topic = CommandSubscription(cast(Node, self.node), TORQUE_COMMAND, self.heard.append)
+        self.node, self.clock, self.received = PlayedNode(), clock, list[int]()
+        accept = self.received.append
+        self.topic = CommandSubscription(cast(Node, self.node), TORQUE_COMMAND, accept)
         best_effort = SimpleNamespace(reliability=ReliabilityPolicy.BEST_EFFORT)
         publisher = SimpleNamespace(node_namespace="/", node_name="x", qos_profile=best_effort)
         self.node.best_effort = [publisher]
@@ -98,7 +99,7 @@ def test_a_message_received_twice_counts_once(rig: Rig, first: str) -> None:
         for one in order:
             one.serve()
         rig.pass_time()
-    assert rig.heard == [1, 2]
+    assert rig.received == [1, 2]
 
 
 @pytest.mark.parametrize("first", ["reliable", "best_effort"])
@@ -114,7 +115,7 @@ def test_none_is_lost_or_doubled_when_the_best_effort_one_goes(rig: Rig, first: 
         for one in rig.node.there:
             one.serve()
     assert rig.node.there == [rig.reliable]
-    assert rig.heard == [1, 2, 3]
+    assert rig.received == [1, 2, 3]
 
 
 def test_it_stays_for_a_publisher_that_comes_back(rig: Rig) -> None:
@@ -127,14 +128,14 @@ def test_it_stays_for_a_publisher_that_comes_back(rig: Rig) -> None:
         rig.pass_time()
         rig.best_effort.serve()
     assert rig.node.there == [rig.reliable, rig.best_effort]
-    assert rig.heard == [1, 2, 3]
+    assert rig.received == [1, 2, 3]
 
 
 def test_messages_without_a_time_stamp_all_count(rig: Rig) -> None:
     for _ in range(3):
         rig.best_effort.publish(0)
     rig.best_effort.serve()
-    assert rig.heard == [0, 0, 0]
+    assert rig.received == [0, 0, 0]
 
 
 def test_best_effort_publishers_are_reported_by_name(rig: Rig) -> None:
@@ -146,8 +147,8 @@ def test_best_effort_publishers_are_reported_by_name(rig: Rig) -> None:
     publisher.node_name = "teleoperation"
     for _ in range(3):
         rig.pass_time()
-    (told,) = rig.node.warnings
-    assert told.startswith("/teleoperation publishes ")
+    (warning,) = rig.node.warnings
+    assert warning.startswith("/teleoperation publishes ")
 
 
 def test_nameless_best_effort_publishers_are_reported(rig: Rig) -> None:

@@ -55,11 +55,11 @@ def test_a_hand_is_moved_over_ros(talker: Talker, client: ControlBoardClient) ->
     assert client.position_move("l_pinky", 2.4)
     until(lambda: client.check_motion_done("l_pinky"))
     until(lambda: abs(client.get_encoder("l_pinky")[0] - 2.4) < 0.01)
-    heard: list[JointState] = []
-    listening = talker.node.create_subscription(JointState, "/joint_states", heard.append, 10)
-    until(lambda: bool(heard))
+    received: list[JointState] = []
+    listening = talker.node.create_subscription(JointState, "/joint_states", received.append, 10)
+    until(lambda: bool(received))
     talker.node.destroy_subscription(listening)
-    state = heard[-1]
+    state = received[-1]
     assert tuple(state.name) == coupling.physical_joints
     found = dict(zip(state.name, state.position, strict=True))
     for finger in ("ring", "little"):

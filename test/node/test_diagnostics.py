@@ -88,7 +88,7 @@ def test_rejected_commands_are_reported_once() -> None:
 
 @pytest.mark.parametrize(("left", "level"), [(11.0, b"\0"), (9.0, b"\1")])
 def test_heat_is_reported_before_it_is_a_fault(left: float, level: bytes) -> None:
-    """F6: within 10 K of the limit, in the joint's status; its key tells the limit."""
+    """F6: within 10 K of the limit, in the joint's status; its key has the limit."""
     limit = 25.0 + left
     status = Watched("a", temperature=limit).statuses()[1]
     assert status.level == level

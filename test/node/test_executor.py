@@ -57,16 +57,16 @@ def served() -> Iterator[Served]:
 
 def test_it_serves_entities_made_while_it_spins(served: Served) -> None:
     """Services, clients, topics and timers may come and go."""
-    heard: list[str] = []
+    received: list[str] = []
     node = served.node
-    node.create_subscription(String, "talk", lambda m: heard.append(m.data), 10)
+    node.create_subscription(String, "talk", lambda m: received.append(m.data), 10)
     publisher = node.create_publisher(String, "talk", 10)
     timer = node.create_timer(
         0.01,
         lambda: publisher.publish(String(data="tick")),
         clock=Clock(clock_type=ClockType.STEADY_TIME),
     )
-    until(lambda: len(heard) >= 5)
+    until(lambda: len(received) >= 5)
     node.destroy_timer(timer)
     node.create_service(Trigger, "ask", lambda _, r: Trigger.Response(success=True, message="yes"))
     client = node.create_client(Trigger, "ask")
@@ -78,14 +78,14 @@ def test_it_serves_entities_made_while_it_spins(served: Served) -> None:
 
 
 def test_it_lives_on_when_callbacks_raise(served: Served) -> None:
-    """No callback of any kind ends it, and each is told with its name."""
-    node, heard = served.node, []
+    """No callback of any kind ends it, and each is reported with its name."""
+    node, received = served.node, []
 
     def fail(*_: Any) -> Any:
         raise RuntimeError("on purpose")
 
     def subscribed(message: Any) -> None:
-        heard.append(message)
+        received.append(message)
         fail()
 
     node.create_subscription(String, "talk", subscribed, 10)
@@ -100,7 +100,7 @@ def test_it_lives_on_when_callbacks_raise(served: Served) -> None:
     assert client.wait_for_service(GUARD)
     client.call_async(Trigger.Request())
     guard.trigger()
-    until(lambda: publisher.publish(String()) or len(heard) >= 3)
+    until(lambda: publisher.publish(String()) or len(received) >= 3)
     wheres = {"/talk", "/ask", "Timer", "GuardCondition"}
     until(lambda: {where for _, where in served.errors} >= wheres)
     assert {text for text, _ in served.errors} == {"on purpose"}

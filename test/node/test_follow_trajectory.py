@@ -189,7 +189,9 @@ def test_a_mode_set_while_time_is_paused_aborts_the_goal(talker: Talker, names: 
 
 def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -> None:
     """Reference, feedback, error and output of all joints, as often as ~/state."""
-    talker.hear("controller", JointTrajectoryControllerState, f"{talker.board}/controller_state")
+    talker.subscribe(
+        "controller", JointTrajectoryControllerState, f"{talker.board}/controller_state"
+    )
     talker.wait("controller", lambda _: True)
     begun = time.time_ns()
     handle = send(talker, trajectory=trajectory(names, (4.0, [0.2, 0.1])))

@@ -118,7 +118,7 @@ def test_commands_accepted_by_no_mode_are_counted_and_reported(driven: Driven) -
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf])
 def test_infinite_is_refused(driven: Driven, value: float) -> None:
-    """P13: what is not finite and no NaN is ignored, counted and told."""
+    """P13: infinite values are ignored, counted and reported."""
     driven.modes(M.POSITION_DIRECT, M.IDLE, M.IDLE)
     before = driven.board.get_ref_position("a")[0]
     (reply,) = driven.command(a_position=value)

@@ -115,7 +115,7 @@ SYSTEM_AHEAD = 1_700_000_000 * 10**9
 
 
 class ManualClock:
-    """The time module for a pacer: it stands still, but for sleeps.
+    """The time module for a pacer: its time passes in sleeps only.
 
     Attributes: held_up (for how long the thread loses the processor after each look at the
     system's clock, s, in turn).
@@ -172,13 +172,13 @@ def test_a_delayed_thread_reads_the_same_time(clock: ManualClock) -> None:
 
 
 def test_without_close_readings_the_closest_counts(clock: ManualClock) -> None:
-    """On a machine that holds every reading up, the time told errs by half the shortest pause."""
+    """Where every reading is delayed, the reported time errs by half the shortest pause."""
     clock.held_up = [0.02, 0.001, 0.005, *[0.01] * 20]
     assert abs(Pacer(2.0**-10).due_time() - 100 * 10**9 - SYSTEM_AHEAD) <= 500_000
 
 
 def test_after_a_restart_the_deadlines_start_anew(clock: ManualClock) -> None:
-    """As after a pause: time that stood still is no overrun."""
+    """As after a pause: paused time is no overrun."""
     pacer = Pacer(2.0**-10)
     pacer.restart()
     pacer.wait()
@@ -240,7 +240,7 @@ def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:
 
 
 def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
-    """The thread ends, and tells what failed."""
+    """The thread ends, and reports what failed."""
     error = PlantGone("the physics server is gone")
     rig.plant.fails = {20: error}
     rig.loop.start()
@@ -301,11 +301,11 @@ def test_modes_set_while_paused_are_noted_at_once(fast: Rig) -> None:
     fast.loop.start()
     fast.run_to(10)
     fast.loop.pause(True)
-    told = threading.Event()
-    fast.loop.snapshots.on_change = told.set
+    changed = threading.Event()
+    fast.loop.snapshots.on_change = changed.set
     with fast.loop.exclusive() as board:
         board.set_control_mode("a", "vel")
-    assert told.is_set()
+    assert changed.is_set()
     assert fast.loop.snapshots.modes.control[0].code == "vel"
 
 
@@ -314,16 +314,16 @@ def test_steps_are_exact(fast: Rig) -> None:
     fast.loop.start()
     fast.run_to(10)
     fast.loop.pause(True)
-    told: SimpleQueue[str] = SimpleQueue()
+    answers: SimpleQueue[str] = SimpleQueue()
     for count in (1, 7, 1000):
         before = fast.board.cycle
-        assert fast.loop.step(count, told.put) == ""
-        assert told.get(timeout=GUARD) == ""
+        assert fast.loop.step(count, answers.put) == ""
+        assert answers.get(timeout=GUARD) == ""
         assert fast.board.cycle == before + count
 
 
 def test_steps_out_of_place_are_refused(fast: Rig) -> None:
-    """While time passes, of no cycles, and beside others; those left at the end are told."""
+    """While time passes, of no cycles, and beside others; those left at the end are reported."""
     texts: list[str] = []
     assert "~/pause" in fast.loop.step(5, texts.append)
     fast.loop.pause(True)
@@ -357,11 +357,11 @@ def test_steps_are_answered_when_their_last_state_is_published(factor: float) ->
     for count in (1, 7, 40):
         due, done = rig.board.cycle + count, threading.Event()
 
-        def tell(_: str, due: int = due, done: threading.Event = done) -> None:
+        def note(_: str, due: int = due, done: threading.Event = done) -> None:
             answered.append((published[-1:], due))
             done.set()
 
-        assert rig.loop.step(count, tell) == ""
+        assert rig.loop.step(count, note) == ""
         assert done.wait(GUARD)
     rig.loop.stop()
     thread.stop()
@@ -387,7 +387,7 @@ def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_late_cycles_carry_stamps_that_fit(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cycles that are caught up are stamped as far apart as their readings.
 
-    Where nobody sets the system's clock: a machine that does so here is not what is tried.
+    Where the system's clock is not set meanwhile.
     """
     ahead = timing.system_ahead()
     monkeypatch.setattr(timing, "system_ahead", lambda: ahead)
@@ -501,24 +501,24 @@ def test_reset_goes_home(fast: Rig) -> None:
 
 def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     """WARN in the second with the overruns, OK in the next one."""
-    told = Diagnostics(rig.loop, "rig")
+    diagnostics = Diagnostics(rig.loop, "rig")
     rig.loop.start()
     rig.run_to(20)
-    told.message(Time())
+    diagnostics.message(Time())
     with rig.loop.exclusive():
         rig.plant.slow = {rig.plant.cycle + 50: 0.05}
     rig.run_to(rig.board.cycle + 150)
-    status = told.message(Time()).status[0]
+    status = diagnostics.message(Time()).status[0]
     assert status.name == "control_board: loop"
     assert status.level == DiagnosticStatus.WARN
     assert "overruns" in status.message
     rig.loop.pause(True)  # on a busy machine, there are overruns in every second
-    told.message(Time())
-    assert told.message(Time()).status[0].level == DiagnosticStatus.OK
+    diagnostics.message(Time())
+    assert diagnostics.message(Time()).status[0].level == DiagnosticStatus.OK
 
 
 def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
-    """While it runs, after the next tick; at once while time stands still."""
+    """While it runs, after the next tick; at once while time is paused."""
     rig.loop.start()
     rig.run_to(10)
     cycles: list[int] = []

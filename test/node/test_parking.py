@@ -42,11 +42,11 @@ def loop() -> Iterator[ControlLoop]:
 
 def parked(loop: ControlLoop, pose: Pose = PARK, at_once: bool = False) -> tuple[str, list[float]]:
     """Why it is not parked, and how long it was to take."""
-    told: list[float] = []
+    progress: list[float] = []
     second = threading.Event()
     if at_once:
         second.set()
-    return park(Member(loop, loop.board), pose, told.append, second), told
+    return park(Member(loop, loop.board), pose, progress.append, second), progress
 
 
 def test_it_goes_to_park_first(loop: ControlLoop) -> None:

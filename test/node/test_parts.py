@@ -60,8 +60,8 @@ def test_throttled_log_counts_every_command_of_each_joint() -> None:
         if value % 10 == 9:
             log.flush()
     counts = [re.search(r"for (joint_\d) ignored \((\d+) ignored in", line) for line in lines]
-    told = [(found[1], int(found[2])) for found in counts if found]
-    assert told == [("joint_1", 10), ("joint_2", 10)] * 3
+    counted = [(found[1], int(found[2])) for found in counts if found]
+    assert counted == [("joint_1", 10), ("joint_2", 10)] * 3
     log.say(lines.append, "a single one; why")
     log.flush()
     assert lines[-1] == "a single one; why"
@@ -146,15 +146,15 @@ def test_stamps() -> None:
 
 
 def test_faults_as_messages() -> None:
-    """Only active faults are told; a joint without one has code −1 and time 0."""
+    """Only active faults are reported; a joint without one has code −1 and time 0."""
     records = [
         FaultRecord("a"),
         FaultRecord("b", active=True, code=1, text="overcurrent", stamp=2.0),
     ]
-    told = messages.joint_faults(records, [0, 7_000_000_000], 8_000_000_000)
-    assert [fault.name for fault in told.faults] == ["b"]
-    assert told.faults[0].stamp.sec == 7
-    assert told.header.stamp.sec == 8
+    message = messages.joint_faults(records, [0, 7_000_000_000], 8_000_000_000)
+    assert [fault.name for fault in message.faults] == ["b"]
+    assert message.faults[0].stamp.sec == 7
+    assert message.header.stamp.sec == 8
     assert messages.joint_fault(records[0], 0).code == -1
 
 

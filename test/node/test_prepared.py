@@ -109,7 +109,7 @@ def test_a_snapshot_of_another_size_is_no_broken_message(snapshot: Snapshot) -> 
 
 
 def padding(message: Any) -> list[int]:
-    """Places of the bytes that nobody reads: a message that differs in them reads the same."""
+    """Places of the padding bytes: a message that differs in them reads the same."""
     whole = bytes(serialize_message(message))
     found = []
     for k in range(2, len(whole)):

@@ -175,7 +175,7 @@ def two() -> Iterator[tuple[BoardProcess, BoardProcess]]:
 
 @pytest.mark.slow
 def test_two_boards_in_two_namespaces(two: tuple[BoardProcess, BoardProcess]) -> None:
-    """Everything is relative: what one board is told, the other does not hear."""
+    """Everything is relative: commands to one board do not reach the other."""
     left, right = two
     with (
         talking_to(left, "left_talker") as a,
@@ -184,7 +184,7 @@ def test_two_boards_in_two_namespaces(two: tuple[BoardProcess, BoardProcess]) ->
         assert a.set_mode([], "posd").success
         assert set(a.modes()) == {"posd"}
         assert set(b.modes()) == {"pos"}
-        a.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        a.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
         for side in ("left", "right"):
             a.wait("diagnostics", lambda d: d.status[0].name == f"{side}/control_board: loop")  # noqa: B023
         name = b.names[6]
@@ -219,16 +219,16 @@ def test_a_namesake_of_another_user_is_reported(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "text"),
     [
         (["-p", "lbr_iiwa_joint_1.limits.lower:=9.0"], "limits.upper: 2.93"),
         (["-r", "__node:=no spaces"], "no spaces"),
         (["-r", "__ns:=/a//b"], "/a//b"),
     ],
 )
-def test_wrong_settings_end_it_with_one_line(arguments: list[str], told: str) -> None:
+def test_wrong_settings_end_it_with_one_line(arguments: list[str], text: str) -> None:
     """Exit code 2, one line, no traceback."""
-    assert told in refused("--ros-args", *arguments)
+    assert text in refused("--ros-args", *arguments)
 
 
 @pytest.mark.parametrize(
@@ -297,10 +297,10 @@ def unusual() -> Iterator[tuple[BoardProcess, Talker]]:
 
 
 def test_use_sim_time_makes_one_time(unusual: tuple[BoardProcess, Talker]) -> None:
-    """Stamps are simulated time, /clock tells it; it cannot be changed while the board runs."""
+    """Stamps and /clock are simulated time; it cannot be changed while the board runs."""
     board, talker = unusual
     board.wait_for_output("use_sim_time: stamps are simulated time")
-    talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+    talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
     clock = talker.wait("clock", lambda _: True, fresh=True).clock
     assert clock.sec < 10_000
     assert talker.state().header.stamp.sec < 10_000
@@ -352,19 +352,19 @@ def set_double(talker: Talker, name: str, value: float) -> Any:
 def test_a_change_of_pace_keeps_the_time() -> None:
     """real_time_factor set live: no stamp goes back, and diagnostics have the same clock."""
     with board_process() as board, talking_to(board) as talker:
-        talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
         started, begun = time.monotonic(), stamp_of(talker.state())
         assert begun == pytest.approx(time.time(), abs=30.0)
-        talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+        talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
         for factor in (4.0, 0.5):
             assert set_double(talker, "real_time_factor", factor).successful
             first = stamp_of(talker.state())
             talker.state(lambda s, first=first: stamp_of(s) > first + 0.5)
             clock = talker.wait("clock", lambda _: True, fresh=True).clock
             assert clock.sec + 1e-9 * clock.nanosec > first
-            told = stamp_of(talker.wait("diagnostics", lambda _: True, fresh=True))
-            assert told > first
-            talker.state(lambda s, told=told: stamp_of(s) >= told)
+            stamp = stamp_of(talker.wait("diagnostics", lambda _: True, fresh=True))
+            assert stamp > first
+            talker.state(lambda s, stamp=stamp: stamp_of(s) >= stamp)
         for key in ("state", "diagnostics"):
             stamps = [stamp_of(message) for message in talker.seen[key]]
             assert stamps == sorted(stamps)

@@ -31,7 +31,7 @@ def still(talker: Talker) -> Any:
 
 def test_stamps_and_clock_are_simulated_time(talker: Talker) -> None:
     """/clock runs where simulated and real time differ, and stamps go by it."""
-    talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+    talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
     clock = talker.wait("clock", lambda _: True, fresh=True).clock
     state = talker.state()
     assert clock.sec < 10_000
@@ -51,7 +51,7 @@ def test_step_runs_exactly_the_requested_cycles(talker: Talker) -> None:
 
 def test_diagnostics_follow_rep_107(talker: Talker) -> None:
     """Once a second, one status for the loop and one per joint."""
-    talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+    talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
     array = talker.wait("diagnostics", lambda _: True)
     assert [status.name for status in array.status] == [
         f"control_board: {name}" for name in ("loop", *talker.names)

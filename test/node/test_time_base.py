@@ -14,7 +14,7 @@ PERIOD = 0.001
 
 
 def run(base: TimeBase, begin: float, cycles: int, system: int) -> list[int]:
-    """Stamps of so many cycles at real time, corrected in every tenth."""
+    """Stamps of some cycles at real time, corrected in every tenth."""
     stamps = []
     for k in range(cycles):
         now = begin + k * PERIOD
@@ -75,7 +75,7 @@ def test_a_clock_far_ahead_is_followed_at_once(ahead: int) -> None:
 
 @pytest.mark.parametrize("ahead", [500_000_000, 60 * NANOSECONDS])
 def test_after_a_pause_stamps_jump_to_the_clock(ahead: int) -> None:
-    """What stands still has no speed that a jump could falsify; once, and never backwards."""
+    """A joint at rest has no speed that a jump could falsify; once, and never backwards."""
     base = made()
     run(base, 0.0, 100, START)
     base.resume()

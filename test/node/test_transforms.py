@@ -57,7 +57,7 @@ def test_a_board_publishes_the_frames_of_its_joint_states() -> None:
     frames = frames_of(settings.urdf, settings.board.names)
     states: dict[tuple[int, int], Any] = {}
     moving: list[Any] = []
-    standing: list[Any] = []
+    static: list[Any] = []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
     def time_of(message: Any) -> tuple[int, int]:
@@ -76,12 +76,12 @@ def test_a_board_publishes_the_frames_of_its_joint_states() -> None:
     ):
         node.create_subscription(JointState, "joint_states", keep, 10)
         node.create_subscription(TFMessage, "/tf", moving.append, 100)
-        node.create_subscription(TFMessage, "/tf_static", standing.append, latched)
-        until(lambda: len(pairs()) > 5 and bool(standing))
+        node.create_subscription(TFMessage, "/tf_static", static.append, latched)
+        until(lambda: len(pairs()) > 5 and bool(static))
     state, message = pairs()[-1]
     assert tuple(state.name) == settings.board.names
     poses = frames.poses(np.array(state.position))
     assert message == tf_message(frames.moving, poses, state.header.stamp)
-    (fixed,) = standing
-    told = [one.child_frame_id for one in [*message.transforms, *fixed.transforms]]
-    assert sorted(told) == sorted(set(settings.urdf.tree.links) - {settings.urdf.tree.base})
+    (fixed,) = static
+    children = [one.child_frame_id for one in [*message.transforms, *fixed.transforms]]
+    assert sorted(children) == sorted(set(settings.urdf.tree.links) - {settings.urdf.tree.base})

@@ -95,7 +95,7 @@ def test_the_table_has_degrees_both_limits_and_no_endless_number() -> None:
 
 
 def test_the_table_is_no_wider_than_it_must() -> None:
-    """Stops stand only where they differ, and modes that all joints have below."""
+    """Stops are listed only where they differ, and modes that all joints have below."""
     limits = TURNING | {"hard_lower": -2.0, "hard_upper": 2.0}
     names = ["a_joint_with_a_long_name", "and_another_one_that_is_longer"]
     lines = table([joint(name, limits=limits) for name in names])

@@ -77,10 +77,10 @@ def at_rest(talker: Talker) -> None:
 
 
 def near(yarp: YarpClient, names: list[str], target: list[float]) -> bool:
-    """Whether joints are where they shall be, as get_position tells."""
-    told = yarp.call("get_position", names=names)
-    assert told.response == "OK"
-    pairs = zip(told.positions, target, strict=True)
+    """Whether joints have reached their targets, by get_position."""
+    found = yarp.call("get_position", names=names)
+    assert found.response == "OK"
+    pairs = zip(found.positions, target, strict=True)
     return all(abs(position - wanted) < ARRIVED for position, wanted in pairs)
 
 
@@ -158,10 +158,10 @@ def test_direct_positions_and_velocities(yarp: YarpClient, talker: Talker) -> No
 
 def test_modes_are_published_with_the_states(yarp: YarpClient, talker: Talker) -> None:
     """First letters, as there, and whole vocabs beside them."""
-    talker.hear("letters", Int8MultiArray, "/joint_states/controlModes")
-    talker.hear("vocabs", Int32MultiArray, "/joint_states/controlModeVocabs")
+    talker.subscribe("letters", Int8MultiArray, "/joint_states/controlModes")
+    talker.subscribe("vocabs", Int32MultiArray, "/joint_states/controlModeVocabs")
     answer = yarp.call("set_modes", names=talker.names[:1], modes=["VELOCITY"])
     assert answer.response == "OK"
     for key, velocity, position in (("letters", ord("v"), ord("p")), ("vocabs", 7103862, 7565168)):
-        told = talker.wait(key, lambda m, v=velocity: m.data[0] == v)
-        assert list(told.data[1:]) == [position] * 6
+        message = talker.wait(key, lambda m, v=velocity: m.data[0] == v)
+        assert list(message.data[1:]) == [position] * 6

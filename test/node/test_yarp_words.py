@@ -121,7 +121,7 @@ def test_one_mode_per_joint(modes: list[str], count: int) -> None:
 
 
 def test_modes_that_all_joints_implement(rig: Asked) -> None:
-    """The others are told with the joints that do; setting a listed one faults nobody (M5)."""
+    """The others are listed with the joints that do; setting a listed one faults nobody (M5)."""
     modes, text = available(rig.board.config.joints)
     assert modes == ["FORCE_IDLE", "IDLE", "MIXED", "POSITION"]
     assert text.startswith("some joints only: IMPEDANCE_POS (a); IMPEDANCE_VEL (a); OPENLOOP (a)")
@@ -134,14 +134,14 @@ def test_modes_that_all_joints_implement(rig: Asked) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "request_", "word", "told"),
+    ("name", "kind", "request_", "word", "text"),
     [
         ("get_modes", srv.GetControlModes, {"names": ["c"]}, "NAMES_ERROR", "joint 'c' unknown"),
         ("get_position", srv.GetPosition, {"names": ["c"]}, "NAMES_ERROR", "joint 'c' unknown"),
         ("get_velocity", srv.GetVelocity, {"names": ["c"] * 60_000}, "NAMES_ERROR", "'c' unknown"),
         *(
-            ("get_joints_names", srv.GetJointsNames, {"joint_indexes": indices}, word, told)
-            for indices, word, told in (
+            ("get_joints_names", srv.GetJointsNames, {"joint_indexes": indices}, word, text)
+            for indices, word, text in (
                 ([-1], "GET_NAME_ERROR", "joints are 0 to 1"),
                 ([2], "GET_NAME_ERROR", "index 2 out of range"),
                 ([0] * 3, "SIZE_ERROR", "3 indices for 2 joints"),
@@ -150,11 +150,11 @@ def test_modes_that_all_joints_implement(rig: Asked) -> None:
     ],
 )
 def test_every_refusal_of_a_reading_has_its_word_and_its_reason(
-    rig: Asked, name: str, kind: Any, request_: dict[str, Any], word: str, told: str
+    rig: Asked, name: str, kind: Any, request_: dict[str, Any], word: str, text: str
 ) -> None:
     answer = rig.call(name, kind, **request_)
     assert answer.response == word
-    assert told in answer.opt_descr
+    assert text in answer.opt_descr
 
 
 @pytest.mark.parametrize(
@@ -261,7 +261,7 @@ def test_a_stream_of_one_target_is_one_move(rig: Asked) -> None:
 
 
 def test_a_stream_of_small_steps_is_followed_without_a_word(rig: Asked) -> None:
-    """As of a trajectory controller; a target that a limit bounds is told."""
+    """As of a trajectory controller; a target that a limit bounds is reported."""
     reference = 0.0
     for k in range(100):
         reference = 0.02 * (1.0 - math.cos(0.02 * math.pi * k))
@@ -349,16 +349,16 @@ def test_offered_endpoints(
     below: str | None,
     missing: set[str],
 ) -> None:
-    """Nothing by default; without a name the modes only; a name that the board has is told."""
+    """Nothing by default; without a name the modes only; a name that the board has is reported."""
     with free_domain() as domain, ros_node(domain, "board", namespace="/left", spin=False) as node:
         before = {service.srv_name for service in node.services}
         states: Any = SimpleNamespace(also=[])
-        heard = offer_yarp(node, rig, values, states, Reporter(node), rig.requests)
+        received = offer_yarp(node, rig, values, states, Reporter(node), rig.requests)
         services = {service.srv_name for service in node.services} - before
         commands = {subscription.topic_name for subscription in node.subscriptions}
         topics = {publisher.topic_name for publisher in node.publishers}
-    told = {"/left/joint_states/controlModes", "/left/joint_states/controlModeVocabs"}
-    assert topics & told == (set() if below is None else told)
+    yarp_topics = {"/left/joint_states/controlModes", "/left/joint_states/controlModeVocabs"}
+    assert topics & yarp_topics == (set() if below is None else yarp_topics)
     assert len(states.also) == (below is not None)
     expected: dict[str, set[str]] = {
         kind: {f"{below}/{name}" for name, row in ROW.items() if row.kind == kind}
@@ -368,7 +368,7 @@ def test_offered_endpoints(
     }
     clash = {f"{below}/{name}" for name in missing} if below else set()
     assert commands == expected["command"]
-    assert len(heard) == len(commands)
+    assert len(received) == len(commands)
     assert services == expected["service"] - clash
     warned = capfd.readouterr().err
     assert all(name in warned for name in clash)

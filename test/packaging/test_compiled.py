@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What runs in every cycle runs compiled and as plain Python, and it can be told which."""
+"""What runs in every cycle runs compiled and as plain Python, and reports which."""
 
 from __future__ import annotations
 
@@ -139,8 +139,8 @@ def test_a_changed_source_runs_in_the_place_of_the_compiled_module(copy: Path) -
     assert run(TELL, copy.parent) == "compiled"
     with (copy / "core/laws/laws.py").open("a", encoding="utf-8") as file:
         file.write("\nCHANGED = 42\n")
-    told = run(TELL, copy.parent)
-    assert told == "uncompiled (laws.py changed since; install it again)"
+    text = run(TELL, copy.parent)
+    assert text == "uncompiled (laws.py changed since; install it again)"
     code = "import control_board_ros.core.laws.laws as laws"
     assert run(f"{code}; print(laws.CHANGED, laws.__file__)", copy.parent) == (
         f"42 {copy / 'core/laws/laws.py'}"

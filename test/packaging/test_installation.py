@@ -44,8 +44,8 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[types.M
 
 
 def test_a_module_may_miss_packages_of_an_extra(package: types.ModuleType) -> None:
-    told = installation.modules(package, ["not-there-at-all>=1; extra == 'some'"])
-    assert told == "0 modules; optional, not installed: not-there-at-all"
+    text = installation.modules(package, ["not-there-at-all>=1; extra == 'some'"])
+    assert text == "0 modules; optional, not installed: not-there-at-all"
 
 
 def test_a_module_may_not_miss_required_packages(package: types.ModuleType) -> None:

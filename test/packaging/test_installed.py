@@ -59,7 +59,7 @@ def test_command_has_something_to_call(command: str, module: str) -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_ros2_run_and_shells_find_a_command(command: str) -> None:
-    """In lib/control_board_ros for `ros2 run`, in bin for shells, whoever installed it."""
+    """In lib/control_board_ros for `ros2 run`, in bin for shells, however it was installed."""
     prefix = Path(get_package_prefix("control_board_ros"))
     for place in (f"lib/control_board_ros/{command}", f"bin/{command}"):
         assert (prefix / place).exists(), f"{place} is not installed; run `make setup`"

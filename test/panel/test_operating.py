@@ -76,7 +76,7 @@ def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_holds_end_with_the_operator(panel: Panel) -> None:
-    """The one who takes over gets joints that stand."""
+    """An operator who takes over gets joints at rest."""
     first, second = panel.browser(), panel.browser()
     first.read("hello")
     two = second.read("hello")["you"]

@@ -106,8 +106,8 @@ def test_exceptions_of_the_plant_are_reported_verbatim(apart: PlantApart) -> Non
 
 
 def test_impossible_configurations_are_one_line(offered: Path) -> None:
-    for name, told in (("lever", "'lever' unknown; did you mean"), ("levers", "cannot be made")):
-        with pytest.raises(PlantSettingsError, match=told) as caught:
+    for name, text in (("lever", "'lever' unknown; did you mean"), ("levers", "cannot be made")):
+        with pytest.raises(PlantSettingsError, match=text) as caught:
             PlantApart(name, ["a"], [], NEVER)
         assert "\n" not in str(caught.value)
 

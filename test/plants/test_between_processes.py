@@ -27,7 +27,7 @@ DRIVERS = ("moteus", "mit_can", "cia402", "odrive_can")
 
 @pytest.fixture
 def address() -> str:
-    """A bus that nobody else is on."""
+    """A bus of its own."""
     port = random.SystemRandom().randrange(20_000, 60_000)
     try:
         can.Bus(interface="udp_multicast", channel=GROUP, port=port).shutdown()

@@ -143,14 +143,14 @@ def test_nothing_is_moved_without_a_yes(
 def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT.replace("virtual/moteus", "''"))
-    for words, told in (
+    for words, text in (
         (["try", str(path), "--yes"], "is no driver in the box; known: moteus"),
         (["try", str(tmp_path / "none.yaml")], "none.yaml"),
         (["scan", "moteus", "--bus", "nonsense:1"], "use INTERFACE:CHANNEL"),
     ):
         assert main(words) == 1
         error = capsys.readouterr().err
-        assert told in error
+        assert text in error
         assert error.count("\n") == 1
 
 

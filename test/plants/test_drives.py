@@ -573,7 +573,7 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "text"),
     [
         ({"model": "rs02"}, "left: no MIT frame sets the watchdog .* canTimeout .* unwatched=1"),
         ({"right.model": "rs99"}, "right.model=rs99: unknown; known: damiao, rs00, .*"),
@@ -581,9 +581,9 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
         ({"ids": "1,16"}, "right.id=16: 1 to 15 is required"),
     ],
 )
-def test_mit_motors_that_cannot_be_are_refused(options: dict[str, str], told: str) -> None:
+def test_mit_motors_that_cannot_be_are_refused(options: dict[str, str], text: str) -> None:
     """S5: what the frames of a make cannot do, the user confirms."""
-    with pytest.raises(PlantSettingsError, match=told):
+    with pytest.raises(PlantSettingsError, match=text):
         Bench("mit_can", options=options)
 
 
@@ -611,12 +611,12 @@ def test_an_odrive_of_another_firmware_needs_its_own_table_of_parameters(tmp_pat
     file.write_text(json.dumps(about))
     version = f.Version(2, "4.4", "0.6.11")
     assert f.endpoints(version, str(file)) == f.KNOWN["0.6.11", "4.4"]
-    for other, given, told in (
+    for other, given, text in (
         (version._replace(firmware="0.6.8"), "", "of firmware 0.6.8 .* endpoints=FILE"),
         (version._replace(firmware="0.6.8"), str(file), "is of firmware 0.6.11 .* has 0.6.8"),
         (version, str(tmp_path), "flat_endpoints.json of the drives' firmware is required"),
     ):
-        with pytest.raises(PlantSettingsError, match=told):
+        with pytest.raises(PlantSettingsError, match=text):
             f.endpoints(other, given)
 
 

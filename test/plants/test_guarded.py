@@ -133,7 +133,7 @@ def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench:
 
 
 @pytest.mark.parametrize(
-    ("answer", "told"),
+    ("answer", "text"),
     [
         (42, "a reading is int; Readings is required"),
         (Readings(position=np.zeros(3)), r"position has shape (3,); (2,) is required"),
@@ -143,12 +143,12 @@ def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench:
     ],
 )
 def test_a_plant_that_returns_nonsense_is_a_fault_that_says_which(
-    bench: Bench, answer: object, told: str
+    bench: Bench, answer: object, text: str
 ) -> None:
     """B3."""
     bench.plant.answer = answer
     bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2)
-    assert told in bench.text(0)
+    assert text in bench.text(0)
     bench.plant.answer = None
     recovers(bench)
 
@@ -403,7 +403,7 @@ def test_a_plant_that_is_not_there_at_start_is_a_fault_and_no_end() -> None:
 
 
 class Telling(Levers):
-    """Its drives tell their limits when they are connected."""
+    """Its drives report their limits when they are connected."""
 
     allowed = iter((None, 1.0, 1.0, 0.5))
 

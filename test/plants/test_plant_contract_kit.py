@@ -157,7 +157,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", WRONG)
 def test_contract_violations_are_reported_in_one_line(name: str, quick: None) -> None:
-    make, told = WRONG[name]
+    make, text = WRONG[name]
     made: list[Servos] = []
     Locked.taken = False
 
@@ -170,7 +170,7 @@ def test_contract_violations_are_reported_in_one_line(name: str, quick: None) ->
 
     (found,) = check(one, [BY_NAME[name]], fail=fail)
     assert (found.check, found.outcome) == (name, Outcome.BROKEN), found
-    assert told in found.text
+    assert text in found.text
     assert "\n" not in found.text
 
 

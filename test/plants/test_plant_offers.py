@@ -43,7 +43,7 @@ def test_a_plant_is_made_of_its_name_joints_and_arguments(levers: None) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "arguments", "told"),
+    ("name", "arguments", "text"),
     [
         ("lever", [], r"'lever' unknown; did you mean 'levers'\?; known: .*levers"),
         ("levers", ["speed"], r"plant_arguments: 'speed' is not allowed; use name=value"),
@@ -52,9 +52,9 @@ def test_a_plant_is_made_of_its_name_joints_and_arguments(levers: None) -> None:
     ],
 )
 def test_impossible_configurations_are_one_line(
-    levers: None, name: str, arguments: list[str], told: str
+    levers: None, name: str, arguments: list[str], text: str
 ) -> None:
-    with pytest.raises(PlantSettingsError, match=told) as caught:
+    with pytest.raises(PlantSettingsError, match=text) as caught:
         make(name, ["a"], arguments)
     assert "\n" not in str(caught.value)
 
@@ -104,7 +104,7 @@ def test_a_sensor_behind_a_bus_may_be_as_silent_as_the_plant() -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "rest", "told"),
+    ("joints", "rest", "text"),
     [
         (JOINTS[1:], {}, "joints: 'lbr_iiwa_joint_1' is not allowed; plant 'levers' has lbr"),
         (
@@ -115,9 +115,9 @@ def test_a_sensor_behind_a_bus_may_be_as_silent_as_the_plant() -> None:
     ],
 )
 def test_a_plant_that_does_not_fit_is_one_line(
-    joints: tuple[str, ...], rest: dict[str, float], told: str
+    joints: tuple[str, ...], rest: dict[str, float], text: str
 ) -> None:
-    with pytest.raises(PlantSettingsError, match=told):
+    with pytest.raises(PlantSettingsError, match=text):
         cut(*(JointDescription(name=name) for name in joints), **rest)
 
 
@@ -173,12 +173,12 @@ def test_limits_of_board_and_drive_are_compared() -> None:
     limits = made.board.joints[0].limits
     assert limits.velocity == pytest.approx(0.5 * before.velocity)
     assert limits.torque == before.torque
-    told = [note for note in made.notes if note.startswith(f"{JOINTS[0]}: its drive allows")]
-    assert len(told) == 1
-    assert "velocity" in told[0]
-    assert "less than" in told[0]
-    assert "torque" in told[0]
-    assert "more than" in told[0]
+    notes = [note for note in made.notes if note.startswith(f"{JOINTS[0]}: its drive allows")]
+    assert len(notes) == 1
+    assert "velocity" in notes[0]
+    assert "less than" in notes[0]
+    assert "torque" in notes[0]
+    assert "more than" in notes[0]
     assert drives().notes == load("iiwa").notes
 
 

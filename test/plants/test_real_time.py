@@ -112,11 +112,11 @@ def test_a_pause_that_is_taken_back_is_refused_too(talker: Talker) -> None:
 
 
 def test_an_external_torque_is_ignored_and_reported(talker: Talker, board: BoardProcess) -> None:
-    def told() -> bool:
+    def reported() -> bool:
         talker.command("external_torque", msg.TorqueCommand(names=[JOINTS[0]], torques=[1.0]))
         return f"external_torque ignored: this board {REASON}" in board.output
 
-    until(told)
+    until(reported)
     still_moves(talker)
 
 

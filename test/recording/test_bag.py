@@ -155,7 +155,7 @@ def test_a_full_disk_ends_it_cleanly(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_a_disk_that_refuses_keeps_the_files_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where writing itself fails, the finished files stand, and the error names the other."""
+    """Where writing itself fails, the finished files remain, and the error names the other."""
     bag = Bag(tmp_path / "bag", split_time=2.0)
     write_states(bag, 3)
 

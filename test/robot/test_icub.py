@@ -36,7 +36,7 @@ QUEUE = 5
 
 @pytest.fixture(scope="module")
 def board() -> Iterator[BoardProcess]:
-    """The iCub, torso first; configured when somebody listens, and watches its left arm."""
+    """The iCub, torso first; configured once there is a subscriber, and watches its left arm."""
     params = {
         "robot": "icub",
         "startup_levels": ["torso", "head,left_arm,right_arm"],

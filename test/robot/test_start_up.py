@@ -37,7 +37,7 @@ def rig(**changes: Any) -> RobotRig:
 
 
 def phases(robot: RobotRig) -> list[str]:
-    """How the calibrations stand, the phases of all joints."""
+    """Status of the calibrations: the phases of all joints."""
     return [status.phase for status in robot.robot.get_calibration()]
 
 
@@ -219,7 +219,7 @@ def test_a_level_is_done_when_all_its_parts_are() -> None:
 
 
 def test_a_part_that_fails_in_the_last_level_delays_no_part() -> None:
-    """R4: nobody waits for it, so the log says no more than its fault."""
+    """R4: no part waits for it, so the log has its fault only."""
     robot = rig()
     robot.until("right", "pos")
     robot.robot.take_events()

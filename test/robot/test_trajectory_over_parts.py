@@ -54,7 +54,7 @@ def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "wishes", "code", "told"),
+    ("joints", "wishes", "code", "text"),
     [
         (["l_elbow", "nose"], {}, Code.INVALID_JOINTS, "nose"),
         (["l_elbow", "l_elbow"], {}, Code.INVALID_JOINTS, "twice"),
@@ -68,10 +68,10 @@ def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
     ],
 )
 def test_wrong_goals_start_nothing(
-    rig: Following, joints: list[str], wishes: dict[str, Any], code: Code, told: str
+    rig: Following, joints: list[str], wishes: dict[str, Any], code: Code, text: str
 ) -> None:
     """R3, M7: the whole goal is refused; nothing moves in any part."""
-    with pytest.raises(GoalError, match=told) as refused:
+    with pytest.raises(GoalError, match=text) as refused:
         rig.send(points([0.1, 0.2]), joints, **wishes)
     assert refused.value.code is code
     assert not rig.follower.busy

@@ -377,8 +377,8 @@ def test_broken_files_are_refused(data: bytes, words: str, tmp_path: Path) -> No
 )
 def test_bottomless_brackets_are_refused(bracket: str, words: str, tmp_path: Path) -> None:
     """By the parser where it counts them (PyYAML 6.0.4), else at the first that is too deep."""
-    told = refusal(written(tmp_path, bracket.encode() * 100_000))
-    assert words in told or "not YAML (exceeded maximum nesting depth)" in told
+    text = refusal(written(tmp_path, bracket.encode() * 100_000))
+    assert words in text or "not YAML (exceeded maximum nesting depth)" in text
 
 
 def test_files_that_are_not_there_or_not_files(tmp_path: Path) -> None:

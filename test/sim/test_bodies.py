@@ -277,7 +277,7 @@ def test_a_picture_shows_the_arm(physics):
 
 
 def test_the_terminal_stays_clean(physics, tmp_path):
-    """What engines print on import, on loading and on NaN reaches nobody, nor does a log file."""
+    """What engines print on import, on loading and on NaN is suppressed, as is a log file."""
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]); from plants import arm_plant, drive; "
         "plant = arm_plant(sys.argv[2]); plant.inject(0, 'diverged'); drive(plant, 0.0, cycles=9)"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only pybullet cannot do is told in one line."""
+"""What only pybullet cannot do is reported in one line."""
 
 from __future__ import annotations
 

@@ -71,16 +71,16 @@ def hold_and_move(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(DATA)))
 def test_a_urdf_of_pybullet_data_moves_or_is_refused(path: Path) -> None:
-    told, name = refusal(path), str(path.relative_to(DATA))
-    if told is None:
+    text, name = refusal(path), str(path.relative_to(DATA))
+    if text is None:
         assert name not in REFUSED
         hold_and_move(path)
         return
-    assert "\n" not in told
-    assert str(path) in told
+    assert "\n" not in text
+    assert str(path) in text
     if name not in REFUSED:  # furniture and other things
         assert MOVES.search(path.read_text(errors="replace")) is None
-    assert REFUSED.get(name, "no joint moves") in told
+    assert REFUSED.get(name, "no joint moves") in text
 
 
 @needs_icub

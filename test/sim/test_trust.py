@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion that an engineer trusts: what once ran away, sagged, struck stops or told tales."""
+"""Motion that an engineer trusts: what once ran away, sagged, struck stops or misreported."""
 
 from __future__ import annotations
 

@@ -309,7 +309,7 @@ def test_a_joint_without_a_brake_has_none_to_set() -> None:
 
 
 def test_a_brake_that_does_not_open_is_a_fault() -> None:
-    """Y4, F3: no power acts against it; FORCE_IDLE tells, and the next mode tries again."""
+    """Y4, F3: no power acts against it; FORCE_IDLE reports it, and the next mode tries again."""
     rig = braked()
     rig.plant.inject("left", "brake_stuck")
     assert rig.board.set_control_mode("left", "pos")
@@ -337,9 +337,9 @@ def test_a_brake_that_slips_is_warned_of_once() -> None:
     rig.board.take_events()
     rig.plant.inject("left", "brake_worn")
     rig.run(2.0)
-    told = [text for text in rig.warnings() if "brake" in text]
-    assert len(told) == 1
-    assert told[0].startswith("left: its brake slips")
+    texts = [text for text in rig.warnings() if "brake" in text]
+    assert len(texts) == 1
+    assert texts[0].startswith("left: its brake slips")
     assert rig.board.snapshot().brake_slips.tolist() == [True, False]
 
 

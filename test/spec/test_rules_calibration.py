@@ -347,7 +347,7 @@ def test_a_joint_at_rest_with_a_running_motor_has_not_stalled() -> None:
 
 @pytest.mark.parametrize("cause", ["encoder_frozen", "encoder"])
 def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
-    """K5, K4: a stall needs the motor to stand still too: a frozen encoder is a fault."""
+    """K5, K4: a stall needs the motor to be at rest too: a frozen encoder is a fault."""
     rig = calibrating(STOP)
     rig.run(0.3)
     rig.plant.inject("left", cause, persistent=True)
@@ -402,7 +402,7 @@ def test_running_calibrations_continue() -> None:
 
 
 def test_monitoring_of_a_calibrator_continues_when_another_is_requested() -> None:
-    """K4: the timeout of a joint that drives runs, whoever calibrates beside it."""
+    """K4: the timeout of a joint that drives runs, also while others calibrate."""
     rig = in_turn(replace(STOP, timeout=0.7))
     assert rig.board.calibrate("second")
     rig.run(0.1)
@@ -559,7 +559,7 @@ def test_power_cycle() -> None:
 
 @pytest.mark.parametrize("start", [*STANDARD, *STATUSES], ids=str)
 def test_power_cycle_from_everywhere(start: ControlMode) -> None:
-    """N1: whatever a joint is in, power-on is NOT_CONFIGURED and without power; ~/modes tells."""
+    """N1: after power-on a joint is NOT_CONFIGURED and without power, also on ~/modes."""
     rig = in_status(start if start in STATUSES else M.IDLE)
     if start in STANDARD:
         rig.enter(start)

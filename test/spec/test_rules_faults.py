@@ -109,7 +109,7 @@ def test_causes(cause: str) -> None:
 
 @pytest.mark.parametrize("cause", IN_MOTION)
 def test_an_encoder_that_lies_is_found_again_when_the_motor_runs(cause: str) -> None:
-    """F3: at rest nobody can tell; the next motion does."""
+    """F3: at rest it cannot be detected; the next motion shows it."""
     rig, _ = faulted_by(cause)
     rig.run(0.5)
     rig.enter("open", ["left"])
@@ -167,7 +167,7 @@ def test_a_wrong_current_leaves_no_wrong_encoder_behind(cycles: int) -> None:
 
 
 def test_the_first_reading_after_those_that_are_none_is_no_spike() -> None:
-    """F2: nobody knows how far the joint went meanwhile; FORCE_IDLE clears the fault at once."""
+    """F2: how far the joint went meanwhile is unknown; FORCE_IDLE clears the fault at once."""
     rig = ready(board_config(joint("left")))
     rig.plant.push("left", 10.0)
     rig.run(0.3)
@@ -254,8 +254,8 @@ def test_overload() -> None:
     assert rig.board.get_faults("left")[0].code == 2
 
 
-def told(reply: Reply) -> float:
-    """The time to wait that a refused FORCE_IDLE tells, s."""
+def waiting_time(reply: Reply) -> float:
+    """The time to wait that a refused FORCE_IDLE reports, s."""
     found = re.search(r"wait ([0-9.]+) s", reply.message)
     assert found is not None, reply.message
     return float(found[1])
@@ -279,10 +279,10 @@ def test_i2t_fades_without_power_regardless_of_the_sensor() -> None:
     assert not reply
     assert "without power it does not heat up, then send FORCE_IDLE again" in reply.message
     assert "remove it" not in reply.message
-    wait = told(reply)
+    wait = waiting_time(reply)
     assert wait == pytest.approx(0.2 * 75.0 / 25.0, abs=0.2)
     rig.run(wait - 0.3)
-    again = told(rig.board.set_control_mode("left", "fidl"))
+    again = waiting_time(rig.board.set_control_mode("left", "fidl"))
     assert again == pytest.approx(0.3, abs=0.11)
     rig.run(again)
     assert rig.board.set_control_mode("left", "fidl")
@@ -329,7 +329,7 @@ def test_over_temperature_has_a_hysteresis() -> None:
 
 
 def test_frozen_encoder_in_a_moving_joint_only(rig: Rig) -> None:
-    """F1: a joint that stands still, stiff or compliant, has no travel error."""
+    """F1: a joint at rest, stiff or compliant, has no travel error."""
     for interaction in ("stif", "comp"):
         rig.board.set_interaction_mode([0, 1], interaction)
         rig.enter("pos")

@@ -35,7 +35,7 @@ NEVER_SET = ("hwfa", "cal", "cald", "cfgn", "cfgy", "stif", "comp", "xyz", "", 0
 #: Texts that are no name, and what is no mode at all.
 TEXTS = ("", " pos", "x" * 10_000, "\ud800", "p\0", "🤖")
 ODD = (*TEXTS, None, 1.5, True, 2**70, object(), {}, [], [None], b"vel")
-#: What statuses tell those whom they refuse.
+#: Texts of requests that a status refuses.
 WAY_OUT = {
     M.HW_FAULT: "send FORCE_IDLE first",
     M.CALIBRATING: "abort it with FORCE_IDLE",
@@ -219,7 +219,7 @@ def test_the_same_mode_again(mode: ControlMode) -> None:
 
 
 def loaded() -> Rig:
-    """Joints that stand still at 0.3 rad and carry 4 N·m; the laws have their gains."""
+    """Joints at rest at 0.3 rad that carry 4 N·m; the laws have their gains."""
     rig = held(
         joint("left", position_pid=Pid(kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0)),
         joint("right"),
@@ -363,7 +363,7 @@ NO_JOINTS = [[True], 1.5, b"left", [[0]], [None], object(), {"x"}]
 
 @pytest.mark.parametrize("joints", [*TWICE_OR_UNKNOWN, *NO_JOINTS], ids=short)
 def test_wrong_joints_change_nothing(rig: Rig, joints: Any) -> None:
-    """M7: whatever stands for an unknown joint, or one twice, a request is refused whole."""
+    """M7: a request with any unknown joint, or one twice, is refused whole."""
     board = rig.board
     rig.enter("pos")
     before = rig.everything()

@@ -141,8 +141,8 @@ def test_bad_speeds(kind: str, bad: float) -> None:
     method, getter, good = COMMANDS[kind]
     reply = getattr(rig.board, method)(None, good, [bad, 0.5])
     assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
-    told = "must be above 0 and up to" if math.isfinite(bad) else "is not a finite number"
-    assert told in reply.message
+    text = "must be above 0 and up to" if math.isfinite(bad) else "is not a finite number"
+    assert text in reply.message
     assert getattr(rig.board, getter)().tolist() == pytest.approx([0.0, good], abs=1e-6)
     assert rig.board.snapshot().rejected_commands.tolist() == [1, 0]
     assert rig.board.snapshot().motion_done[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl at a terminal of its own: what it shows, and the keys that somebody presses."""
+"""cbctl at a terminal of its own: what it shows, and key presses."""
 
 from __future__ import annotations
 

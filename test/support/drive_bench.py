@@ -118,7 +118,7 @@ class Bench:
         raise AssertionError(f"it never came; {found}")
 
     def pass_time(self, seconds: float) -> None:
-        """Time passes for the drives while nobody talks to them."""
+        """Time passes for the drives without frames."""
         wanted = self.time + seconds
         while self.time < wanted:
             self.time = min(wanted, self.time + 0.015)
@@ -128,4 +128,4 @@ class Bench:
                         break
                 time.sleep(1e-3)
             else:
-                raise AssertionError("the virtual drives stand still")
+                raise AssertionError("the virtual drives do not move")

@@ -84,7 +84,7 @@ class Process:
             else:
                 self.printed.append(line)
 
-    def tell(self, *words: object) -> None:
+    def send_line(self, *words: object) -> None:
         """Send a line."""
         assert self.process.stdin is not None
         self.process.stdin.write(" ".join(map(str, words)) + "\n")
@@ -99,7 +99,7 @@ class Process:
 
     def ask(self, *words: object) -> dict[str, Any]:
         """Send a line, and wait for its answer."""
-        self.tell(*words)
+        self.send_line(*words)
         return self.answer()
 
     def until(self, good: Any, *words: object) -> dict[str, Any]:

@@ -119,7 +119,7 @@ def make_logged(names: Sequence[str], arguments: Mapping[str, str]) -> Logged:
 
 
 class OwnClock(Levers):
-    """Its read blocks until its own cycle: here, until somebody lets it."""
+    """Its read blocks until its own cycle: here, until a test lets it."""
 
     def describe(self) -> Description:
         joints = self.description.joints

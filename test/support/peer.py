@@ -6,7 +6,7 @@ mode CODE           set_control_mode of all joints
 move POSITION SPEED move of the first joint, and wait for its end
 encoder             get_encoder of the first joint
 stream VELOCITY     send velocities to the first joint 50 times a second from now on, until `off`
-look                states heard so far, age of the last (s), what it said, modes, faults
+look                states received so far, age of the last (s), its content, modes, faults
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Peer:
     def __init__(self) -> None:
         self.node = node = Node("peer")
         self.client = ControlBoardClient(node, "control_board", find_timeout=30.0)
-        self.states, self.heard = 0, time.monotonic()
+        self.states, self.received = 0, time.monotonic()
         self.state: Any = BoardState()
         self.modes: Any = JointModes()
         self.faults: Any = JointFaults()
@@ -48,7 +48,7 @@ class Peer:
         threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
 
     def _on_state(self, message: Any) -> None:
-        self.states, self.heard, self.state = self.states + 1, time.monotonic(), message
+        self.states, self.received, self.state = self.states + 1, time.monotonic(), message
 
     def _on_modes(self, message: Any) -> None:
         self.modes = message
@@ -85,7 +85,7 @@ class Peer:
     def look(self) -> dict[str, Any]:
         return {
             "states": self.states,
-            "age": time.monotonic() - self.heard,
+            "age": time.monotonic() - self.received,
             "velocity_reference": [*self.state.velocity_reference[:1], 0.0][0],
             "velocity": [*self.state.velocity[:1], 0.0][0],
             "position": [*self.state.position[:1], 0.0][0],

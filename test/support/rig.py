@@ -118,7 +118,7 @@ def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> Simu
 
 
 class Held:
-    """A plant that stands still and says what it is told: for looking at the laws alone."""
+    """A plant at rest with given readings: for testing the laws alone."""
 
     def __init__(self, config: BoardConfig) -> None:
         self.values: Array = np.zeros((ROWS, len(config.joints)))
@@ -216,7 +216,7 @@ def with_a_slide() -> Rig:
 
 
 def held(*joints: JointConfig, **changes: Any) -> Rig:
-    """A configured rig whose plant stands still; nothing checks that the motor agrees, and its
+    """A configured rig whose plant is at rest; nothing checks that the motor agrees, and its
     winding has no inductance for the drive to be ahead of.
     """
     if not joints:

@@ -37,13 +37,13 @@ class Talker:
         self._changed = threading.Condition()
         self.seen: dict[str, list[Any]] = {}
         self._sent: dict[str, list[int]] = {}  # when each was sent, ns
-        self.hear("state", msg.BoardState, f"{board}/state", STREAM)
-        self.hear("modes", msg.JointModes, f"{board}/modes", LATCHED)
-        self.hear("faults", msg.JointFaults, f"{board}/faults", LATCHED)
+        self.subscribe("state", msg.BoardState, f"{board}/state", STREAM)
+        self.subscribe("modes", msg.JointModes, f"{board}/modes", LATCHED)
+        self.subscribe("faults", msg.JointFaults, f"{board}/faults", LATCHED)
         self.names = list(self.wait("state", lambda _: True).names)
         self.wait("modes", lambda _: True)
 
-    def hear(self, key: str, kind: Any, topic: str, qos: QoSProfile = STREAM) -> None:
+    def subscribe(self, key: str, kind: Any, topic: str, qos: QoSProfile = STREAM) -> None:
         """Keep what comes on a topic in ``seen[key]``."""
         self.seen[key], self._sent[key] = [], []
 
@@ -64,11 +64,11 @@ class Talker:
         fresh: bool = False,
         after: int | None = None,
     ) -> Any:
-        """The newest message that is good; with ``fresh``, one that tells of now or later.
+        """The newest message that is good; with ``fresh``, one of now or later.
 
         On a busy machine, messages of the last second may still be on their way when a service
         has answered. So a fresh one was sent from now on; and the first of those is left out, for
-        what it tells may have been read before. With ``after`` (ns, of the system's clock) the
+        its content may have been read before. With ``after`` (ns, of the system's clock) the
         same from then on: for what may have come and gone when this is called.
         """
         fresh = fresh or after is not None
@@ -161,14 +161,14 @@ class Talker:
         assert client.wait_for_server(GUARD), f"no action {name}"
         number = UUID(uuid=list(uuid4().bytes))
         if feedback is not None:
-            self._hear_feedback(name, kind, number, feedback)
+            self._keep_feedback(name, kind, number, feedback)
         handle = self.answer(
             self.within(lambda: client.send_goal_async(kind.Goal(**goal), goal_uuid=number))
         )
         assert handle.accepted
         return handle
 
-    def _hear_feedback(self, name: str, kind: Any, number: UUID, feedback: list[Any]) -> None:
+    def _keep_feedback(self, name: str, kind: Any, number: UUID, feedback: list[Any]) -> None:
         """Keep all feedback of a goal: an action client drops what comes after the result."""
 
         def keep(message: Any) -> None:
