@@ -51,7 +51,7 @@ def changelog(markdown: str, version: str, date: str) -> str:
     """
     title = f"Changelog for package {NAME}"
     lines = ["^" * len(title), title, "^" * len(title), ""]
-    told = False
+    inside = False
     for line in markdown.splitlines():
         heading = re.match(r"## (?:\[?(\d\S*?)\]?(?: \D*(\d{4}-\d\d-\d\d)\D*)?|Unreleased)$", line)
         if heading:
@@ -59,8 +59,8 @@ def changelog(markdown: str, version: str, date: str) -> str:
             if heading[1] is None and f"\n## {version}" in markdown:
                 text = "Forthcoming"
             lines += ["", text, "-" * len(text), ""]
-            told = True
-        elif told and line.startswith(("- ", "  ")):
+            inside = True
+        elif inside and line.startswith(("- ", "  ")):
             plain = LINK.sub(r"\1", line.replace("\\", "\\\\"))
             # Names that end in _, and *, mean something to RST outside of code.
             parts = CODE.split(plain)

@@ -83,7 +83,7 @@ def test_the_same_figures_every_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.physics
-def test_a_fault_costs_the_figure_and_the_rig_goes_on() -> None:
+def test_a_fault_voids_the_figure_and_the_rig_continues() -> None:
     """A joint that faults in a row gives no figure there; the robot is up again for the next."""
     rig = Rig.load(ROBOTS["gantry"])
     rig.take(next(iter(poses(ROBOTS["gantry"], rig.home, rig.windows).values())))

@@ -75,7 +75,7 @@ def test_readme_shows_five_figures_of_the_record(report: Any) -> None:
     assert len([row for row in rows if row.startswith("|")]) == 2 + len(report.SHORT) == 2 + 5
 
 
-def test_page_is_made_where_there_is_none(report: Any, tmp_path: Path) -> None:
+def test_a_missing_page_is_created(report: Any, tmp_path: Path) -> None:
     """The first run writes docs/performance.md with its introduction and the table."""
     record = report.remember([figure(report, 2.5)], tmp_path / "results.json")
     report.write_pages(record)

@@ -71,9 +71,9 @@ def test_two_boards() -> None:
         watched = cbctl("--board", "*", "watch", "--once", "--json").json
         assert set(watched["/a/control_board"]) == {"lbr_iiwa_joint_1"}
         assert len(watched["/b/control_board"]) == 8
-        nobody = cbctl("--board", "*", "modes", "elbow")
-        assert nobody.code == 1
-        assert "'elbow' unknown" in nobody.err
+        refused = cbctl("--board", "*", "modes", "elbow")
+        assert refused.code == 1
+        assert "'elbow' unknown" in refused.err
         assert cbctl("--board", "/a/control_board", "mode", "vel").code == 0
         environment = cbctl.environment | {"COMP_WORDS": "cbctl --board /b", "COMP_CWORD": "2"}
         tab = Cbctl(environment | {"_CBCTL_COMPLETE": "bash"})

@@ -207,7 +207,7 @@ def test_an_old_state_counts_only_if_the_board_answers(
 
 @pytest.mark.parametrize("field", ["position", "temperature", "motion_done", "calibrated"])
 def test_a_state_without_one_value_for_each_joint_is_refused(field: str) -> None:
-    """Whoever speaks ROS can send one; the error says what is wrong with it."""
+    """Any ROS node can send one; the error says what is wrong with it."""
     assert state.State.of(state_of(["a", "b"])).checked().names == ("a", "b")
     short = state.State.of(
         state_of(["a", "b"], **{field: [1.0 if field in state.FLOAT_FIELDS else True] * 3})

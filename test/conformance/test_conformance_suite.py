@@ -172,7 +172,7 @@ def test_the_joint_that_falls_least_is_chosen(loads: list[float], chosen: int) -
     ("answer", "goes"),
     [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False), ("", False)],
 )
-def test_only_a_yes_goes_on(answer: str, goes: bool, monkeypatch: Any) -> None:
+def test_only_a_yes_continues(answer: str, goes: bool, monkeypatch: Any) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(answer))
     assert app.goes_on() is goes
 

@@ -99,7 +99,7 @@ def test_rates_are_those_of_the_positions(coupling: Coupling, data: st.DataObjec
 @ALL
 @settings(deadline=None, max_examples=40)
 @given(data=st.data())
-def test_no_power_comes_or_goes(coupling: Coupling, data: st.DataObject) -> None:
+def test_power_is_conserved(coupling: Coupling, data: st.DataObject) -> None:
     """Y3: torque times velocity is the same on both sides, for torques of either side."""
     n, m = len(coupling.axes), len(coupling.rows)
     numbers = st.floats(-0.4, 0.4, allow_nan=False)

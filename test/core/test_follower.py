@@ -60,7 +60,7 @@ def test_a_path_is_followed_from_now_on_time(rig: Tracked) -> None:
     assert not rig.follower.busy
 
 
-def test_the_velocity_goes_along_and_ends_at_zero(rig: Tracked, monkeypatch: Any) -> None:
+def test_the_velocity_reference_ends_at_zero(rig: Tracked, monkeypatch: Any) -> None:
     """P4: the reference's own velocity is fed in every cycle; after the end it is 0."""
     fed = []
     original = rig.board.command
@@ -92,7 +92,7 @@ def test_a_future_start_waits(rig: Tracked) -> None:
     np.testing.assert_allclose(positions[after, 0], expected, atol=1e-9)
 
 
-def test_the_old_path_goes_on_until_a_future_start(rig: Tracked) -> None:
+def test_the_old_path_continues_until_a_future_start(rig: Tracked) -> None:
     """T1: the new one begins at the then reference, with no step."""
     begun = rig.board.time
     rig.follower.follow("a", line(("a",), (2.0, 0.4)), begun)

@@ -154,7 +154,7 @@ def test_a_fault_within_a_cycle_removes_one_joint_from_a_path(bench: Bench) -> N
     assert bench.board.rejected_commands.tolist() == [0, 0, 0]
 
 
-def test_an_acceleration_goes_over_to_the_path_that_takes_over(bench: Bench) -> None:
+def test_an_acceleration_carries_over_to_the_next_path(bench: Bench) -> None:
     """T1: at 0.25 of a quintic over 0.4 rad in 1 s it is 2.25 rad/s², and no step follows."""
     quintic = (1.0, 0.4, 0.0, 0.0)
     bench.follow("a", quintic)

@@ -374,7 +374,7 @@ def test_how_long_a_joint_settles() -> None:
     assert cycles_to_settle(active=True, awaited=True) == 5
 
 
-def test_how_long_a_joint_waits_for_others() -> None:
+def test_waiting_time_for_other_joints() -> None:
     """3 s, which do not count as settling; one whose reference waits does not."""
     assert cycles_to_settle(braking=True, rested=True) == 299 + 3
     assert cycles_to_settle(braking=True) == 299 + 50

@@ -66,7 +66,7 @@ def test_an_integral_has_room_that_shrinks(
     (0.1, 0.2, True), (-0.1, -0.2, True), (0.1, -0.2, False), (-0.1, 0.2, False),
     (0.0, 0.2, False), (5.0, 0.2, True),
 ])  # fmt: skip
-def test_an_integral_that_pushes_into_a_bound_goes_back(
+def test_an_integral_pushing_into_a_bound_is_unwound(
     error: float, excess: float, back: bool
 ) -> None:
     one = pid(error=error, integral=3.0, previous=2.0)
@@ -143,7 +143,7 @@ PUSH = 0.7 * 0.1 * 3.0 / (0.01 * 1.25 + 0.004)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_blocked_joint_pushes_no_harder_than_it_is_caught(way: float) -> None:
+def test_a_blocked_joint_pushes_with_limited_torque(way: float) -> None:
     """|kp·e + I − I_free| ≤ J v/T'; what is followed waits, not beyond the joint."""
 
     def held(**at: float) -> Any:
@@ -235,7 +235,7 @@ def test_without_a_spring_a_lifted_joint_stays_where_it_is_put() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_hold_gives_way(way: float) -> None:
+def test_a_hold_yields(way: float) -> None:
     """Kp (q_hold − q) − kd q̇ within its share; pushed harder, it comes along."""
     one = sprung(hold_place=0.2 + way * 0.05)
     assert LAWS.hold_torque(one, 0.1) == pytest.approx(way * 0.5 - 0.2)
@@ -273,7 +273,7 @@ def test_the_torque_loop(asked: float, reference: float) -> None:
     assert LAWS.torque_law(one, asked) != reference
 
 
-def test_which_torque_a_law_asks_for() -> None:
+def test_torque_requested_by_a_law() -> None:
     """Its own; while it settles that of the position law."""
 
     def asked(law: int, **at: float) -> float:
@@ -534,7 +534,7 @@ def test_drives_of_positions_are_given_the_path(kind: str) -> None:
 
 
 @pytest.mark.parametrize("feeds", [True, False])
-def test_an_output_is_given_as_it_is(feeds: bool) -> None:
+def test_an_output_is_passed_unchanged(feeds: bool) -> None:
     """P8: with what is fed; the current loop begins anew after it."""
     one = controlled(OUTPUT, output_command=30.0, feeds=feeds)
     assert one.output == pytest.approx(30.0 + (2.0 if feeds else 0.0))
@@ -545,7 +545,7 @@ def test_an_output_is_given_as_it_is(feeds: bool) -> None:
 
 
 @pytest.mark.parametrize(("settling", "holding"), [(False, False), (True, False), (False, True)])
-def test_a_current_is_given_as_it_is(settling: bool, holding: bool) -> None:
+def test_a_current_is_passed_unchanged(settling: bool, holding: bool) -> None:
     """Y2: once one was asked for; before, the joint is held."""
     at: dict[str, float] = {"current_command": 30.0, "settling": settling, "holding": holding}
     one = controlled(CURRENT, "CURRENT", torque_command=6.0, hold_place=0.2, **at)

@@ -67,7 +67,7 @@ def test_a_reading_of_another_shape_is_an_alarm_of_all_joints(values: Any, what:
     assert found.reasons == {0: why, 1: why}
 
 
-def test_time_goes_on_from_the_last_reading() -> None:
+def test_time_continues_from_the_last_reading() -> None:
     intake = Intake(2, PERIOD)
     intake.take(Measurement(3.0, None))  # type: ignore[arg-type]
     assert intake.take(reading(7.0)).time == 7.0

@@ -171,7 +171,7 @@ def test_numbers_of_a_configuration_and_its_parts(made: Outer, text: str) -> Non
     assert str(error.value) == text
 
 
-def test_a_configuration_whose_numbers_are_good() -> None:
+def test_a_valid_configuration() -> None:
     check_parameters("", Outer(speed=2.0, inner=Inner(size=2.0, place=(-1.0, 1.0))))
     check_parameters("", Outer(speed=2))
 

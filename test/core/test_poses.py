@@ -108,7 +108,7 @@ def test_joints_in_motion_arrive_together_too(
     assert len(set(ends.tolist())) == 1
 
 
-def test_joints_in_another_mode_refuse_it_whole_and_are_all_named(rig: Rig) -> None:
+def test_joints_in_another_mode_refuse_a_pose_whole_and_are_all_named(rig: Rig) -> None:
     """R5, M2: nothing moves or switches; each joint, its mode, and the next step."""
     board = rig.board
     board.set_control_mode("b", "vel")

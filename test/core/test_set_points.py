@@ -98,7 +98,7 @@ class Hands:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_drive_is_handed_its_own_values_and_no_others(kind: SetPoint) -> None:
+def test_a_drive_receives_only_its_own_values(kind: SetPoint) -> None:
     """S1: those that its kind does not have are 0."""
     hands = Hands(kind)
     assert hands.board.position_move("joint", 0.5)

@@ -202,7 +202,7 @@ def test_both_readings_are_judged_from_the_fifth_sample_on(
         (True, 9.0, 1.0, 0.012, False),
     ],
 )
-def test_the_reading_that_foretells_better_is_believed(
+def test_the_reading_with_the_smaller_residual_is_used(
     on_grid: bool, grid: float, sent: float, period: float, expected: bool
 ) -> None:
     """To come back to the grid it must be twice as good."""

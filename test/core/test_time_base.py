@@ -242,7 +242,7 @@ def test_samples_at_one_time_have_none() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_an_acceleration_that_no_joint_has_is_none(way: float) -> None:
+def test_beyond_the_acceleration_limit_the_last_two_samples_count(way: float) -> None:
     """Beyond 1.5 of the limit: the last two samples are believed."""
     times = (0.0, -0.1, -0.2)
     values = knots(*(way * (1.0 + t + 0.5 * 15.0 * t * t) for t in times))

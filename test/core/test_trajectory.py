@@ -119,7 +119,7 @@ def test_duration_of_a_move_from_rest() -> None:
     assert duration(1.0, 5e-324, 6.0, 50.0) == 1e6
 
 
-def test_a_velocity_that_ends_at_the_target_goes_on() -> None:
+def test_a_velocity_at_the_target_continues() -> None:
     """P1: T ≤ 2.5 Δ/v0 keeps the quintic from overshooting; else the velocity is braked."""
     time, brake = durations(1.0, 0.1, 1.0, 6.0, 50.0)
     assert brake == 0.0
@@ -140,7 +140,7 @@ def test_a_braked_move_lasts_no_longer_than_its_limits_ask() -> None:
     assert 1.0 <= time / rest <= 1.2
 
 
-def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
+def test_a_move_of_given_duration_continues_or_brakes() -> None:
     """P1: T is what was requested; v0 goes on into it, unless it overshoots or passes a limit."""
     limits = VELOCITY, ACCELERATION
     shortest = 1.5 * 1.0 / ACCELERATION
@@ -223,7 +223,7 @@ def test_ramp_arrives_and_never_passes(velocity: float, target: float, rate: flo
     assert way[-1] == pytest.approx(target, abs=1e-12)
 
 
-def test_a_start_velocity_goes_on_into_the_move() -> None:
+def test_a_start_velocity_continues_into_the_move() -> None:
     """P1: as long as requested, or shortened to 2.5 Δ/v0 where that keeps within the limits."""
     assert durations(1.0, 0.1, 2.0, 6.0, 50.0) == (NO_OVERSHOOT * 0.5, 0.0)
     assert durations(4.0, 10.0, 2.0, 60.0, 500.0)[0] == pytest.approx(0.4)  # as requested

@@ -170,7 +170,7 @@ def test_a_new_goal_preempts_without_a_step(rig: Goals) -> None:
     assert after[-1] == pytest.approx([0.1, stop], abs=1e-3)
 
 
-def test_a_preempted_goal_goes_on_until_the_new_one_begins(rig: Goals) -> None:
+def test_a_preempted_goal_continues_until_the_new_one_begins(rig: Goals) -> None:
     """T1, trajectory replacement: the old points count until the new start, not longer."""
     rig.send(SLOW)
     rig.cycles(0.5)

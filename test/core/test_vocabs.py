@@ -64,7 +64,7 @@ def test_interaction_mode_values(name: str, code: str, vocab: int) -> None:
         assert parse_interaction_mode(text) is mode
 
 
-def test_there_are_no_others() -> None:
+def test_no_other_vocabs_exist() -> None:
     assert {mode.name for mode in ControlMode} == set(CONTROL)
     assert {mode.name for mode in InteractionMode} == set(INTERACTION)
 

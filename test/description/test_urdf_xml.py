@@ -36,7 +36,7 @@ def board(urdf: str) -> Any:
 
 
 @pytest.mark.parametrize("urdf", BAD.values(), ids=BAD)
-def test_a_bad_description_is_none_for_all_who_read_it(urdf: str) -> None:
+def test_a_bad_description_is_refused_by_every_reader(urdf: str) -> None:
     with pytest.raises(UrdfError):
         published_robot(urdf)
     assert published_joints(urdf) == {}

@@ -67,7 +67,7 @@ def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
 def test_joints_move_as_well_as_is_to_be_reached(rig: Rig, row: str) -> None:
     """P1, P4, P5, P7, P14, I5, M9: no figure of these joints is beyond its bound."""
     if rig.name not in REACHED_BY.get(row, WATCHED):
-        pytest.skip("not reached yet; docs/motion.md tells by how much")
+        pytest.skip("not reached yet; docs/motion.md says by how much")
     hold(rig, row)
 
 

@@ -145,7 +145,7 @@ def test_every_status_has_one_place_and_a_short_name(
             assert len(name) > len(prefix)
 
 
-def test_statuses_of_others_are_left_to_them(analyzers: dict[str, dict[str, Any]]) -> None:
+def test_statuses_of_other_nodes_are_ignored(analyzers: dict[str, dict[str, Any]]) -> None:
     for name in ("camera: loop", "my control_board: loop", "control_board"):
         assert holders(analyzers, name) == []
 

@@ -92,7 +92,7 @@ def test_from_configure_to_cleanup(managed: Talker) -> None:
 def test_impossible_transitions_are_answered(
     board: BoardProcess, managed: Talker, label: str, number: int
 ) -> None:
-    """Nobody waits indefinitely; the log says what is possible, and nothing changes."""
+    """No caller waits indefinitely; the log lists what is possible, and nothing changes."""
     assert not change(managed, label, number)
     assert state(managed) == "unconfigured"
     line = board.wait_for_output(f"transition {label or number} refused")

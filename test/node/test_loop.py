@@ -189,7 +189,7 @@ def test_after_a_restart_the_deadlines_start_anew(clock: ManualClock) -> None:
 
 
 @pytest.mark.parametrize("factor", [1e-6, 0.001])
-def test_a_loop_whose_next_cycle_is_far_away_stops(factor: float) -> None:
+def test_a_loop_with_a_distant_next_cycle_stops(factor: float) -> None:
     """The joints without power, and without waiting for the cycle."""
     rig = Rig(real_time_factor=0.0)
     rig.loop.start()
@@ -310,7 +310,7 @@ def test_modes_set_while_paused_are_noted_at_once(fast: Rig) -> None:
 
 
 def test_steps_are_exact(fast: Rig) -> None:
-    """So many cycles, and then the answer."""
+    """The requested cycles, and then the answer."""
     fast.loop.start()
     fast.run_to(10)
     fast.loop.pause(True)

@@ -255,7 +255,7 @@ def test_the_time_base_is_chosen_at_the_start(node: Any) -> None:
     assert change(node, use_sim_time=False).successful
 
 
-def test_rates_are_reported_and_leave_the_board_alone(node: Any) -> None:
+def test_rates_are_reported_and_do_not_affect_the_board(node: Any) -> None:
     before = node.board.config
     assert change(node, state_rate=50.0, real_time_factor=0.0).successful
     assert node.board.changes[-2:] == [("state_rate", 50.0), ("real_time_factor", 0.0)]

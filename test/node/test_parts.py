@@ -95,7 +95,7 @@ def test_lock_is_per_name_and_domain(tmp_path: Any, monkeypatch: pytest.MonkeyPa
 def test_a_lock_removed_meanwhile_is_not_held(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever opened the file before its holder removed it takes the one that is there then."""
+    """A process that opened the file before its holder removed it locks the new one."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     first = lock_name("/x", "1")
     opened = os.open

@@ -83,7 +83,7 @@ def test_a_kind_of_field_that_is_not_known(snapshot: Snapshot) -> None:
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no room"), KeyError("field"), TypeError("3")])
-def test_whatever_fails_at_the_start_whole_messages_go_out(
+def test_after_a_failed_preparation_complete_messages_are_sent(
     error: Exception, snapshot: Snapshot, monkeypatch: Any
 ) -> None:
     """A fast path never ends the node."""

@@ -392,7 +392,7 @@ def test_the_first_screen_says_what_to_do(unusual: tuple[BoardProcess, Talker]) 
 
 @pytest.mark.slow
 def test_closed_output_and_full_disks_do_not_end_it(tmp_path: Path) -> None:
-    """Nobody reading, no room for logs, no home: the board runs all the same."""
+    """Without a reader, room for logs or a home directory the board runs too."""
     for stdout in ("closed", "/dev/full"):
         with free_domain() as domain:
             environment = child_environment(domain) | {"HOME": "/proc/nowhere"}

@@ -96,7 +96,7 @@ def rejected(board: InProcess) -> list[int]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_does_what_its_topic_does(board: InProcess, kind: str) -> None:
+def test_each_kind_acts_as_its_topic(board: InProcess, kind: str) -> None:
     """P1 to P9, M3, M4, M11: bounded, in force, or ignored and counted, joint by joint."""
     mode, field, beyond = KINDS[kind]
     first, second, third, *rest = board.names

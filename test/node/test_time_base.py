@@ -85,7 +85,7 @@ def test_after_a_pause_stamps_jump_to_the_clock(ahead: int) -> None:
     assert run(base, 0.101, 1, START)[0] > before
 
 
-def test_a_free_time_base_goes_on_alone() -> None:
+def test_a_free_time_base_continues_by_itself() -> None:
     """Once simulated and real time have parted, only simulated time counts."""
     base = made()
     run(base, 0.0, 100, START)
@@ -99,7 +99,7 @@ def test_a_free_time_base_goes_on_alone() -> None:
     ("rate", "control_rate"), [(333.0, 1000.0), (300.0, 1000.0), (99.9, 1000.0), (1000.0, 1000.0)]
 )
 def test_a_divider_keeps_the_average(rate: float, control_rate: float) -> None:
-    """So many of ten thousand cycles, each at most one away from its even place."""
+    """The corrections in ten thousand cycles, each at most one away from its even place."""
     divider = Divider(rate, control_rate)
     picked = [k for k in range(10_000) if divider.pick()]
     assert picked[0] == 0

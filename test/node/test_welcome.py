@@ -54,7 +54,7 @@ def test_the_mode_accepts_the_suggested_command(mode: ControlMode, when: str, fi
     assert words[-1] == "move a=30deg"
 
 
-def test_a_managed_node_says_how_it_goes_on() -> None:
+def test_a_managed_node_reports_its_next_step() -> None:
     """N2: cbctl configure does not configure it; its transitions do."""
     config = board_config(joint("a"))
     alone = welcome("/control_board", config, [M.NOT_CONFIGURED])

@@ -121,7 +121,7 @@ def test_one_mode_per_joint(modes: list[str], count: int) -> None:
 
 
 def test_modes_that_all_joints_implement(rig: Asked) -> None:
-    """The others are listed with the joints that do; setting a listed one faults nobody (M5)."""
+    """The others are listed with the joints that do; setting a listed one faults no joint (M5)."""
     modes, text = available(rig.board.config.joints)
     assert modes == ["FORCE_IDLE", "IDLE", "MIXED", "POSITION"]
     assert text.startswith("some joints only: IMPEDANCE_POS (a); IMPEDANCE_VEL (a); OPENLOOP (a)")

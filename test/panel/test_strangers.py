@@ -44,7 +44,7 @@ def stranger(process: BoardProcess, request: pytest.FixtureRequest) -> Iterator[
     running.wait(GUARD)
 
 
-def test_the_good_board_goes_on(
+def test_the_good_board_keeps_running(
     browser: Any, address: str, client: ControlBoardClient, request: pytest.FixtureRequest
 ) -> None:
     """The stranger's board is listed, the page draws on, and a slider of the good one moves it."""

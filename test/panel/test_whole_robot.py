@@ -76,7 +76,7 @@ def test_a_part_is_driven_and_the_whole_stops(page: Any, client: ControlBoardCli
     until(lambda: client.check_motion_done(joint)[0])
 
 
-def test_torque_held_in_a_part_goes_back(page: Any, client: ControlBoardClient) -> None:
+def test_torque_held_in_a_part_returns(page: Any, client: ControlBoardClient) -> None:
     """To the holding torque, known here from the robot's state only."""
     joint = JOINTS[5]
     page.get_by_label("Control mode of joint_6", exact=True).select_option("torq")

@@ -102,7 +102,7 @@ def test_a_joint_that_does_not_turn_is_reported() -> None:
         corrections(Axis(name="elbow", id=4), moved, 0.0)
 
 
-def test_corrections_leave_the_rest_of_the_file_alone(tmp_path: Path) -> None:
+def test_corrections_keep_the_rest_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT)
     assert write(path, {"lbr_iiwa_joint_7.direction": "1", "a.ratio": "2"})

@@ -393,7 +393,7 @@ def test_a_drive_that_comes_back_with_other_limits_says_so(bench: Bench) -> None
     assert after[1].limits != before[1].limits
 
 
-def test_a_silent_drive_is_named_and_the_other_goes_on(make: Make) -> None:
+def test_a_silent_drive_is_named_and_the_other_continues(make: Make) -> None:
     """B3: its last reading, with its age; then a fault; FORCE_IDLE works when it is back."""
     bench = make(patience=0.02)
     bench.connect()

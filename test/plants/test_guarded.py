@@ -153,7 +153,7 @@ def test_a_plant_that_returns_nonsense_is_a_fault_that_says_which(
     recovers(bench)
 
 
-def test_a_reading_that_is_no_number_faults_its_joint_alone(bench: Bench) -> None:
+def test_a_non_finite_reading_faults_its_joint_only(bench: Bench) -> None:
     """B3, F1: the other joint continues."""
     driven(bench)
     bench.plant.answer = Readings(

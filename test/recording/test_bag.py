@@ -168,7 +168,7 @@ def test_a_disk_that_refuses_keeps_the_files_before(
     assert len(contents(tmp_path / "bag")) == 2
 
 
-def test_a_folder_that_exists_is_left_alone(tmp_path: Path) -> None:
+def test_an_existing_folder_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="exists already"):
         Bag(tmp_path)
 

@@ -178,7 +178,7 @@ def test_a_managed_robot_starts_level_after_level_when_it_is_activated() -> None
     assert robot.robot.snapshot().calibrated.all()
 
 
-def test_a_managed_robot_goes_on_where_its_start_stopped() -> None:
+def test_a_managed_robot_resumes_its_start_up() -> None:
     """R4: by configure of the robot, or activated again."""
     robot = rig()
     for stage in Stage:

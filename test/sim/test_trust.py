@@ -86,7 +86,7 @@ def test_a_full_direct_step_keeps_the_speed_limit(name: str) -> None:
             board.set_control_mode(j, "pos")
 
 
-def test_a_joint_that_was_blocked_goes_on_at_its_speed(iiwa: Simulation) -> None:
+def test_a_formerly_blocked_joint_resumes_its_speed(iiwa: Simulation) -> None:
     """P14: held back for 2 s and freed, it once shot off at 2.5 times its limit."""
     board, j = iiwa.board, 0
     limits = board.config.joints[j].limits

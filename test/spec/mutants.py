@@ -18,7 +18,7 @@ All tests that reach a mutant may take minutes, those that kill it take seconds 
 "--budget 60" only the first ones are run, up to 60 s as recorded. What they do not kill
 counts as a survivor.
 
-Those that no test can tell apart from the original are in survivors.txt, each with its reason.
+Those that no test can distinguish from the original are in survivors.txt, each with its reason.
 Ends with 1 when another one survives, when one of the list is killed after all (with --all) or
 is no mutant any more, or when less than 95 % are killed.
 """

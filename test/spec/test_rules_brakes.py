@@ -60,7 +60,7 @@ def test_the_brake_is_open_before_power_acts_and_nothing_sags(mode: ControlMode)
 
 @pytest.mark.parametrize("mode", [M.POSITION, M.TORQUE, M.VELOCITY])
 @pytest.mark.parametrize("end", [M.IDLE, M.FORCE_IDLE])
-def test_the_brake_is_closed_before_power_goes(mode: ControlMode, end: ControlMode) -> None:
+def test_the_brake_is_closed_before_power_is_off(mode: ControlMode, end: ControlMode) -> None:
     """Y4: the joint reads idle at once, is held until the brake has closed, and stays there."""
     rig = braked()
     rig.enter(mode, "left")
@@ -288,7 +288,7 @@ def test_yarps_names() -> None:
 
 
 @pytest.mark.parametrize("modes", ["half", [], ["open", "closed"]])
-def test_a_request_that_is_wrong_as_a_whole_changes_nothing(modes: Any) -> None:
+def test_a_request_refused_as_a_whole_changes_nothing(modes: Any) -> None:
     """Y4, M7: an unknown way to work a brake, or too few or many of them."""
     rig = braked()
     reply = rig.board.set_brake("left", modes)

@@ -3,7 +3,7 @@
 
 One joint at a time, one rule at a time, no tables and no arrays, nothing of the product. It
 knows what the rules say of modes, answers, references and faults; where a joint really is, it is
-told: ``measured`` and what the sensors show. Times are in cycles.
+given: ``measured`` and what the sensors show. Times are in cycles.
 """
 
 from __future__ import annotations
