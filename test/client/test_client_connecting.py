@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""connect(): a client for who has no node."""
+"""connect(): a client for programs without a node."""
 
 from __future__ import annotations
 

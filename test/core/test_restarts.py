@@ -96,7 +96,7 @@ def test_a_calibrator_s_joint_has_no_limits_behind_its_brake_either() -> None:
 
 
 def test_clearing_a_fault_changes_the_version() -> None:
-    """F2: those who look at versions see it."""
+    """F2: callers that compare versions see it."""
     rig = in_status(M.HW_FAULT)
     rig.run(0.1)
     before = rig.board.faults_version
@@ -140,7 +140,7 @@ def test_a_stop_keeps_the_gains_of_the_mode(mode: str, kp: float) -> None:
 
 
 def test_a_request_together_faults_only_joints_that_do_not_implement_it() -> None:
-    """M5, M7: who could do it stays as it is; who refuses does, too."""
+    """M5, M7: joints that could do it stay as they are; those that refuse do, too."""
     bare = joint("b", control_modes=(M.IDLE, M.POSITION))
     rig = ready(board_config(joint("a"), bare, joint("c")))
     rig.enter("pos")

@@ -38,7 +38,7 @@ LEASE = 20.0
 
 
 class Hosts(NamedTuple):
-    """The network, and who is on it."""
+    """The network, and its hosts."""
 
     network: Network
     operator: Process

@@ -36,7 +36,7 @@ class Subscription:
 
 
 class PlayedNode:
-    """A node, its subscriptions, and who publishes with best effort."""
+    """A node, its subscriptions, and best-effort publishers."""
 
     def __init__(self) -> None:
         self.there: list[Subscription] = []
@@ -103,9 +103,7 @@ def test_a_message_received_twice_counts_once(rig: Rig, first: str) -> None:
 
 
 @pytest.mark.parametrize("first", ["reliable", "best_effort"])
-def test_no_command_is_lost_or_doubled_when_the_best_effort_publisher_ends(
-    rig: Rig, first: str
-) -> None:
+def test_the_end_of_a_best_effort_publisher_loses_no_command(rig: Rig, first: str) -> None:
     """Wherever it waits when its publishers are found to be gone, and when it is removed."""
     order = sorted(rig.node.there, key=lambda one: one is not getattr(rig, first))
     rig.pass_time()

@@ -144,7 +144,7 @@ def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
 
 
 def test_the_urdf_is_latched(talker: Talker) -> None:
-    """robot_description holds the URDF also for those who come late."""
+    """robot_description holds the URDF also for late subscribers."""
     talker.subscribe("description", String, "/robot_description", LATCHED)
     text = talker.wait("description", lambda _: True).data
     assert all(f'"{name}"' in text for name in talker.names)

@@ -250,7 +250,7 @@ def test_arguments_that_ros_would_pass_over_are_refused(arguments: list[str]) ->
 
 def test_a_ros_argument_that_does_not_exist_is_named() -> None:
     """Exit code 2, one line on standard error."""
-    code, text = start_and_fail("--ros-args", "-p", "niceness:=19", "--foo")  # everybody may
+    code, text = start_and_fail("--ros-args", "-p", "niceness:=19", "--foo")  # allowed to any user
     assert code == 2, text
     assert "'--foo'" in text
     assert text.count("\n") == 1, text

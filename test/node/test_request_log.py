@@ -46,7 +46,7 @@ class KeptLog:
 
     def answered(self, endpoint: Any, request: Any, response: Any) -> Any:
         self.log.answered(endpoint, request, response, time.perf_counter())
-        assert self.messages == []  # who answers does not wait for it
+        assert self.messages == []  # an answer does not wait for it
         self.log.publish()
         return self.messages.pop()
 

@@ -120,7 +120,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def page(browser: Any, address: str) -> Iterator[Any]:
-    """The panel on a desk, of the one who operates."""
+    """The panel on a desk, of the operator."""
     size = {"width": 1440, "height": 900}
     with context_of(browser, viewport=size, color_scheme="dark") as context:
         yield from operated(context, address)

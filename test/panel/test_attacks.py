@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel is attacked: token, Host, Origin, sizes, rates, paths, and who may do what."""
+"""The panel is attacked: token, Host, Origin, sizes, rates, paths, and permissions."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def test_a_dead_panels_lease_expires(domain: Domain) -> None:
     domain.run(EXPIRY - PERIOD - 2 * TICK)
     assert domain["b"].lease.holder == "a"
     domain.run(PERIOD + 0.2)
-    assert domain.operators() == ["c"]  # who has asked gets it
+    assert domain.operators() == ["c"]  # the panel that asked gets it
     assert domain["b"].lease.holder == "c"
 
 

@@ -239,7 +239,7 @@ def test_requests_accepted_by_an_uncalibrated_joint() -> None:
 
 
 def test_the_others_of_a_request_are_served() -> None:
-    """K7, M7: a joint without its calibration refuses for itself; the answers say who."""
+    """K7, M7: a joint without its calibration refuses for itself; the answers name it."""
     one, two = joint("left", calibration=OFFSET), joint("right")
     rig = Rig(board_config(one, two), home=[0.5, 0.5], zero=[0.7, 0.0])
     rig.run(0.2)
@@ -251,7 +251,7 @@ def test_the_others_of_a_request_are_served() -> None:
 
 @pytest.mark.parametrize("how", ["aborted", "failed", "power cycle"])
 def test_a_calibration_that_is_lost_is_shown(how: str) -> None:
-    """K7: the snapshot, get_calibration and requests agree on who is calibrated."""
+    """K7: the snapshot, get_calibration and requests agree on the calibrated joints."""
     rig = calibrating(OFFSET)
     rig.run(12.0)
     assert rig.board.snapshot().calibrated.tolist() == [True]
@@ -357,7 +357,7 @@ def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
 
 
 def test_groups_calibrate_one_after_the_other() -> None:
-    """K1, K5: joints of a group together, group after group; who waits holds still."""
+    """K1, K5: joints of a group together, group after group; waiting joints are at rest."""
     joints = [joint(n, calibration=replace(OFFSET, start=0.2)) for n in ("a", "b", "c")]
     config = board_config(*joints, calibration_groups=(("c",), ("a", "b")))
     rig = Rig(config, home=[0.5, 0.5, 0.5], zero=[0.7, 0.7, 0.7])
@@ -414,7 +414,7 @@ def test_monitoring_of_a_calibrator_continues_when_another_is_requested() -> Non
 
 
 def test_joints_added_later_wait_for_earlier_groups() -> None:
-    """K1: joints of the driving group that are asked later come after those who wait."""
+    """K1: joints of the driving group that are requested later come after waiting ones."""
     names = ("first", "second", "third")
     joints = [joint(n, calibration=replace(STOP, required=False)) for n in names]
     rig = Rig(board_config(*joints, calibration_groups=(("first",), ("second", "third"))))

@@ -93,8 +93,8 @@ def test_causes(cause: str) -> None:
     code, title, words, most = (CAUSES | IN_MOTION)[cause]
     assert cycles <= most
     assert rig.board.state.powered[0] == rig.board.snapshot().output[0] == 0.0
-    everybody = cause == "diverged"  # which concerns the whole simulation
-    assert rig.modes()[1] is (M.HW_FAULT if everybody else M.POSITION)
+    everywhere = cause == "diverged"  # which concerns the whole simulation
+    assert rig.modes()[1] is (M.HW_FAULT if everywhere else M.POSITION)
     fault = rig.board.get_faults("left")[0]
     assert (fault.active, fault.code, fault.stamp) == (True, code, rig.board.time)
     assert fault.text.startswith(title)

@@ -897,7 +897,7 @@ def test_non_finite_references_are_ignored(kind: str, value: float) -> None:
 
 LEFT, BOTH, ALL = [1, 0, 0], [1, 1, 0], [1, 1, 1]
 NAMES = ["left", "right"]
-#: Joints and values, words of the answer, and who counts it.
+#: Joints and values, words of the answer, and the joints that count it.
 MALFORMED = [
     (None, [1.0, 2.0], "2 .* for 3 joints", ALL),
     ((), [0.1] * 4, "4 .* for 3 joints", ALL),

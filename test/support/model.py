@@ -123,7 +123,7 @@ class JointModel:
         return "accepted"
 
     def begin_calibration(self, measured: float) -> None:
-        """K7: who requires it has none until it is done; another keeps what it had."""
+        """K7: a joint that requires it has none until it is done; others keep theirs."""
         self.enter(CALIBRATING, measured)
         self.calibrated = self.calibrated and not self.needs_calibration
 

@@ -145,7 +145,7 @@ def test_motions_repeat(bench: Bench) -> None:
 
 
 def test_gains_that_shake_cost_most(bench: Bench) -> None:
-    """A thousand times the derivative gain is no motion that anybody wants."""
+    """A thousand times the derivative gain makes no acceptable motion."""
     before = [figures(POSITION, motions) for motions in bench.play("lift", POSITION, {})]
     wild = {"lift.position_pid.kd": 60e3, "lift.direct_pid.kd": 60e3}
     try:
