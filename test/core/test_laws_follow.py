@@ -19,7 +19,7 @@ FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
 PERIODS = st.sampled_from([0.001, 0.002, 0.01])
 
 
-def at_rest(position: float = 0.0, **constants: float) -> OneJoint:
+def standing(position: float = 0.0, **constants: float) -> OneJoint:
     """A powered joint at rest at a position, whose laws follow its references."""
     one = OneJoint(**constants)
     one.set(position=position)
@@ -86,7 +86,7 @@ def test_a_step_is_the_fastest_way_there(target: float, period: float) -> None:
 
     T = 2√(d/a) while 2√(d·a)/2 ≤ v, else d/v + v/a
     """
-    one = at_rest(period=period)
+    one = standing(period=period)
     one.joint.step_to(target)
     way = abs(target)
     least = 2.0 * math.sqrt(way / ACCELERATION)
@@ -133,7 +133,7 @@ def test_no_sequence_of_references_passes_a_limit(
     commands: list[tuple[str, float, float, int]], period: float
 ) -> None:
     """P9, P14: any kinds in any order, with any moves, velocities and feed-forwards."""
-    one = at_rest(period=period)
+    one = standing(period=period)
     rows = []
     for kind, position, velocity, cycles in commands:
         send(one, kind, position, velocity)
@@ -151,7 +151,7 @@ def test_no_sequence_of_references_passes_a_limit(
 )
 def test_a_new_step_starts_from_the_present_speed(step: float, later: float, when: int) -> None:
     """P4, P14: led back it brakes first; it passes no further than that takes, and arrives."""
-    one = at_rest()
+    one = standing()
     one.joint.step_to(step)
     first = one.record(when, *FOLLOWED)
     one.joint.step_to(later)
@@ -171,7 +171,7 @@ def test_a_new_step_starts_from_the_present_speed(step: float, later: float, whe
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
     """P5, P9, P14: at full speed towards it, and at rest just there."""
-    one = at_rest()
+    one = standing()
     one.joint.ramp(sign * SPEED, ACCELERATION)
     rows = one.record(2000, *FOLLOWED)
     keeps_its_limits(one, rows, -2.0, 2.0)
@@ -185,7 +185,7 @@ def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
 
 def test_a_move_and_a_velocity_together_keep_the_speed() -> None:
     """P6, P14: the velocity gives way to the move, and is there again after it."""
-    one = at_rest(-1.5)
+    one = standing(-1.5)
     one.joint.ramp(0.4, ACCELERATION)
     one.joint.move(1.0, 1.7, 0.0)  # its peak is 2.76 rad/s
     names = ("followed_velocity", "ramp_velocity", "moved_velocity")
@@ -198,7 +198,7 @@ def test_a_move_and_a_velocity_together_keep_the_speed() -> None:
 
 def test_a_joint_found_outside_comes_in_and_stays_in() -> None:
     """P9: its bounds follow it inwards, never out again."""
-    one = at_rest(2.3, upper=2.3)
+    one = standing(2.3, upper=2.3)
     one.joint.step_to(2.1)
     one.step(300)
     assert one.joint.upper == pytest.approx(2.1)
@@ -212,7 +212,7 @@ def test_a_joint_found_outside_comes_in_and_stays_in() -> None:
 
 def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
     """K7, P9: no limit is known that could close behind it."""
-    one = at_rest(2.3, upper=math.inf, calibrated=False)
+    one = standing(2.3, upper=math.inf, calibrated=False)
     one.joint.step_to(1.0)
     one.step(1000)
     assert one.joint.upper == math.inf
@@ -223,7 +223,7 @@ def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
 
 def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> None:
     """P14: q_ref leads by at most τ_max/kp; free again, it goes on at a reference's speed."""
-    one = at_rest()
+    one = standing()
     gains(one.joint.position_pid, kp=200.0)
     one.joint.step_to(1.8)
     blocked = one.record(1000, "followed", "output")
@@ -243,7 +243,7 @@ def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> Non
 
 def test_a_joint_pushed_away_brings_its_reference_along_no_further() -> None:
     """P14: pushed beyond the lead, it comes back on a path within the limits, not by a leap."""
-    one = at_rest()
+    one = standing()
     gains(one.joint.position_pid, kp=200.0)
     one.set(position=1.0)
     one.step()
