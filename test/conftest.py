@@ -71,5 +71,5 @@ def interrupts() -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def user_files(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """No poses of whoever runs the tests, nor of another file's tests, decide a test."""
+    """No poses of the user, nor of another file's tests, decide a test."""
     os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))

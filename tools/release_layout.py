@@ -4,7 +4,7 @@
     python tools/release_layout.py FOLDER
 
 colcon and bloom stop at the first package.xml of a folder and never find msg_defs/ below it. In
-the layout it stands beside: FOLDER holds control_board_ros, control_board_msgs, and
+the layout beside it: FOLDER holds control_board_ros, control_board_msgs, and
 yarp_control_msgs, which no distribution has. Each has LICENSE and CHANGELOG.rst; maintainer and
 version are those of the root's package.xml. What was written is checked by catkin_pkg, and by what
 bloom requires.
@@ -51,7 +51,7 @@ def changelog(markdown: str, version: str, date: str) -> str:
     """
     title = f"Changelog for package {NAME}"
     lines = ["^" * len(title), title, "^" * len(title), ""]
-    begun = False
+    inside = False
     for line in markdown.splitlines():
         heading = re.match(r"## (?:\[?(\d\S*?)\]?(?: \D*(\d{4}-\d\d-\d\d)\D*)?|Unreleased)$", line)
         if heading:
@@ -59,8 +59,8 @@ def changelog(markdown: str, version: str, date: str) -> str:
             if heading[1] is None and f"\n## {version}" in markdown:
                 text = "Forthcoming"
             lines += ["", text, "-" * len(text), ""]
-            begun = True
-        elif begun and line.startswith(("- ", "  ")):
+            inside = True
+        elif inside and line.startswith(("- ", "  ")):
             plain = LINK.sub(r"\1", line.replace("\\", "\\\\"))
             # Names that end in _, and *, mean something to RST outside of code.
             parts = CODE.split(plain)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every benchmark yields numbers. How good they are is for `make bench` to tell, not for tests."""
+"""Every benchmark yields numbers. `make bench` judges them, not tests."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_a_long_one_yields_numbers(name: str, long: list[Any]) -> None:
 
 
 def are_numbers(figures: Sequence[Any], name: str) -> None:
-    """So many figures as the benchmark has, finite, and not negative."""
+    """As many figures as the benchmark has, finite, and not negative."""
     assert len(figures) == FIGURES[name]
     for figure in figures:
         assert math.isfinite(figure["value"]), figure

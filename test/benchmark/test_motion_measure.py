@@ -61,7 +61,7 @@ def test_the_worst_is_the_largest_magnitude_and_a_failure_is_not_reached() -> No
     assert (line.reach, worst(found, [], True, ["step"])[0].reach) == (5.0, 15.0)
 
 
-def test_a_cause_is_told_without_joint_and_numbers() -> None:
+def test_a_cause_is_reported_without_joint_and_numbers() -> None:
     text = "x: encoder mismatch, encoder and motor disagree by 0.0118 m > 0.005 m"
     assert Failure("step", "x, home", text).cause == "encoder mismatch"
 
@@ -83,7 +83,7 @@ def test_the_same_figures_every_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.physics
-def test_a_fault_costs_the_figure_and_the_rig_goes_on() -> None:
+def test_a_fault_voids_the_figure_and_the_rig_continues() -> None:
     """A joint that faults in a row gives no figure there; the robot is up again for the next."""
     rig = Rig.load(ROBOTS["gantry"])
     rig.take(next(iter(poses(ROBOTS["gantry"], rig.home, rig.windows).values())))
@@ -99,7 +99,7 @@ def test_a_fault_costs_the_figure_and_the_rig_goes_on() -> None:
     rig.close()
 
 
-def test_the_page_is_what_was_recorded() -> None:
+def test_the_page_shows_the_recorded_figures() -> None:
     """docs/motion.md says the recorded figures; `make motion` writes both."""
     now, before = page.load(page.FIGURES), page.load(page.BEFORE)
     drives = page.load(page.DRIVES)

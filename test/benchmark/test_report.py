@@ -32,7 +32,7 @@ def figure(report: Any, value: float, case: str = "a case") -> Any:
     return report.Figure("B1", case, value, "×")
 
 
-def test_record_keeps_what_was_before(report: Any, tmp_path: Path) -> None:
+def test_record_keeps_earlier_entries(report: Any, tmp_path: Path) -> None:
     """The page shows the new figure beside the one recorded before."""
     path = tmp_path / "results.json"
     report.remember([figure(report, 2.5)], path)
@@ -54,7 +54,7 @@ def test_record_forgets_cases_that_are_gone(report: Any, tmp_path: Path) -> None
     assert list(record["figures"]) == ["B1 new", "B2 other"]
 
 
-def test_pages_keep_what_people_wrote(report: Any, tmp_path: Path) -> None:
+def test_pages_keep_handwritten_text(report: Any, tmp_path: Path) -> None:
     """Only the text between the markers is written anew; README without markers stays."""
     record = report.remember([figure(report, 2.5)], tmp_path / "results.json")
     report.PAGE.write_text(f"mine\n{report.BEGIN}\nold\n{report.END}\nmine too\n")
@@ -75,7 +75,7 @@ def test_readme_shows_five_figures_of_the_record(report: Any) -> None:
     assert len([row for row in rows if row.startswith("|")]) == 2 + len(report.SHORT) == 2 + 5
 
 
-def test_page_is_made_where_there_is_none(report: Any, tmp_path: Path) -> None:
+def test_a_missing_page_is_created(report: Any, tmp_path: Path) -> None:
     """The first run writes docs/performance.md with its introduction and the table."""
     record = report.remember([figure(report, 2.5)], tmp_path / "results.json")
     report.write_pages(record)

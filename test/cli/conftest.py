@@ -5,23 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import board_fixtures
 import pytest
-from cbctl_process import Asker, Cbctl, until
+from cbctl_process import Asker, Cbctl
+from waiting import until
 
-from control_board_ros.testing import BoardProcess, board_process, child_environment, free_domain
+from control_board_ros.testing import BoardProcess, child_environment, free_domain
 
-
-@pytest.fixture(scope="module")
-def process() -> Iterator[BoardProcess]:
-    """The iiwa, with fault injection."""
-    with board_process({"allow_fault_injection": True}) as board:
-        yield board
+board, params = board_fixtures.board, board_fixtures.params
 
 
 @pytest.fixture(scope="module")
-def cbctl(process: BoardProcess) -> Iterator[Cbctl]:
+def cbctl(board: BoardProcess) -> Iterator[Cbctl]:
     """Cbctl on the domain of the board."""
-    cbctl = Cbctl(process.environment)
+    cbctl = Cbctl(board.environment)
     yield cbctl
     cbctl.close()
 

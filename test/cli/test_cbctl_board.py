@@ -13,8 +13,9 @@ import signal
 from typing import Any
 
 import pytest
-from cbctl_process import GUARD, interrupted, until
+from cbctl_process import interrupted
 from processes import ended
+from waiting import GUARD, until
 
 from control_board_ros.testing import board_process
 
@@ -45,7 +46,7 @@ def test_mode(cbctl: Any, ask: Any) -> None:
     assert ask("mode", "all", "POSITION")["joints"][LAST] == "accepted"
 
 
-def test_what_the_board_refuses(cbctl: Any, ask: Any) -> None:
+def test_refusals_of_the_board(cbctl: Any, ask: Any) -> None:
     """M5, M6: exit code 1 and the board's words, on stderr or as JSON."""
     refused = cbctl.run("mode", "0", "hwfa")
     assert (refused.code, refused.out) == (1, "")
@@ -239,7 +240,7 @@ def test_torque_and_output(cbctl: Any, ask: Any) -> None:
 @pytest.mark.parametrize(
     ("verb", "mode", "value"), [("torque", "torq", "0.2Nm"), ("output", "open", "1%")]
 )
-def test_an_interrupted_stream_says_what_is_true(
+def test_an_interrupted_stream_reports_the_true_state(
     cbctl: Any, ask: Any, verb: str, mode: str, value: str
 ) -> None:
     """P7, P8: Ctrl-C sends zero, says so, and says that nothing holds the joint; exit code 1."""
@@ -255,7 +256,7 @@ def test_an_interrupted_stream_says_what_is_true(
     assert f"nothing holds {LAST} now; hold with: cbctl mode {LAST} pos" in stopped.err
 
 
-def test_what_is_refused_draws_no_bar(cbctl: Any, ask: Any) -> None:
+def test_refused_moves_draw_no_bar(cbctl: Any, ask: Any) -> None:
     """M4: one line, with the way out; the board counts each reference."""
     before = ask("watch", "--once")[FIRST]["rejected_commands"]
     for words in (["velocity", "0=0.1"], ["torque", "0=1", "--for", "1s"], ["torque", "0=1"]):

@@ -20,7 +20,7 @@ def at_rest(ask: Any) -> None:
 
 
 def test_colours(cbctl: Any) -> None:
-    """Modes are coloured where somebody looks."""
+    """Modes are coloured at a terminal."""
     with terminal(cbctl, "modes") as at:
         at.see("\x1b[32mpos")
         at.see("\x1b[34mstif")

@@ -154,7 +154,7 @@ def test_joints_then_mode() -> None:
     assert joints_and_mode(session, ["vel"], *kind) == (list(NAMES), "vel")
 
 
-def test_time_that_stands_still() -> None:
+def test_paused_time() -> None:
     """A motion of which nothing is left, or less with every look, is under way."""
     standstill = Standstill()
     assert standstill.hint(2.0, 10.0) == ""
@@ -166,8 +166,8 @@ def test_time_that_stands_still() -> None:
     assert standstill.hint(0.0, 30.0) == ""
 
 
-def test_what_is_not_installed_is_no_refusal() -> None:
-    """Errors that nobody expects keep their traceback."""
+def test_missing_packages_are_no_refusal() -> None:
+    """Unexpected errors keep their traceback."""
     with pytest.raises(ModuleNotFoundError, match="rich"):
         explain(ModuleNotFoundError("No module named 'rich'"))
 
@@ -188,7 +188,7 @@ def test_amounts() -> None:
 
 
 def test_options_anywhere() -> None:
-    """The options of every verb may stand behind it."""
+    """The options of every verb may follow it."""
     assert hoist(["modes", "--json", "a"]) == (["--json"], ["modes", "a"])
     assert hoist(["modes", "--board", "x", "--domain=3"]) == (
         ["--board", "x", "--domain=3"],
@@ -204,7 +204,7 @@ def test_options_anywhere() -> None:
 
 
 def test_options_of_a_verb() -> None:
-    """They stand anywhere among its words; a value may be negative."""
+    """They may be anywhere among its words; a value may be negative."""
     read = Parser("cbctl move", arguments_of(move)).read
     found = read(["0=1", "--speed", "2", "1=-3"])
     assert found == {"words": ["0=1", "1=-3"], "speed": 2.0, "wait": True}
@@ -243,7 +243,7 @@ def test_bars() -> None:
     assert len(bar(math.nan, -1.0, 1.0, 5)) == 7
 
 
-def test_what_json_cannot_say() -> None:
+def test_values_that_json_cannot_represent() -> None:
     """NaN and infinity are null."""
     assert plain({"a": [1.0, math.nan, (math.inf,)], 2: "x"}) == {
         "a": [1.0, None, [None]],
@@ -335,7 +335,7 @@ def test_limits_are_known_whole_or_not_at_all() -> None:
 @pytest.mark.parametrize(
     ("message", "text"), [("", ""), ("0.52 rad/s instead of 1.4", "0.52 rad/s instead of 1.4\n")]
 )
-def test_what_is_done_in_place_of_what_was_asked(
+def test_actions_done_in_place_of_the_requested_ones(
     capsys: pytest.CaptureFixture[str], message: str, text: str
 ) -> None:
     """P1: a reply that succeeds may still say something; it is shown, and stdout stays clean."""

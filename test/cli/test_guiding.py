@@ -8,17 +8,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cbctl_process import Asker, Cbctl, interrupted, until
+from cbctl_process import Asker, Cbctl, interrupted
 from cbctl_terminal import terminal
 from hand import JOINT, Hand
+from waiting import until
 
 from control_board_ros.testing import BoardProcess
 
 
 @pytest.fixture
-def hand(process: BoardProcess) -> Iterator[Hand]:
+def hand(board: BoardProcess) -> Iterator[Hand]:
     """A hand at the arm."""
-    hand = Hand(process)
+    hand = Hand(board)
     yield hand
     hand.close()
 
@@ -86,7 +87,7 @@ def test_a_key_saves_a_pose(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path: Path
 
 
 def test_a_replay_asks_first(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:
-    """G2: without a terminal nobody can be asked, and nothing moves."""
+    """G2: without a terminal there is no confirmation, and nothing moves."""
     assert ask("modes")
     answer = cbctl("replay", str(tmp_path / "none.mcap"))
     assert answer.code == 2

@@ -43,7 +43,7 @@ def test_a_joint_is_identified(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None
 
 
 def test_nothing_moves_unasked(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:
-    """G3: without a terminal nobody can be asked; values that are not allowed are named."""
+    """G3: without a terminal there is no confirmation; values that are not allowed are named."""
     assert ask("modes")
     output = ("-o", str(tmp_path / "found.yaml"))
     answer = cbctl("identify", JOINT, *output)

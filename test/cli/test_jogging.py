@@ -16,7 +16,7 @@ def test_a_press_lasts_until_the_keyboard_would_repeat_it() -> None:
     assert jog.velocity(10.0 + FIRST_PRESS) == 0.0
 
 
-def test_a_held_key_moves_and_a_key_let_go_stops_soon() -> None:
+def test_a_held_key_moves_and_its_release_stops_soon() -> None:
     """P12: the time without a key is shorter than the timeout of the reference."""
     jog = Jog(3, 0.2)
     jog.press("left", 0.0)
@@ -58,7 +58,7 @@ def test_joints_and_speeds() -> None:
     assert jog.speed == SLOWEST
 
 
-def test_what_terminals_send() -> None:
+def test_key_codes_of_terminals() -> None:
     """Cursor keys in both modes, many at once; anything else is another key."""
     assert list(split("\x1b[C\x1bOD")) == ["right", "left"]
     assert list(split("\x1b[A\x1b[B+- x")) == ["up", "down", "faster", "slower", "stop", "other"]

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from cbctl_process import Asker
 from rclpy.client import Client
+from waiting import GUARD
 
 from control_board_ros.cli.app import invoke
 from control_board_ros.cli.board.session import Session
@@ -15,7 +16,6 @@ from control_board_ros.cli.line.options import Options
 from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
-GUARD = 60.0
 
 
 @pytest.fixture
@@ -32,13 +32,13 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return called
 
 
-def test_a_mode_is_one_round_trip(process: BoardProcess, ask: Asker, asked: list[str]) -> None:
+def test_a_mode_is_one_round_trip(board: BoardProcess, ask: Asker, asked: list[str]) -> None:
     """The response has the modes; only joints that lost their power are looked at.
 
     The first request is preceded by a query, which confirms that the board knows the client.
     """
     asked.clear()
-    domain = str(process.domain)
+    domain = str(board.domain)
     with Session(Options()) as session:
         assert (
             invoke(session, ["mode", "0", "vel", "--timeout", str(GUARD), "--domain", domain]) == 0

@@ -6,7 +6,8 @@ from __future__ import annotations
 from contextlib import ExitStack, closing
 
 import pytest
-from cbctl_process import Cbctl, until
+from cbctl_process import Cbctl
+from waiting import until
 
 from control_board_ros.cli.app import for_several
 from control_board_ros.cli.board.boards import is_pattern, robots_among
@@ -25,7 +26,7 @@ def test_a_robot_is_what_its_parts_are() -> None:
     assert robots_among({"/a": ["x"], "/b": ["x"]}) == set()
 
 
-def test_what_a_pattern_is_and_who_takes_it() -> None:
+def test_patterns_and_the_verbs_that_accept_them() -> None:
     assert [is_pattern(name) for name in ("/icub/*", "arm?", "/[ab]/x", "/icub/head")] == [
         True,
         True,
@@ -70,9 +71,9 @@ def test_two_boards() -> None:
         watched = cbctl("--board", "*", "watch", "--once", "--json").json
         assert set(watched["/a/control_board"]) == {"lbr_iiwa_joint_1"}
         assert len(watched["/b/control_board"]) == 8
-        nobody = cbctl("--board", "*", "modes", "elbow")
-        assert nobody.code == 1
-        assert "'elbow' unknown" in nobody.err
+        refused = cbctl("--board", "*", "modes", "elbow")
+        assert refused.code == 1
+        assert "'elbow' unknown" in refused.err
         assert cbctl("--board", "/a/control_board", "mode", "vel").code == 0
         environment = cbctl.environment | {"COMP_WORDS": "cbctl --board /b", "COMP_CWORD": "2"}
         tab = Cbctl(environment | {"_CBCTL_COMPLETE": "bash"})

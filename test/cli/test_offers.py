@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from iiwa import JOINTS
 
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.completion import complete
@@ -15,7 +16,6 @@ from control_board_ros.cli.verbs import VERBS
 from control_board_ros.cli.verbs.modes import MODE_CODES
 from control_board_ros.cli.verbs.terminal import line_offers
 
-IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 4)]
 SHORT = ["joint_1", "joint_2", "joint_3"]
 
 
@@ -23,7 +23,7 @@ SHORT = ["joint_1", "joint_2", "joint_3"]
 def session() -> Session:
     """A session of a board with three joints and two poses."""
     session: Any = Session(Options())
-    session.client = SimpleNamespace(names=IIWA, list_poses=lambda: ["home", "park"])
+    session.client = SimpleNamespace(names=JOINTS[:3], list_poses=lambda: ["home", "park"])
     return session  # type: ignore[no-any-return]
 
 
@@ -53,7 +53,7 @@ def test_modes_are_those_that_can_be_set() -> None:
         ("modes joint_3", ["joint_3"]),
         ("info ", []),
         ("nonsense ", []),
-        # poses, or save; a new name is nobody's to offer; then joints
+        # poses, or save; a new name cannot be offered; then joints
         ("pose ", ["home", "park", "save"]),
         ("pose s", ["save"]),
         ("pose home ", []),
@@ -94,7 +94,7 @@ def test_a_line_of_the_shell(session: Session, line: str, words: list[str]) -> N
         ("cbctl --timeout x mo", []),
     ],
 )
-def test_what_needs_no_board(
+def test_completions_without_a_board(
     capsys: pytest.CaptureFixture[str], line: str, words: list[str]
 ) -> None:
     """Verbs, options, shells; nothing where the value of an option is typed, or is wrong."""

@@ -25,7 +25,7 @@ def test_a_joint_with_no_way_to_go_does_not_count() -> None:
     assert Way({"a": 0.0}, NEAR).share({"a": 0.005}) == 1.0
 
 
-def test_a_joint_that_goes_the_other_way_has_done_nothing() -> None:
+def test_motion_in_the_wrong_direction_is_no_progress() -> None:
     way = Way({"a": 1.0}, NEAR)
     way.share({"a": 0.0})
     assert way.share({"a": -0.2}) == 0.0

@@ -56,7 +56,7 @@ def test_a_robot_comes_back_as_it_was(tmp_path: Path) -> None:
     assert (saved.renaming, saved.left_out) == (["-r __ns:=/lab"], [])
 
 
-def test_what_parts_have_otherwise_is_told() -> None:
+def test_differences_between_parts_are_reported() -> None:
     """One file has one value of it for all parts."""
     settings = load(None, GIVEN)
     parts = shown_by_parts(settings)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from cbctl_terminal import drawn
+from iiwa import JOINTS
 
 from control_board_ros.cli.line.words import short_names
 from control_board_ros.cli.text.tables import grid
@@ -16,7 +17,6 @@ from control_board_ros.cli.verbs.look import joints_table, references_table
 from control_board_ros.cli.verbs.modes import impedance_table
 from control_board_ros.core.terms.joint_kind import JointKind
 
-IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 WIDTHS = [40, 60, 80, 120]
 #: The largest numbers that the shipped robots show, in the units of the board.
 REFERENCE = {
@@ -62,10 +62,10 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> Shown:
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("names", [IIWA, IIWA[:1]], ids=["all", "one"])
+@pytest.mark.parametrize("names", [JOINTS, JOINTS[:1]], ids=["all", "one"])
 def test_references(shown: Shown, width: int, names: list[str]) -> None:
     """Every number is there whole, with its unit, beside the short name of its joint."""
-    session = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=IIWA)
+    session = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=JOINTS)
     text = shown(width, references_table, session, dict.fromkeys(names, REFERENCE))
     for value in ("-168.0°", "-135.0°/s", "-320.25 N·m", "-100.0 %", "135.0°/s", "1432.4°/s²"):
         assert text.count(value) >= len(names), value
@@ -75,7 +75,7 @@ def test_references(shown: Shown, width: int, names: list[str]) -> None:
 @pytest.mark.parametrize("width", WIDTHS)
 def test_info(shown: Shown, width: int) -> None:
     """Limits, stops and modes of every joint, none of them broken within a word."""
-    rows = {name: JOINT | {"index": k} for k, name in enumerate(IIWA)}
+    rows = {name: JOINT | {"index": k} for k, name in enumerate(JOINTS)}
     text = shown(width, joints_table, "/control_board", rows)
     assert text.startswith("/control_board\n")
     assert text.count("-168.0…168.0°") == 7
@@ -83,7 +83,7 @@ def test_info(shown: Shown, width: int) -> None:
     words = text.split()
     for word in ("revolute", *JOINT["control_modes"], *JOINT["interaction_modes"]):
         assert words.count(word) == 7, word
-    name = IIWA[6] if width == 120 else "joint_7"
+    name = JOINTS[6] if width == 120 else "joint_7"
     assert name in words
 
 
@@ -97,7 +97,7 @@ def test_impedance(shown: Shown, width: int) -> None:
         "max_damping": 1088.14,
         "torque_offset": -33.1234,
     }
-    text = shown(width, impedance_table, SimpleNamespace(names=IIWA), dict.fromkeys(IIWA, row))
+    text = shown(width, impedance_table, SimpleNamespace(names=JOINTS), dict.fromkeys(JOINTS, row))
     for value in ("1000", "5000", "114.8", "1088", "-33.12"):
         assert text.split().count(value) == 7
     assert text.split().count("max") == 2
@@ -114,7 +114,7 @@ def test_a_continuous_joint_is_endless(shown: Shown) -> None:
     assert "revolute       -  -170.0…170.0°" in text
 
 
-def test_a_name_wider_than_the_terminal_takes_more_lines(shown: Shown) -> None:
+def test_a_name_wider_than_the_terminal_wraps(shown: Shown) -> None:
     """Broken, not cut: all characters are there."""
     name = "a_joint_of_a_very_long_name"
     text = shown(20, grid, {"joint": [name], "position": ["-168.0°"]})
@@ -124,8 +124,8 @@ def test_a_name_wider_than_the_terminal_takes_more_lines(shown: Shown) -> None:
 
 def test_short_names() -> None:
     """Names lose what all of the board begin with, but one word of it; also a joint alone."""
-    assert list(short_names(IIWA[:2]).values()) == ["joint_1", "joint_2"]
-    assert short_names(IIWA[:1], IIWA) == {IIWA[0]: "joint_1"}
+    assert list(short_names(JOINTS[:2]).values()) == ["joint_1", "joint_2"]
+    assert short_names(JOINTS[:1], JOINTS) == {JOINTS[0]: "joint_1"}
     for names in (
         ["l_elbow", "l_arm", "l"],
         ["a", "b"],

@@ -8,6 +8,7 @@ from typing import Any
 
 import cbctl_terminal
 import pytest
+from iiwa import JOINTS
 from rich.text import Text
 
 from control_board_ros.cli.line.words import short_names
@@ -22,7 +23,6 @@ from control_board_ros.cli.verbs.watch import (
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.joint_limits import JointLimits
 
-IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 ICUB = ["l_shoulder_pitch", "l_shoulder_roll", "l_elbow"]
 FAULT = "overcurrent, 23.9 A; the limit is 22 A"
 
@@ -73,7 +73,7 @@ def on_terminal(views: list[View], width: int, height: int) -> list[str]:
     return cbctl_terminal.drawn(on_screen(views, width, height), width).splitlines()
 
 
-@pytest.mark.parametrize("names", [IIWA, ICUB, ["only"]], ids=["iiwa", "icub", "one"])
+@pytest.mark.parametrize("names", [JOINTS, ICUB, ["only"]], ids=["iiwa", "icub", "one"])
 @pytest.mark.parametrize("width", [60, 70, 80, 100, 160])
 @pytest.mark.parametrize("fault", [False, True])
 def test_names_modes_and_positions_are_never_cut(
@@ -93,19 +93,19 @@ def test_names_modes_and_positions_are_never_cut(
 
 
 def test_a_wide_terminal_shows_everything() -> None:
-    head = drawn(IIWA, 120)[0]
+    head = drawn(JOINTS, 120)[0]
     assert [title for title in TITLES if title not in head] == []
-    assert "lbr_iiwa_joint_1" in "\n".join(drawn(IIWA, 120))
+    assert "lbr_iiwa_joint_1" in "\n".join(drawn(JOINTS, 120))
 
 
 def test_eighty_columns_drop_the_least_important_first() -> None:
-    lines = drawn(IIWA, 80)
+    lines = drawn(JOINTS, 80)
     assert "output" not in lines[0]
     assert {"joint", "mode", "int.", "position", "torque", "fault"} <= set(lines[0].split())
     assert any(line.split()[0] == "joint_1" for line in lines[2:])
 
 
-def test_who_is_not_calibrated_is_marked() -> None:
+def test_uncalibrated_joints_are_marked() -> None:
     """K7: where a mode is refused for it; not while the calibration is still to come."""
     assert "not calibrated" in "\n".join(drawn(ICUB, 120, control_mode="idl", calibrated=False))
     assert "not calibrated" in "\n".join(drawn(ICUB, 80, control_mode="idl", calibrated=False))
@@ -118,7 +118,7 @@ def test_who_is_not_calibrated_is_marked() -> None:
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 24), (160, 20), (200, 14)])
 @pytest.mark.parametrize("split", [False, True], ids=["robot", "parts"])
 def test_all_joints_are_seen(width: int, height: int, split: bool) -> None:
-    """32 joints stand beside each other, with their modes and positions, and no line more."""
+    """32 joints are shown side by side, with their modes and positions, and no line more."""
     views = [view(f"/icub/{part}", names) for part, names in PARTS.items()]
     lines = on_terminal(views if split else [view("/icub/robot", EVERYONE)], width, height)
     text = "\n".join(lines)
@@ -132,14 +132,14 @@ def test_all_joints_are_seen(width: int, height: int, split: bool) -> None:
     assert ("/icub/left_leg" in text) is split
 
 
-def test_what_finds_no_room_is_told() -> None:
+def test_rows_without_room_are_reported() -> None:
     """And never a line more than the terminal has."""
     lines = on_terminal([view("/icub/robot", EVERYONE)], 40, 12)
     assert len(lines) < 12
     assert lines[-1].startswith("… 24 lines more: a larger")
 
 
-def test_faults_stand_below() -> None:
+def test_faults_are_shown_below() -> None:
     """Three lines of them at most; the last counts the rest."""
     lines = on_terminal([view("/icub/robot", EVERYONE, tuple(EVERYONE[:2]))], 80, 24)
     assert lines[-2:] == [f"{name}: {FAULT}" for name in EVERYONE[:2]]

@@ -3,35 +3,31 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from typing import Any
 
+import board_fixtures
 import pytest
-from talk import TIMEOUT, patient
+from talk import patient
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.testing import BoardProcess, board_process, ros_node
+from control_board_ros.testing import BoardProcess, ros_node
+
+board, params = board_fixtures.board, board_fixtures.params
 
 
 @pytest.fixture(scope="module")
-def process() -> Iterator[BoardProcess]:
-    """The iiwa, with fault injection."""
-    with board_process({"allow_fault_injection": True}) as board:
-        yield board
-
-
-@pytest.fixture(scope="module")
-def node(process: BoardProcess) -> Iterator[Any]:
-    """A node that nobody spins: the client does without."""
-    with ros_node(process.domain, "user", spin=False) as node:
+def node(board: BoardProcess) -> Iterator[Any]:
+    """A node that is not spun: the client does without."""
+    with ros_node(board.domain, "user", spin=False) as node:
         yield node
 
 
 @pytest.fixture(scope="module")
-def shared(process: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
+def shared(board: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
     """One client for the module."""
-    with patient(node, process.name) as client:
+    with patient(node, board.name) as client:
         yield client
 
 
@@ -41,7 +37,7 @@ def client(shared: ControlBoardClient) -> ControlBoardClient:
     assert shared.pause(False)
     assert shared.clear_injected_faults()
     assert shared.reset()
-    deadline = time.monotonic() + TIMEOUT
-    while any(mode.code != "pos" for mode in shared.get_control_mode()):
-        assert time.monotonic() < deadline, shared.get_faults()  # a cycle configures it
+    until(  # a cycle configures it
+        lambda: all(mode.code == "pos" for mode in shared.get_control_mode()), shared.get_faults
+    )
     return shared

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from talk import TIMEOUT
+from iiwa import JOINTS
+from waiting import GUARD
 
 from control_board_ros.client import BoardTimeout, ControlBoardClient, MoveFeedback
 from control_board_ros.core.selection import RequestError
@@ -24,29 +25,27 @@ from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
-NAMES = tuple(f"lbr_iiwa_joint_{k}" for k in range(1, 8))
-
 
 def test_joints_by_name_index_sequence_and_none(client: ControlBoardClient) -> None:
     """A: an index, a name, a sequence of them, or None for all; one value goes to all."""
-    assert client.names == NAMES
-    assert client.set_control_mode(0, "vel").joints == (NAMES[0],)
-    assert client.set_control_mode(NAMES[1], M.MIXED)
-    assert client.set_control_mode([NAMES[2], 3], int(M.TORQUE))
+    assert client.names == JOINTS
+    assert client.set_control_mode(0, "vel").joints == (JOINTS[0],)
+    assert client.set_control_mode(JOINTS[1], M.MIXED)
+    assert client.set_control_mode([JOINTS[2], 3], int(M.TORQUE))
     assert client.set_control_mode((4, 5), ["idl", "POSITION"])
     modes = [M.VELOCITY, M.MIXED, M.TORQUE, M.TORQUE, M.IDLE, M.POSITION, M.POSITION]
     assert client.get_control_mode() == modes
-    assert client.get_control_mode([6, NAMES[0]]) == [M.POSITION, M.VELOCITY]
-    assert client.set_control_mode(None, "pos").joints == NAMES
+    assert client.get_control_mode([6, JOINTS[0]]) == [M.POSITION, M.VELOCITY]
+    assert client.set_control_mode(None, "pos").joints == JOINTS
     assert client.get_control_mode(2) == [M.POSITION]
 
 
-def test_what_the_board_refuses_is_a_reply(client: ControlBoardClient) -> None:
+def test_refusals_of_the_board_are_replies(client: ControlBoardClient) -> None:
     """M6, M7: refused whole, nothing changes, the message says why."""
     for joints, modes, text in (
         ("lbr_iiwa_joint_8", "vel", "unknown; did you mean"),
         (7, "vel", "out of range"),
-        ([0, NAMES[0]], "vel", "twice"),
+        ([0, JOINTS[0]], "vel", "twice"),
         ([0, 1], ["vel", "vel", "vel"], "3 modes for 2 joints"),
         (0, "hwfa", "cannot be set"),
         (0, "nonsense", "unknown"),
@@ -69,7 +68,7 @@ def test_each_joint_has_its_answer(client: ControlBoardClient) -> None:
     reply = client.set_control_mode([1, 2, 3], ["torq", "torq", "veld"])
     assert reply.answers == (Answer.REFUSED, Answer.ACCEPTED, Answer.UNSUPPORTED)
     assert "send FORCE_IDLE first" in reply.message
-    assert f"{NAMES[1]} is in HW_FAULT" in reply.reasons[0]
+    assert f"{JOINTS[1]} is in HW_FAULT" in reply.reasons[0]
     assert reply.reasons[1] == ""
     assert "does not implement veld" in reply.reasons[2]
     assert client.set_control_mode(3, "fidl")
@@ -155,7 +154,7 @@ def test_reference_speeds(client: ControlBoardClient) -> None:
     assert client.get_ref_speed(0).tolist() == [0.3]
 
 
-def test_commands_out_of_mode_are_told_and_counted(client: ControlBoardClient) -> None:
+def test_commands_out_of_mode_are_reported_and_counted(client: ControlBoardClient) -> None:
     """M4: ignored, the board says so where it is asked, and counts; the others are served."""
     before = client.get_state().rejected_commands
     assert client.set_control_mode(0, "vel")
@@ -163,7 +162,7 @@ def test_commands_out_of_mode_are_told_and_counted(client: ControlBoardClient) -
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
     assert reply.codes == ("", "other_mode")
     assert reply.message == (
-        f"velocity reference for {NAMES[1]} ignored: mode is POSITION; it is accepted in vel, mix"
+        f"velocity reference for {JOINTS[1]} ignored: mode is POSITION; it is accepted in vel, mix"
     )
     assert reply.values[0] == 0.01
     assert math.isnan(reply.values[1])
@@ -241,7 +240,7 @@ def test_get_methods_raise_for_joints_that_do_not_exist(client: ControlBoardClie
 
 
 def test_the_old_interface_warns(
-    client: ControlBoardClient, process: BoardProcess, node: Any, capfd: Any
+    client: ControlBoardClient, board: BoardProcess, node: Any, capfd: Any
 ) -> None:
     """D1: a DeprecationWarning and a log warning; I9: the old pairs."""
     old = "set_impedance_velocity_mode belongs to the old"
@@ -265,12 +264,12 @@ def test_the_old_interface_warns(
 def test_measured_state(client: ControlBoardClient) -> None:
     """A: encoders, speeds and torques of the joints requested, in the order requested."""
     state = client.get_state()
-    assert state.names == NAMES
+    assert state.names == JOINTS
     assert client.get_encoder([3, 1]) == pytest.approx(state.position[[3, 1]], abs=1e-3)
     assert client.get_encoder_speed().shape == (7,)
     assert abs(client.get_torque(1)[0]) > 1.0  # the arm leans forward
     assert client.position_move(6, 0.2, 1.0)
-    reached = client.wait_for_state(lambda s: abs(s.position[6] - 0.2) < 0.01, TIMEOUT)
+    reached = client.wait_for_state(lambda s: abs(s.position[6] - 0.2) < 0.01, GUARD)
     assert reached.position[6] == pytest.approx(0.2, abs=0.01)
     with pytest.raises(BoardTimeout, match=r"after 0\.2 s"):
         client.wait_for_state(lambda s: bool(s.position[6] > 9.0), 0.2)
@@ -293,7 +292,7 @@ def test_move_waits_and_reports(client: ControlBoardClient) -> None:
     remaining = [f.remaining_time for _, f in received]
     assert remaining[0] > 0.0
     assert remaining == sorted(remaining, reverse=True)
-    assert received[0][1].names == NAMES[:2]
+    assert received[0][1].names == JOINTS[:2]
 
 
 def test_a_bounded_move_says_so(client: ControlBoardClient) -> None:
@@ -301,7 +300,7 @@ def test_a_bounded_move_says_so(client: ControlBoardClient) -> None:
     assert client.move(5, 0.1, 0.5).message == ""
     reply = client.move([5, 1], [40.0, 0.6], [1.2, 0.1])
     assert reply
-    assert reply.message == f"{NAMES[5]}: position bounded to 118.0° (2291.8° was requested)"
+    assert reply.message == f"{JOINTS[5]}: position bounded to 118.0° (2291.8° was requested)"
     assert client.get_encoder(5) == pytest.approx([math.radians(118.0)], abs=0.01)
 
 
@@ -310,7 +309,7 @@ def test_a_move_that_is_only_started_says_so_too(client: ControlBoardClient) -> 
     reply = client.position_move(0, -40.0)
     assert reply
     assert reply.message.startswith(
-        f"{NAMES[0]}: position bounded to -168.0° (-2291.8° was requested)"
+        f"{JOINTS[0]}: position bounded to -168.0° (-2291.8° was requested)"
     )
     assert reply.values == tuple(client.get_target_position(0))
     assert client.relative_move(0, 0.1, 0.2).message == ""
@@ -346,11 +345,11 @@ def test_an_interrupted_move_stops_the_joints(client: ControlBoardClient) -> Non
 
 
 def test_calibrate(client: ControlBoardClient) -> None:
-    """K1, K3: started at once, or waited for; the statuses tell."""
+    """K1, K3: started at once, or waited for; the statuses report it."""
     received: list[Any] = []
     reply = client.calibrate([0, 1], feedback=received.append)
     assert reply, reply.message
-    assert received[-1].names == NAMES[:2]
+    assert received[-1].names == JOINTS[:2]
     progress = np.array([feedback.progress for feedback in received])
     assert (np.diff(progress, axis=0) >= 0.0).all()
     assert (progress[-1] > 0.0).all()  # the very last may come after the result
@@ -366,7 +365,7 @@ def test_stop_answers_for_each_joint(client: ControlBoardClient) -> None:
     reply = client.stop([0, 1, 2])
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED, Answer.ACCEPTED)
     assert [bool(reason) for reason in reply.reasons] == [False, True, False]
-    assert NAMES[1] in reply.reasons[1]
+    assert JOINTS[1] in reply.reasons[1]
 
 
 class Slow:
@@ -408,7 +407,7 @@ def test_answers_that_come_at_once_are_not_lost(client: ControlBoardClient) -> N
 def test_faults_of_the_hardware(client: ControlBoardClient) -> None:
     """F1 to F3: injected, latched, refused while the cause persists."""
     assert client.inject_fault(3, "encoder", persistent=True)
-    client.wait_for_state(lambda s: not s.output[3], TIMEOUT)
+    client.wait_for_state(lambda s: not s.output[3], GUARD)
     assert client.get_control_mode(3) == [M.HW_FAULT]
     reply = client.set_control_mode(3, "fidl")
     assert reply.answers == (Answer.REFUSED,)
@@ -439,7 +438,7 @@ def test_configure_and_power_cycle(client: ControlBoardClient) -> None:
     """N1, N2: what concerns the whole board answers for all joints."""
     reply = client.configure()
     assert not reply
-    assert reply.joints == NAMES
+    assert reply.joints == JOINTS
     assert "configured already" in reply.message
     assert client.power_cycle()
 
@@ -462,19 +461,19 @@ def test_the_urdf(client: ControlBoardClient) -> None:
 
 
 def test_poses(client: ControlBoardClient) -> None:
-    """R5: list, save as measured or as given, go there with feedback; replies tell of refusals."""
+    """R5: list, save as measured or as given, go there with feedback; replies report refusals."""
     assert client.list_poses()[:2] == ["home", "park"]
     assert client.get_pose("home").positions[1] == 0.5
     with pytest.raises(RequestError, match="did you mean 'park'"):
         client.get_pose("prak")
     assert client.save_pose("one", 6, 0.3, 1.0)
-    assert client.get_pose("one").joints == (NAMES[6],)
+    assert client.get_pose("one").joints == (JOINTS[6],)
     sent: list[Any] = []
     reply = client.go_to_pose("one", feedback=sent.append)
     assert reply
-    assert reply.joints == (NAMES[6],)
+    assert reply.joints == (JOINTS[6],)
     assert client.get_encoder(6)[0] == pytest.approx(0.3, abs=0.02)
-    assert sent[0].names == (NAMES[6],)
+    assert sent[0].names == (JOINTS[6],)
     assert 0.0 < sent[0].remaining[0] < 0.31
     assert client.save_pose("all_now")
     assert client.get_pose("all_now").positions == pytest.approx(client.get_encoder(), abs=0.02)
@@ -486,4 +485,4 @@ def test_poses(client: ControlBoardClient) -> None:
     client.set_control_mode(3, "idl")
     refused = client.home()
     assert not refused
-    assert f"{NAMES[3]} is in IDLE" in refused.message
+    assert f"{JOINTS[3]} is in IDLE" in refused.message

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from rclpy.executors import SingleThreadedExecutor
-from talk import TIMEOUT, patient
+from talk import patient
+from waiting import GUARD
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -20,17 +21,17 @@ pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 
 @pytest.fixture
-def spinning(process: BoardProcess) -> Iterator[Any]:
+def spinning(board: BoardProcess) -> Iterator[Any]:
     """A node that another thread spins."""
-    with ros_node(process.domain, "spinning") as node:
+    with ros_node(board.domain, "spinning") as node:
         yield node
 
 
-def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
+def test_within_a_callback(board: BoardProcess, spinning: Any) -> None:
     """A call from a callback of the executor that spins the node does not deadlock."""
     answers: list[Any] = []
     done = threading.Event()
-    with patient(spinning, process.name) as client:
+    with patient(spinning, board.name) as client:
 
         def once() -> None:
             timer.cancel()
@@ -38,16 +39,16 @@ def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
             done.set()
 
         timer = spinning.create_timer(0.01, once)
-        assert done.wait(TIMEOUT)
+        assert done.wait(GUARD)
         spinning.destroy_timer(timer)
     assert answers == [[M.POSITION]]
 
 
-def test_in_a_coroutine_of_rclpy(process: BoardProcess, spinning: Any) -> None:
+def test_in_a_coroutine_of_rclpy(board: BoardProcess, spinning: Any) -> None:
     """Await in a coroutine of the node's executor, which stays free."""
     done = threading.Event()
     answers: list[Any] = []
-    with patient(spinning, process.name) as client:
+    with patient(spinning, board.name) as client:
 
         async def ask() -> None:
             answers.append(await client.aio.get_control_mode(0))
@@ -56,13 +57,13 @@ def test_in_a_coroutine_of_rclpy(process: BoardProcess, spinning: Any) -> None:
             done.set()
 
         spinning.executor.create_task(ask)
-        assert done.wait(TIMEOUT)
+        assert done.wait(GUARD)
         assert answers[0] == [M.POSITION]
         assert answers[1], answers[1].message
         assert answers[2] == [True]
 
 
-def test_in_asyncio(process: BoardProcess, node: Any) -> None:
+def test_in_asyncio(board: BoardProcess, node: Any) -> None:
     """Await under asyncio: many at a time, and a cancelled move stops the joint."""
 
     async def talk(client: ControlBoardClient) -> None:
@@ -83,13 +84,13 @@ def test_in_asyncio(process: BoardProcess, node: Any) -> None:
         assert ticks > 2  # the loop was free
         assert move.result()
 
-    with patient(node, process.name) as client:
+    with patient(node, board.name) as client:
         asyncio.run(talk(client))
 
 
-def test_the_awaitable_forms(process: BoardProcess, node: Any) -> None:
+def test_the_awaitable_forms(board: BoardProcess, node: Any) -> None:
     """Aio lists what it has, and says so where it has not."""
-    with patient(node, process.name) as client:
+    with patient(node, board.name) as client:
         assert {"set_control_mode", "move", "get_encoder", "wait_for_state"} <= set(
             dir(client.aio)
         )
@@ -97,10 +98,10 @@ def test_the_awaitable_forms(process: BoardProcess, node: Any) -> None:
             client.aio.close  # noqa: B018
 
 
-def test_from_many_threads(process: BoardProcess, node: Any) -> None:
+def test_from_many_threads(board: BoardProcess, node: Any) -> None:
     """One client, many threads."""
     failed: list[BaseException] = []
-    with patient(node, process.name) as client:
+    with patient(node, board.name) as client:
 
         def talk(k: int) -> None:
             try:
@@ -119,9 +120,9 @@ def test_from_many_threads(process: BoardProcess, node: Any) -> None:
 
 
 @pytest.mark.slow
-def test_namespaces_and_remappings(process: BoardProcess) -> None:
+def test_namespaces_and_remappings(board: BoardProcess) -> None:
     """The name of the board is relative to the node, and remapped as the node is."""
-    with ros_node(process.domain, "far", namespace="somewhere", spin=False) as node:
+    with ros_node(board.domain, "far", namespace="somewhere", spin=False) as node:
         with ControlBoardClient(node, "control_board", find_timeout=4.0) as client:
             assert client.board_name == "/somewhere/control_board"
             with pytest.raises(BoardError, match="boards there are: /control_board"):
@@ -137,13 +138,13 @@ def test_a_board_that_comes_back() -> None:
         free_domain() as domain,
         ros_node(domain, "long", spin=False) as node,
         ControlBoardClient(
-            node, "control_board", find_timeout=2.0, answer_timeout=TIMEOUT
+            node, "control_board", find_timeout=2.0, answer_timeout=GUARD
         ) as client,
     ):
         for limit in (0.5, 1.0):
             parameters = {"joint_defaults.limits.velocity": limit}
             with board_process(parameters, domain=domain):
-                client.wait_until_found(TIMEOUT)
+                client.wait_until_found(GUARD)
                 assert bool(client.position_move(0, 0.1, 0.8)) == (limit > 0.8)
                 assert client.set_control_mode(0, "vel")
                 assert client.velocity_move(0, 0.01)
@@ -152,9 +153,9 @@ def test_a_board_that_comes_back() -> None:
                 client.get_control_mode()
 
 
-def test_several_executors_do_not_mind(process: BoardProcess, node: Any) -> None:
+def test_several_executors_do_not_mind(board: BoardProcess, node: Any) -> None:
     """The node may be added to an executor after the client was made."""
-    with patient(node, process.name) as client:
+    with patient(node, board.name) as client:
         assert client.names
         executor = SingleThreadedExecutor(context=node.context)
         executor.add_node(node)

@@ -36,13 +36,13 @@ def response_of(service: Any, **fields: Any) -> Any:
         ),
     ],
 )
-def test_what_does_not_fit_is_refused(service: Any, fields: dict[str, Any], says: str) -> None:
+def test_invalid_answers_are_refused(service: Any, fields: dict[str, Any], says: str) -> None:
     with pytest.raises(BoardError, match=says) as error:
         check_response(service, response_of(service, **fields), "/board")
     assert str(error.value).isprintable()
 
 
-def test_what_fits_passes_with_names_that_can_be_shown() -> None:
+def test_valid_answers_pass_with_printable_names() -> None:
     response = response_of(
         interface.GET_CONTROL_MODE, names=["a\x1b]0;", "b"], modes=["pos", "idl"]
     )
@@ -93,7 +93,7 @@ def test_an_answer_without_reasons_and_one_of_the_whole_request() -> None:
     assert reply_of(wrong, both) == refused("named twice")
 
 
-def test_a_code_of_a_whole_that_is_none() -> None:
+def test_an_unknown_code_of_a_whole_request() -> None:
     with pytest.raises(BoardError, match="'sic' is no reason"):
         whole(False, "no", ("a",), ["sic"])
 

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from control_board_msgs.msg import JointFault, JointFaults
 from processes import python
-from talk import TIMEOUT, patient
+from talk import patient
+from waiting import GUARD
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode
@@ -26,17 +27,15 @@ pytestmark = [pytest.mark.ros, pytest.mark.physics]
 @pytest.mark.parametrize(
     ("end", "text"), [("close", "the client was closed"), ("shutdown", "context was shut down")]
 )
-def test_a_call_that_waits_ends_with_its_client(
-    process: BoardProcess, end: str, text: str
-) -> None:
+def test_a_call_that_waits_ends_with_its_client(board: BoardProcess, end: str, text: str) -> None:
     """Closed by another thread, or by rclpy.shutdown(); later calls say so, too."""
-    with ros_node(process.domain, "short", spin=False) as node:
-        client = patient(node, process.name)
+    with ros_node(board.domain, "short", spin=False) as node:
+        client = patient(node, board.name)
         assert client.names
         ends = {"close": client.close, "shutdown": node.context.shutdown}
         threading.Timer(0.3, ends[end]).start()
         with pytest.raises(BoardError, match=text):
-            client.wait_for_state(lambda _: False, TIMEOUT)
+            client.wait_for_state(lambda _: False, GUARD)
         with pytest.raises(BoardError, match=text):
             client.get_control_mode()
         client.close()
@@ -54,19 +53,19 @@ MOVING = f"{PROGRAM}client.move(0, 1.5, 0.1, lambda feedback: print('moving', fl
 
 
 @pytest.mark.parametrize("end", ["", "; rclpy.shutdown()"], ids=["as it is", "shut down"])
-def test_a_program_just_ends(process: BoardProcess, end: str) -> None:
+def test_a_program_just_ends(board: BoardProcess, end: str) -> None:
     """Nothing needs to be closed: the program ends with code 0 and says nothing."""
-    done = python(ASKING + end, env=process.environment)
+    done = python(ASKING + end, env=board.environment)
     assert (done.stdout, done.stderr) == ("POSITION\n", "")
 
 
-def test_ctrl_c_where_rclpy_handles_signals(process: BoardProcess, node: Any) -> None:
+def test_ctrl_c_where_rclpy_handles_signals(board: BoardProcess, node: Any) -> None:
     """As most programs are: rclpy shuts every context down first, and the joints stop still."""
-    with patient(node, process.name) as client:
+    with patient(node, board.name) as client:
         assert client.set_control_mode(0, "pos")
         program = subprocess.Popen(
             [sys.executable, "-c", MOVING],
-            env=process.environment,
+            env=board.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -78,17 +77,17 @@ def test_ctrl_c_where_rclpy_handles_signals(process: BoardProcess, node: Any) ->
         _, errors = program.communicate()
         assert errors.splitlines()[-1] == "KeyboardInterrupt"
         assert "BoardError" not in errors
-        client.wait_for_state(lambda state: bool(state.motion_done[0]), TIMEOUT)
+        client.wait_for_state(lambda state: bool(state.motion_done[0]), GUARD)
         assert client.get_encoder(0)[0] < 1.4
         assert client.get_target_position(0) == pytest.approx([1.5])
 
 
 @pytest.mark.parametrize("end", ["close", "shutdown", "destroy"])
-def test_what_goes_away_under_calls_is_a_board_error(process: BoardProcess, end: str) -> None:
+def test_nodes_destroyed_during_calls_are_board_errors(board: BoardProcess, end: str) -> None:
     """Nothing of rclpy's comes through, in no thread, whatever it was doing."""
     ended: list[BaseException] = []
-    with ros_node(process.domain, "brief", spin=False) as node:
-        client = patient(node, process.name)
+    with ros_node(board.domain, "brief", spin=False) as node:
+        client = patient(node, board.name)
         assert client.set_control_mode(0, "vel")
         calls = [
             lambda: client.get_control_mode(0),
@@ -123,18 +122,18 @@ def test_what_goes_away_under_calls_is_a_board_error(process: BoardProcess, end:
     assert [type(error) for error in ended] == [BoardError] * len(calls)
 
 
-def test_a_node_that_was_destroyed(process: BoardProcess) -> None:
+def test_a_node_that_was_destroyed(board: BoardProcess) -> None:
     """A client cannot be made of it, and one made before goes on."""
-    with ros_node(process.domain, "gone", spin=False) as node:
-        client = patient(node, process.name)
+    with ros_node(board.domain, "gone", spin=False) as node:
+        client = patient(node, board.name)
         node.destroy_node()
         assert client.get_axes() == 7
         with pytest.raises(BoardError, match="make a new client"):
-            ControlBoardClient(node, process.name)
+            ControlBoardClient(node, board.name)
         client.close()
 
 
-def test_a_message_that_cannot_be_read(process: BoardProcess, capfd: Any) -> None:
+def test_a_message_that_cannot_be_read(board: BoardProcess, capfd: Any) -> None:
     """One line in the log, however many there are, and the next valid one is processed."""
     read: list[str] = []
 
@@ -143,8 +142,8 @@ def test_a_message_that_cannot_be_read(process: BoardProcess, capfd: Any) -> Non
         read.append(ControlMode[fault.text].code)
 
     with (
-        ros_node(process.domain, "newer", spin=False) as newer,
-        ros_node(process.domain, "reader", spin=False) as node,
+        ros_node(board.domain, "newer", spin=False) as newer,
+        ros_node(board.domain, "reader", spin=False) as node,
         patient(node, "newer") as client,
     ):
         client._link.subscribe(FAULTS, take)

@@ -16,7 +16,8 @@ from control_board_msgs.msg import JointModes, PositionCommand
 from control_board_msgs.srv import GetControlMode, SetControlMode
 from rclpy.action import ActionServer
 from rclpy.qos import QoSProfile
-from talk import state_of, until
+from talk import state_of
+from waiting import GUARD, until
 
 from control_board_ros.client import BoardNotFound, BoardTimeout, InvalidAnswer, state
 from control_board_ros.client.link import Link
@@ -32,7 +33,6 @@ from control_board_ros.testing import ros_node
 from control_board_ros.testing.domains import free_domain
 
 pytestmark = pytest.mark.ros
-GUARD = 60.0
 TOPIC = "/board/command/position"
 
 
@@ -103,7 +103,7 @@ def test_a_command_waits_for_the_board_itself(link: Link) -> None:
         assert other.receives(2.0, 3.0)
 
 
-def test_what_was_published_is_settled_when_a_call_has_been_answered(link: Link) -> None:
+def test_publications_are_delivered_when_a_later_call_is_answered(link: Link) -> None:
     """A call that failed settles nothing: the next one queries again."""
     with ros_node(link.domain, "board") as node:
         board, ear = Board(node), Ear(node)
@@ -133,7 +133,7 @@ def test_a_board_that_does_not_answer_and_does_again(link: Link) -> None:
         run(link.call(GET_CONTROL_MODE))
 
 
-def test_a_request_waits_until_the_board_has_heard_of_the_client(link: Link) -> None:
+def test_a_request_waits_until_the_board_has_discovered_the_client(link: Link) -> None:
     """It is made once, however often the way of its answer was tried before."""
     made: list[list[str]] = []
 
@@ -151,7 +151,7 @@ def test_a_request_waits_until_the_board_has_heard_of_the_client(link: Link) -> 
         assert made == [["pos"], ["vel"]]
 
 
-def test_a_goal_waits_until_the_board_has_heard_of_the_client(
+def test_a_goal_waits_until_the_board_has_discovered_the_client(
     link: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Answers to a client that the board does not know yet go nowhere; it is asked again."""
@@ -167,10 +167,10 @@ def test_a_goal_waits_until_the_board_has_heard_of_the_client(
         assert run(link.thread.until(lambda: not link.is_there(), GUARD))
 
 
-def test_a_state_is_heard_again_by_new_subscriptions(
+def test_new_subscriptions_receive_states_again(
     link: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where the old ones hear the board no more, as after a long cut of the network."""
+    """Where the old ones receive nothing any more, as after a long cut of the network."""
     monkeypatch.setattr(state, "SILENCE", 0.3)
     link.answer_timeout = 0.2
     with ros_node(link.domain, "board") as node:
@@ -180,7 +180,7 @@ def test_a_state_is_heard_again_by_new_subscriptions(
         view = state.StateView(link)
         until(lambda: received(view))
         deaf = link._entities[STATE]
-        deaf.callback = lambda *_: None  # as one that nobody sends to any more
+        deaf.callback = lambda *_: None  # as one without publishers
         until(lambda: run(view.following(0.1)) is not None)
         assert link._entities[STATE] is not deaf
 
@@ -207,7 +207,7 @@ def test_an_old_state_counts_only_if_the_board_answers(
 
 @pytest.mark.parametrize("field", ["position", "temperature", "motion_done", "calibrated"])
 def test_a_state_without_one_value_for_each_joint_is_refused(field: str) -> None:
-    """Whoever speaks ROS can send one; the error says what is wrong with it."""
+    """Any ROS node can send one; the error says what is wrong with it."""
     assert state.State.of(state_of(["a", "b"])).checked().names == ("a", "b")
     short = state.State.of(
         state_of(["a", "b"], **{field: [1.0 if field in state.FLOAT_FIELDS else True] * 3})

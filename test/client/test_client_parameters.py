@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What somebody who knows YARP looks for in the client, against a real board."""
+"""What users of YARP look for in the client, against a real board."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from talk import TIMEOUT
+from waiting import GUARD
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.client.yarp_names import name_here, snake_case
@@ -63,7 +63,7 @@ class TestOnABoard:
         """P1: from where the joint is measured to be."""
         assert client.move([0, 1], [0.2, 0.5], 0.5)
         assert client.relative_move([0, 1], [0.1], 0.3)
-        client.wait_for_state(lambda state: bool(state.motion_done[:2].all()), TIMEOUT)
+        client.wait_for_state(lambda state: bool(state.motion_done[:2].all()), GUARD)
         assert client.get_target_position([0, 1]) == pytest.approx([0.3, 0.6], abs=0.01)
         assert "3 distances for 2 joints" in client.relative_move([0, 1], [1.0] * 3).message
 
@@ -73,7 +73,7 @@ class TestOnABoard:
         assert temperatures.shape == (7,)
         assert np.nanmin(temperatures) > 10.0
 
-    def test_the_last_state_heard_comes_at_once(self, client: ControlBoardClient) -> None:
+    def test_the_last_received_state_is_returned_at_once(self, client: ControlBoardClient) -> None:
         first = client.get_state()
         client.velocity_move(0, 0.1)  # a fresh state would be waited for now
         assert client.get_state(fresh=False).stamp >= first.stamp

@@ -7,12 +7,12 @@ import fcntl
 import os
 import socket
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from waiting import until
 
 from control_board_ros.testing import (
     board_process,
@@ -75,8 +75,8 @@ def test_the_environment_of_a_child(monkeypatch: pytest.MonkeyPatch) -> None:
     assert child["AMENT_PREFIX_PATH"] == "/opt/ros/jazzy"
 
 
-def test_what_killed_processes_leave_in_shared_memory(tmp_path: Path) -> None:
-    """Removed where nobody holds it: segments that are old, and ports of this domain."""
+def test_shared_memory_left_by_killed_processes(tmp_path: Path) -> None:
+    """Removed where no process holds it: segments that are old, and ports of this domain."""
     from control_board_ros.testing.domains import sweep
 
     kept = {"fastrtps_held", "fastrtps_held_el", "fastrtps_young", "other"}
@@ -96,8 +96,8 @@ def test_what_killed_processes_leave_in_shared_memory(tmp_path: Path) -> None:
 
 
 @pytest.mark.ros
-def test_a_board_that_ends_early_tells_why() -> None:
-    """The exit code and what it printed stand in the error."""
+def test_a_board_that_ends_early_reports_why() -> None:
+    """The error has the exit code and what it printed."""
     program = "print('bad configuration'); raise SystemExit(2)"
     with (
         pytest.raises(AssertionError, match="ended with code 2") as raised,
@@ -164,10 +164,12 @@ def test_nodes_of_tests() -> None:
         assert a.context is not b.context
         publisher = a.create_publisher(String, "word", 10)
         b.create_subscription(String, "word", lambda m: received.append(m.data), 10)
-        deadline = time.monotonic() + 120.0
-        while not received and time.monotonic() < deadline:
+
+        def reached() -> bool:
             publisher.publish(String(data="hello"))
-            time.sleep(0.02)
+            return bool(received)
+
+        until(reached, period=0.02)
     assert received[0] == "hello"
 
 

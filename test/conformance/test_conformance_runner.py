@@ -61,7 +61,7 @@ def results(*outcomes: Outcome) -> list[Result]:
         ([HELD, NOT_HELD], False),
     ],
 )
-def test_what_passes(outcomes: list[Outcome], passes: bool, capsys: Any) -> None:
+def test_outcomes_that_pass(outcomes: list[Outcome], passes: bool, capsys: Any) -> None:
     found, complaints = results(*outcomes), []
     asked = argparse.Namespace(json=True, junit=None)
     code = app.summed_up("/board", "elbow", asked, found, [], complaints.append)
@@ -251,7 +251,7 @@ def test_every_end_of_a_rule_is_a_result(error: Exception, outcome: Outcome) -> 
     assert ("is answered after" in result.evidence) == isinstance(error, OutOfTime)
 
 
-def test_rules_that_take_too_long_end_the_run() -> None:
+def test_rules_that_last_too_long_end_the_run() -> None:
     session: Any = Fake()
     late = [rule(f"M{k}", raises(OutOfTime("it took longer"))) for k in range(LATE)]
     found, _ = run(session, [*late, rule("P1")])

@@ -122,7 +122,7 @@ RESULTS = [
 ]
 
 
-def test_text_names_what_is_not_held() -> None:
+def test_text_names_the_failed_rules() -> None:
     assert as_text(RESULTS) == "1 held, 1 not held, 1 not testable: P1"
     assert as_text(RESULTS[:1]) == "1 held, 0 not held, 0 not testable"
 
@@ -182,7 +182,7 @@ def test_the_joint_that_falls_least_is_chosen(loads: list[float], chosen: int) -
     ("answer", "goes"),
     [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False), ("", False)],
 )
-def test_only_a_yes_goes_on(answer: str, goes: bool, monkeypatch: Any) -> None:
+def test_only_a_yes_continues(answer: str, goes: bool, monkeypatch: Any) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(answer))
     assert app.goes_on() is goes
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a joint stands whose move has ended, and what is said of it (SPEC P3, I4)."""
+"""Status and text of a joint whose move has ended (SPEC P3, I4)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def to(target: float, kind: JointKind = TURNS, control: M = M.POSITION) -> Joint
 
 
 def now(position: float, reference: float = 0.0, velocity: float = 0.0, **modes: Any) -> JointNow:
-    """A joint in POSITION and STIFF, unless told otherwise."""
+    """A joint in POSITION and STIFF by default."""
     given = {"control": M.POSITION, "interaction": STIFF} | modes
     return JointNow(position, reference, velocity, **given)
 
@@ -44,7 +44,7 @@ def now(position: float, reference: float = 0.0, velocity: float = 0.0, **modes:
         (-3.0, 0.1, 1.0, True, 1.0, S.AWAY),
     ],
 )
-def test_standings(
+def test_statuses_of_moves(
     kind: JointKind,
     reference: float,
     velocity: float,
@@ -68,7 +68,7 @@ def test_metres_are_not_radians() -> None:
         assert to(0.02, kind).standing(now(0.015, 0.02), 2.0) is expected
 
 
-def test_what_is_said() -> None:
+def test_texts_of_moves_that_end() -> None:
     """One line with the joint, where it is, in its unit, why, and what to do."""
     assert to(1.0).ending(S.ARRIVED, now(1.001)) == ""
     assert to(1.0).ending(S.ARRIVED, now(0.999, interaction=COMPLIANT)) == ""

@@ -63,7 +63,7 @@ EVERYTHING = {*MODES, M.HW_FAULT, M.CALIBRATING, *InteractionMode, *FaultCode} -
 EVERYTHING |= {"limit", "velocity timeout", "I2t", "temperature", "calibrated"}
 #: Sizes of boards, and control cycles for each part of the script.
 SIZES = {1: 60, 7: 40, 32: 6, 127: 1}
-#: The numbers inside of the compiled objects are compared after every so many parts.
+#: The numbers inside of the compiled objects are compared after this many parts.
 INSIDES = 20
 
 

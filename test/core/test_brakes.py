@@ -103,7 +103,7 @@ def test_a_brake_closes_before_its_joint_loses_power(made: Made) -> None:
 
 @pytest.mark.parametrize("mode", [M.HW_FAULT, M.NOT_CONFIGURED])
 def test_a_fault_waits_for_no_brake(mode: M, made: Made) -> None:
-    """Y4: the power goes at once; whoever worked the brake, it works by itself from then on."""
+    """Y4: the power goes at once; a brake set by hand is automatic from then on."""
     made.run()
     made.brakes._set_mode(0, BrakeMode.OPEN)
     made.state.control_modes[0] = mode
@@ -127,7 +127,7 @@ def test_new_times_hold_from_the_next_order_on(made: Made) -> None:
 
 
 @pytest.mark.parametrize(("release", "patience"), [(0.03, 75), (0.01, 50)])
-def test_a_brake_whose_switch_says_closed_gets_time(release: float, patience: int) -> None:
+def test_a_brake_whose_switch_reads_closed_gets_time(release: float, patience: int) -> None:
     """Y4: five times its release time, and 100 ms at least; then it is a fault."""
     made = Made(release_time=release)
     made.until(40)
@@ -148,7 +148,7 @@ def test_a_brake_whose_switch_says_closed_gets_time(release: float, patience: in
 
 @pytest.mark.parametrize(("kind", "least"), [("revolute", 0.5 * DEGREE), ("prismatic", 1e-3)])
 def test_a_slip_is_seen_at_the_next_look(kind: str, least: float) -> None:
-    """Y4: 0.5° or 1 mm from where it came to rest, looked at each 50 ms; told of once."""
+    """Y4: 0.5° or 1 mm from where it came to rest, checked each 50 ms; reported once."""
     made = Made(kind)
     made.state.position[0], made.state.offset[0] = 1.0, 0.5
     made.until(LOOK)
@@ -187,7 +187,7 @@ def test_a_brake_may_take_a_second_to_stop_its_joint(kind: str, rest: float) -> 
         assert places[marked - 1 :] == [1.0 + 0.1 * rest * marked] * (20 - marked)
 
 
-def test_a_joint_whose_brake_still_works_is_not_looked_at(made: Made) -> None:
+def test_a_joint_with_a_moving_brake_is_not_checked(made: Made) -> None:
     """Y4: nor one whose brake is open."""
     made.run()
     made.until(2 * LOOK - 5)
@@ -203,7 +203,7 @@ def test_a_joint_whose_brake_still_works_is_not_looked_at(made: Made) -> None:
     assert not made.reports
 
 
-def test_each_time_it_closes_a_slip_is_told_of() -> None:
+def test_a_slip_is_reported_at_each_closing() -> None:
     """Y4: once each time; the time to stop its joint counts from the order."""
     made = Made(rate=10.0)
     for begin in (100, 200):

@@ -32,7 +32,7 @@ def test_a_number_that_no_type_may_have(number: int) -> None:
 
 @pytest.mark.parametrize("number", [1, 2, 11])
 def test_a_free_number_is_entered_with_its_text(number: int) -> None:
-    """K: the decorated class is that type from then on, and nobody else's."""
+    """K: the decorated class is that type from then on, and no other class is."""
     assert register(number, "my own")(AbsoluteSensor) is AbsoluteSensor
     assert calibration.TYPES[number] is AbsoluteSensor
     assert calibration.CALIBRATION_TYPES[number] == "my own"
@@ -49,7 +49,7 @@ def test_a_freed_top_number_may_be_taken() -> None:
 
 @pytest.mark.parametrize("cycles", [1, 4])
 def test_a_stall_lasts_as_long_as_is_asked(cycles: int) -> None:
-    """K5, type 5: so many control cycles without a motion of encoder and motor, no fewer."""
+    """K5, type 5: the set control cycles without a motion of encoder and motor, no fewer."""
     config = joint("a")
     stall = Calibration(type=5, required=True, output=10.0, stall_time=0.25 * cycles, stop=0.0)
     still = SimpleNamespace(

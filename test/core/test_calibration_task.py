@@ -34,7 +34,7 @@ def test_it_ends_when_all_its_joints_have_calibrated(rig: Rig) -> None:
     assert [status.progress for status in task.statuses()] == [1.0, 1.0]
 
 
-def test_a_joint_that_refuses_is_told_of_at_the_end(rig: Rig) -> None:
+def test_a_joint_that_refuses_is_reported_at_the_end(rig: Rig) -> None:
     task = CalibrationTask(rig.board, None)
     rig.run(8.0)
     outcome = task.outcome()
@@ -44,7 +44,7 @@ def test_a_joint_that_refuses_is_told_of_at_the_end(rig: Rig) -> None:
     assert rig.modes()[:2] == [ControlMode.POSITION] * 2
 
 
-def test_none_that_takes_it_is_an_error(rig: Rig) -> None:
+def test_a_calibration_no_joint_accepts_is_an_error(rig: Rig) -> None:
     with pytest.raises(RequestError, match="c has no calibrator"):
         CalibrationTask(rig.board, "c")
 

@@ -18,7 +18,7 @@ SENSOR = Calibration(type=12, required=False, zero=0.7)
 
 @pytest.fixture
 def own() -> Iterator[Callable[[type[Calibrator]], Rig]]:
-    """A function that calibrates joint ``left``, which stands at 0.5 rad, by a class."""
+    """A function that calibrates joint ``left``, at rest at 0.5 rad, by a class."""
 
     def started(calibrator: type[Calibrator]) -> Rig:
         register(1, "of a test")(calibrator)
@@ -75,7 +75,7 @@ def test_a_joint_calibrates_again_by_its_encoder() -> None:
         rig.tick(2)
 
 
-def test_a_joint_is_held_where_its_encoder_says_that_it_is(
+def test_a_joint_is_held_at_its_encoder_reading(
     own: Callable[[type[Calibrator]], Rig],
 ) -> None:
     """K2, K6: be that outside its limits, before its angle is known and when it is set; without

@@ -189,7 +189,7 @@ def test_how_near_its_start_it_must_be(kind: str, scale: float) -> None:
     assert not any(calibrator.step() for _ in range(10))
 
 
-def test_who_is_there_from_the_beginning_stays_there_for_a_while() -> None:
+def test_a_joint_already_at_its_target_stays_there_for_a_while() -> None:
     """K2: 50 ms, where no profile is needed."""
     bench = Bench(begin=0.1)
     calibrator = OffsetAndMove(Calibration(type=3, start=0.1), cast("Any", bench), PERIOD)
@@ -248,8 +248,8 @@ def test_it_backs_off_and_pushes_towards_its_stop(way: float) -> None:
 
 
 @pytest.mark.parametrize(("kind", "scale"), KINDS)
-def test_who_creeps_has_not_met_a_stop(kind: str, scale: float) -> None:
-    """K5: encoder and motor must stand still, 0.002 and 0.01 rad in the time of a stall."""
+def test_a_creeping_joint_has_not_met_a_stop(kind: str, scale: float) -> None:
+    """K5: encoder and motor must be at rest, 0.002 and 0.01 rad in the time of a stall."""
     for reading, motor, cycles in (
         (0.0019, 0.0019, 10),
         (0.0021, 0.0021, 15),
@@ -326,7 +326,7 @@ def test_half_of_the_way_back_is_enough_when_the_profile_has_ended() -> None:
 
 
 @pytest.mark.parametrize(("kind", "scale"), KINDS)
-def test_what_gives_way_under_the_push_is_no_stop(kind: str, scale: float) -> None:
+def test_a_yielding_obstacle_is_no_stop(kind: str, scale: float) -> None:
     """K5: 0.005 rad, or 0.25 mm."""
     for gives_way, is_stop in ((0.0049, True), (0.0051, False)):
         bench = Bench(kind, begin=0.0, stops=(-9.0, 0.1))
@@ -351,11 +351,11 @@ def test_a_stall_draws_at_least_half_of_its_current(phase: str, output: float, w
 
     assert found(0.55) == ""
     text = r"stands still, but its motor draws (\S+) A at (\S+) %, where a stall needs (\S+) A"
-    told = re.match(text, found(0.45))
-    assert told is not None
+    matched = re.match(text, found(0.45))
+    assert matched is not None
     needs = way * output * 0.48
     numbers = pytest.approx([0.45 * needs, way * output, needs], rel=0.01)
-    assert [*map(float, told.groups())] == numbers
+    assert [*map(float, matched.groups())] == numbers
 
 
 class Rippled(Bench):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""control.py: bounds that users set, constants of a drive, and what the laws tell of."""
+"""control.py: bounds that users set, constants of a drive, and what the laws report."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig import LIMITS, board_config, joint, plain
+from rig import LIMITS, board_config, controller, joint, plain
 
-from control_board_ros.core.config.config import BoardConfig, Pid
+from control_board_ros.core.config.config import Pid
 from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.config.parts import Payload
 from control_board_ros.core.laws.control import Controller, set_gains
@@ -20,10 +20,6 @@ from control_board_ros.core.terms.motors import Term
 
 #: N·m per ampere of the joints here.
 PER_AMPERE = 5.0
-
-
-def controller(config: BoardConfig) -> Controller:
-    return Controller(config, StateArrays(config))
 
 
 def test_a_smaller_current_bounds_the_torque() -> None:
@@ -92,7 +88,7 @@ def test_constants_of_a_motor_that_users_set_are_those_in_force() -> None:
         (SetPoint.CURRENT, 1.0 / PER_AMPERE, 0.01 * LIMITS.peak_current),
     ],
 )
-def test_what_a_drive_of_its_own_loops_is_handed(
+def test_set_points_of_a_drive_with_its_own_loops(
     drive: SetPoint, per_torque: float, per_feed: float
 ) -> None:
     """S1, K6: N·m or A; 1 % of a feed-forward is 1 % of the peak current."""
@@ -113,7 +109,7 @@ def test_a_position_error_asks_for_a_velocity(kd: float, delay: float, pursuit: 
     assert one.pursuit == pytest.approx(pursuit)
 
 
-def test_what_a_joint_carries_where_its_law_begins() -> None:
+def test_load_of_a_joint_where_its_law_begins() -> None:
     """M9: the measured torque; of a joint without a sensor what its current makes."""
     config = board_config(joint("a"), plain("b"), plain("c"))
     state = StateArrays(config)

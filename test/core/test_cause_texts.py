@@ -134,14 +134,14 @@ def test_times_are_rounded_up() -> None:
         (math.inf, FaultCode.EXTERNAL, "the external fault line is active (emergency stop)"),
     ],
 )
-def test_what_the_hardware_raises(value: float, code: FaultCode, text: str) -> None:
+def test_causes_raised_by_the_hardware(value: float, code: FaultCode, text: str) -> None:
     assert alarm_cause(value) == Cause(code, text)
     if value < 90.0:
         assert bound_cause(Check.ALARM, monitor(), joint("j"), value) == Cause(code, text)
 
 
 @pytest.mark.parametrize(("kind", "unit"), [("revolute", "rad"), ("prismatic", "m")])
-def test_what_a_slow_check_finds(kind: str, unit: str) -> None:
+def test_causes_found_by_a_slow_check(kind: str, unit: str) -> None:
     one = joint("j", kind=kind, limits={"hard_margin": 0.05})
     travelled = monitor(max_travel=0.04)
     travelled.travel = -0.0512

@@ -78,7 +78,7 @@ def test_every_kind_is_bounded_by_its_limit(kind: CommandKind) -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind, row in COMMANDS.items() if row.along is None])
-def test_what_comes_along_with_nothing_is_refused(kind: CommandKind) -> None:
+def test_values_along_without_references_are_refused(kind: CommandKind) -> None:
     """P13: a reply for the caller, and the joints count it."""
     board = Board(CONFIG)
     reply = board.command(kind, ["a"], [0.0], [1.0])
@@ -117,7 +117,7 @@ def test_moves_that_arrive_together_start_all_or_none(bad: float) -> None:
     assert all(rig.board.check_motion_done())
 
 
-def test_a_move_that_limits_make_slower_says_so() -> None:
+def test_a_move_slowed_by_limits_is_reported() -> None:
     """P1: with its speeds; where the limits let it be as requested, nothing is said."""
     rig = ready(CONFIG, home=[1.0, 1.0, 1.0])
     rig.enter("pos")
@@ -129,8 +129,8 @@ def test_a_move_that_limits_make_slower_says_so() -> None:
     assert f"at a mean speed of {math.degrees(mean):.1f}" in reply.reasons[1]
 
 
-def test_moves_that_arrive_together_tell_of_torques_only() -> None:
-    """R5: nobody has asked for a speed."""
+def test_moves_that_arrive_together_report_torques_only() -> None:
+    """R5: no speed was requested."""
     rig = ready(CONFIG, home=[1.0, 1.0, 1.0])
     rig.enter("pos")
     targets = np.array([1.9, -1.5, 0.5])

@@ -152,7 +152,7 @@ BAD: list[tuple[str, Callable[[], object]]] = [
 
 
 @pytest.mark.parametrize(("start", "make"), BAD, ids=[start for start, _ in BAD])
-def test_errors_name_key_value_and_what_is_allowed(start: str, make: Callable[[], object]) -> None:
+def test_errors_name_key_value_and_allowed_values(start: str, make: Callable[[], object]) -> None:
     with pytest.raises(ConfigError) as error:
         make()
     text = str(error.value)
@@ -184,7 +184,7 @@ def test_configurations_are_frozen() -> None:
         config.joints[0].limits.torque = 1.0  # type: ignore[misc]
 
 
-def test_what_may_be_infinite() -> None:
+def test_parameters_that_may_be_infinite() -> None:
     """Limits of a continuous joint, an integral without bound, a check switched off."""
     endless = {"lower": -INF, "upper": INF, "hard_lower": -INF, "hard_upper": INF}
     made = joint(
@@ -219,7 +219,7 @@ def test_motor_constants() -> None:
         (-INF, 5.0, 0.0, "a number above 0 and up to 5"),
     ],
 )
-def test_check_number_says_the_range(
+def test_check_number_reports_the_range(
     low: float, high: float, above: float | None, allowed: str
 ) -> None:
     with pytest.raises(ConfigError) as error:
@@ -379,7 +379,7 @@ def test_a_mode_to_end_in_is_one_of_those_that_the_joint_has() -> None:
     )
 
 
-def test_what_a_program_need_not_give() -> None:
+def test_optional_fields_of_a_configuration() -> None:
     """The values of configurations that are made without them."""
     made = joint("j")
     assert made.max_travel_error == pytest.approx(math.radians(2.0))

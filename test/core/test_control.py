@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from joints import OneJoint, gains, outputs, resting
-from rig import LIMITS, MOTOR, board_config, joint
+from rig import LIMITS, MOTOR, board_config, controller, joint
 
-from control_board_ros.core.config.config import BoardConfig, Impedance, Pid
+from control_board_ros.core.config.config import Impedance, Pid
 from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.laws.control import Controller, set_constants, set_gains
 from control_board_ros.core.state import StateArrays
@@ -58,7 +58,7 @@ def test_new_gains_make_no_jump(before: Pid, after: Pid, loop: str) -> None:
 
 
 @pytest.mark.parametrize("kp", [0.0, 200.0])
-def test_an_integral_limit_that_falls_takes_the_integral_along(kp: float) -> None:
+def test_a_lowered_integral_limit_reduces_the_integral(kp: float) -> None:
     """I5, M9: the output makes no jump; what is beyond the new limit leaves evenly in 0.5 s."""
     one = resting()
     before = Pid(kp=0.0, ki=1000.0, integral_limit=30.0)
@@ -67,13 +67,13 @@ def test_an_integral_limit_that_falls_takes_the_integral_along(kp: float) -> Non
     one.set(position=-0.1)
     assert outputs(one, 400)[-1] == pytest.approx(30.0)
     set_gains(one.joint.position_pid, replace(before, kp=kp, integral_limit=4.0), PERIOD)
-    told = np.array([30.0, *outputs(one, 600)])
-    steps = np.diff(told)
+    values = np.array([30.0, *outputs(one, 600)])
+    steps = np.diff(values)
     span = 30.0 - (4.0 + kp * 0.1)
     assert np.abs(steps).max() == pytest.approx(abs(span) * PERIOD / 0.5, rel=1e-6)
     assert (steps <= 0.0).all()
-    assert told[250] == pytest.approx(30.0 - span / 2.0)
-    np.testing.assert_allclose(told[501:], 4.0 + kp * 0.1)
+    assert values[250] == pytest.approx(30.0 - span / 2.0)
+    np.testing.assert_allclose(values[501:], 4.0 + kp * 0.1)
 
 
 def test_an_integral_on_its_way_below_a_new_limit_may_leave_faster() -> None:
@@ -105,10 +105,6 @@ def test_gains_as_the_loops_hold_them() -> None:
 
 
 # --- constants and conversions ---------------------------------------------------------------
-
-
-def controller(config: BoardConfig) -> Controller:
-    return Controller(config, StateArrays(config))
 
 
 def test_constants_of_a_joint() -> None:
@@ -169,7 +165,7 @@ def test_direct_gains_are_those_of_position_direct() -> None:
     assert made.joints[0].position_pid.kp == 11.0
 
 
-def test_a_law_brings_the_power_and_takes_it() -> None:
+def test_a_law_switches_the_power_on_and_off() -> None:
     """M1, M10: of the joints that get it, and of no other."""
     config = board_config(joint("a"), joint("b"))
     state = StateArrays(config)
@@ -195,7 +191,7 @@ def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
     assert made.joints[0].stiffness == 90.0
 
 
-def test_at_power_on_no_reference_is_taken() -> None:
+def test_at_power_on_no_reference_is_accepted() -> None:
     """N1, M3: whatever a joint took before."""
     state = StateArrays(board_config(joint("a"), joint("b")))
     state.accepts[:] = True

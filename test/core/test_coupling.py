@@ -99,7 +99,7 @@ def test_rates_are_those_of_the_positions(coupling: Coupling, data: st.DataObjec
 @ALL
 @settings(deadline=None, max_examples=40)
 @given(data=st.data())
-def test_no_power_comes_or_goes(coupling: Coupling, data: st.DataObject) -> None:
+def test_power_is_conserved(coupling: Coupling, data: st.DataObject) -> None:
     """Y3: torque times velocity is the same on both sides, for torques of either side."""
     n, m = len(coupling.axes), len(coupling.rows)
     numbers = st.floats(-0.4, 0.4, allow_nan=False)
@@ -153,13 +153,13 @@ def test_joints_follow_by_gears() -> None:
         (((1.0, float("nan")), (2.0, 2.0), (3.0, 3.0)), "not singular"),
     ],
 )
-def test_what_is_no_coupling(rows: tuple[tuple[float, ...], ...], text: str) -> None:
-    """Y3: sizes, and a matrix by which axes could not be told apart."""
+def test_invalid_couplings(rows: tuple[tuple[float, ...], ...], text: str) -> None:
+    """Y3: sizes, and a singular matrix."""
     with pytest.raises(ValueError, match=text):
         Coupling(("a", "b"), ("x", "y", "z"), rows)
 
 
-def test_motors_share_what_the_axes_ask_for() -> None:
+def test_motors_share_the_demand_of_the_axes() -> None:
     """Y3: unlike motors give the torques of the axes, at standstill and in motion."""
     rng = np.random.default_rng(3)
     torque_per_ampere, ohms, emf, percent = rng.uniform(0.5, 2.0, size=(4, 3))
@@ -198,7 +198,7 @@ def test_an_axis_without_power_asks_for_no_torque() -> None:
 
 
 def test_a_linkage_that_turns_right_round() -> None:
-    """Its ground is the shortest link: the rocker follows all round, told from −π to π."""
+    """Its ground is the shortest link: the rocker follows all round, read from −π to π."""
     bar = FourBar(ground=10.0, crank=30.0, coupler=30.0, rocker=25.0, zero=0.3)
     turns = np.linspace(-2.0 * np.pi, 2.0 * np.pi, 2001)
     values = bar.value(turns)

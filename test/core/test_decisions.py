@@ -108,7 +108,7 @@ def test_any_mode_to_any_mode(mode: ControlMode, wanted: ControlMode) -> None:
 
 @pytest.mark.parametrize("mode", SELECTABLE)
 @pytest.mark.parametrize("wanted", [M.TORQUE, M.CURRENT, M.VELOCITY_DIRECT, COMPLIANT])
-def test_what_a_joint_does_not_implement(mode: ControlMode, wanted: Wanted) -> None:
+def test_modes_a_joint_does_not_implement(mode: ControlMode, wanted: Wanted) -> None:
     """M5, I7: the joint is to fault, and the text says what it has."""
     known = facts(mode, joint=POOR)
     verdict = decide(known, wanted)
@@ -211,7 +211,7 @@ def test_references_are_finite(bad: float) -> None:
         assert decide_feedforward(known, values).reason is Reason.NOT_FINITE
 
 
-def test_what_comes_along_has_a_range() -> None:
+def test_values_along_have_a_range() -> None:
     """P13: a speed out of its range; its text says the range."""
     known = facts(M.POSITION)
     verdict = decide_reference(known, CommandKind.POSITION, (0.1, 9.0), fits=False)

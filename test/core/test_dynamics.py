@@ -83,7 +83,7 @@ def moving(arm: Arm, target: float, time: float, limit: float) -> float:
 
 
 @pytest.mark.parametrize("gravity", [0.0, 4.0])
-def test_a_move_takes_its_peak_torque_of_what_the_load_leaves(gravity: float) -> None:
+def test_a_move_uses_the_peak_torque_that_the_load_leaves(gravity: float) -> None:
     """P1: J 5.774 Δ/T² against the limit; the load, here along z, takes nothing of it."""
     arm = made(link(), gravity=(0.0, 0.0, -gravity))
     peak = 0.5 * 5.7735 * 1.2 / 0.8**2
@@ -300,7 +300,7 @@ def excess_by_matrices(arm: Arm, links: list[Link], gravity: np.ndarray, samples
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_what_moves_take_is_that_of_the_matrices(seed: int) -> None:
+def test_torques_of_moves_match_the_matrices(seed: int) -> None:
     """P1: moves, brakings and drifts that began at other times, with motors that fade."""
     random = np.random.default_rng(seed)
     links, gravity = tree(random, TRUNK, SLIDES), random.normal(size=3) * 5.0

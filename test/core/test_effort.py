@@ -34,8 +34,8 @@ def ask(panda: Simulation) -> tuple[np.ndarray, np.ndarray]:
     return target, np.array([one.velocity for one in limits])
 
 
-def test_all_joints_take_longer_than_each_alone(panda: Simulation) -> None:
-    """P1: get_move_time, the move and its reply agree on it; nobody leaves the path."""
+def test_all_joints_need_longer_than_each_alone(panda: Simulation) -> None:
+    """P1: get_move_time, the move and its reply agree on it; no joint leaves the path."""
     board, joints = panda.board, list(range(7))
     target, speed = ask(panda)
     alone = np.array(
@@ -58,8 +58,8 @@ def test_all_joints_take_longer_than_each_alone(panda: Simulation) -> None:
     assert not [event for event in board.take_events() if event.key == "torque limit"]
 
 
-def test_a_torque_at_its_limit_is_told_of(panda: Simulation) -> None:
-    """A joint that is pushed away in POSITION: one warning with its name, whoever it drags on."""
+def test_a_torque_at_its_limit_is_reported(panda: Simulation) -> None:
+    """A joint that is pushed away in POSITION: one warning with its name, not those of others."""
     board, j = panda.board, 1
     name, limit = board.names[j], board.config.joints[j].limits.torque
     board.take_events()
@@ -82,7 +82,7 @@ def test_no_durations_by_torques_that_are_not_known(panda: Simulation) -> None:
         assert [one is not None for one in efforts] == [known] * len(efforts)
 
 
-# --- what the arm's model is told, with an arm that only listens ---------------------------------
+# --- input of the arm's model, with an arm that only records -------------------------------------
 
 
 class Listening:
@@ -128,7 +128,7 @@ def effort(arm: Listening, *joints: SimpleNamespace, first: int = 0) -> Effort:
     return Effort(arm, joints, first)  # type: ignore[arg-type]
 
 
-def test_what_the_model_is_told_of_motors_and_of_moves_under_way() -> None:
+def test_model_input_of_motors_and_running_moves() -> None:
     """0.9 of a motor's torque, falling with its speed; a move at its present time."""
     arm = Listening()
     effort(arm, joint(), joint(moving=True), joint(ramp_velocity=0.4)).stretched(
@@ -149,7 +149,7 @@ def test_what_the_model_is_told_of_motors_and_of_moves_under_way() -> None:
     assert moves.past == pytest.approx(0.3)
 
 
-def test_what_the_model_is_told_of_moves_that_begin() -> None:
+def test_model_input_of_moves_that_begin() -> None:
     """From the reference and its velocity; numbers are the board's."""
     arm = Listening()
     plan = [(2.0, 0.5), (3.0, 0.0)]
@@ -188,7 +188,7 @@ def test_stretching_ends() -> None:
 
 
 @pytest.mark.parametrize("unknown", [0, 1, 2])
-def test_an_arm_with_a_joint_whose_angle_is_not_known_is_not_looked_at(unknown: int) -> None:
+def test_an_arm_with_an_unknown_joint_angle_is_not_checked(unknown: int) -> None:
     joints = [joint(calibrated=k != unknown) for k in range(3)]
     arm = Listening(math.inf)
     assert effort(arm, *joints).stretched([1], [1.0], lambda f: [(f, 0.0)]) == (1.0, [(1.0, 0.0)])

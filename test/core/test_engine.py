@@ -44,7 +44,7 @@ def test_a_board_that_starts_with_a_reading_that_is_no_number() -> None:
     assert shown.position[1] == pytest.approx(-0.2)
 
 
-def test_the_output_of_a_drive_that_chooses_it_is_what_it_measures() -> None:
+def test_the_output_of_a_drive_with_its_own_loops_is_the_measured_one() -> None:
     """S1: of kinds beyond PWM; of PWM it is what the laws give."""
     config = board_config(
         joint("a", max_travel_error=np.inf),
@@ -105,7 +105,7 @@ def test_new_timeouts_of_an_external_torque() -> None:
     assert rig.board.snapshot().torque_sensor[0]
 
 
-def test_what_a_plant_narrows_stays_when_it_is_refused() -> None:
+def test_limits_narrowed_by_a_plant_stay_after_a_refusal() -> None:
     """S4: nothing changes where no configuration comes of it."""
     rig = held(joint("a"))
 

@@ -40,12 +40,12 @@ def test_where_it_is_and_how_far_beyond(kind: str, position: float, text: str) -
 )
 def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], text: str) -> None:
     """T1, P9."""
-    told = explain_cut(joint("a", limits=LIMITS), positions)
-    assert told == (f"{text}: software limit" if text else "")
+    explained = explain_cut(joint("a", limits=LIMITS), positions)
+    assert explained == (f"{text}: software limit" if text else "")
 
 
 @pytest.mark.parametrize(
-    ("kind", "way", "time", "told"),
+    ("kind", "way", "time", "reported"),
     [
         ("revolute", 1.0, 2.0, False),  # the speed requested: 0.5 rad/s
         ("revolute", 1.0, 2.03, True),
@@ -55,10 +55,8 @@ def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], tex
         ("prismatic", 6e-5, 1.0, True),
     ],
 )
-def test_a_move_is_told_of_where_it_is_slower(
-    kind: str, way: float, time: float, told: bool
-) -> None:
-    """P1: below 99 % of the speed requested, and longer than what nobody sees."""
+def test_a_slower_move_is_reported(kind: str, way: float, time: float, reported: bool) -> None:
+    """P1: below 99 % of the speed requested, and longer by a visible time."""
     text = explain_slower(joint("a", kind=kind), way, 0.5, time)
-    assert bool(text) is told
-    assert not told or f"takes {time:.3g} s" in text
+    assert bool(text) is reported
+    assert not reported or f"takes {time:.3g} s" in text

@@ -56,7 +56,7 @@ def bench() -> Bench:
     return Bench()
 
 
-def test_without_a_torque_the_current_stands_in(bench: Bench) -> None:
+def test_without_a_torque_the_current_is_used(bench: Bench) -> None:
     assert bench.torques.joints == [1]
     for time in (0.0, 0.05, 5.0):
         assert bench.fill(time).values[Row.TORQUE, 1] == pytest.approx(3.0 * PER_AMPERE)
@@ -98,7 +98,7 @@ def test_before_the_first_torque_the_age_is_a_fault_at_once(bench: Bench) -> Non
     assert bench.fill(0.0).values[Row.TORQUE_AGE, 1] == pytest.approx(1000.0)
 
 
-def test_a_joint_is_what_its_torque_allows(bench: Bench) -> None:
+def test_a_joint_without_an_external_torque_implements_less(bench: Bench) -> None:
     own, outer, bare = bench.config.joints
     assert [bench.torques.joint(j) for j in (0, 2)] == [own, bare]
     assert bench.torques.joint(1) == without_torque(outer)

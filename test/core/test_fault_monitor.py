@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import MOTOR, RATE, board_config, held, joint, plain, ready
+from rig import HEATED, MOTOR, RATE, board_config, held, joint, plain, ready
 
 from control_board_ros.core.config.config import JointConfig, Timeouts
 from control_board_ros.core.config.parts import DEGREE
@@ -33,7 +33,7 @@ M = ControlMode
 
 @pytest.mark.parametrize("rate", [200.0, 500.0, 1000.0])
 @pytest.mark.parametrize("electrical", [1e-5, 1.5e-3, 10e-3])
-def test_a_motor_tells_its_travel_whatever_its_inductance(rate: float, electrical: float) -> None:
+def test_travel_is_independent_of_inductance(rate: float, electrical: float) -> None:
     """F1: V = R i + L di/dt + Ke ω; only the plant's step between speed and position is left."""
     motor = replace(MOTOR, inductance=electrical * MOTOR.resistance)
     wide = {"peak_current": 200.0, "overload_time": 100.0, "velocity": 30.0, "lower": -1e3}
@@ -80,7 +80,7 @@ def test_the_weight_of_a_cycle_s_first_current() -> None:
     assert first_weight(1e-3 * (1 - 1e-9)) == pytest.approx(first_weight(1e-3), abs=1e-8)
 
 
-def test_a_change_of_current_takes_its_part_of_the_voltage() -> None:
+def test_a_change_of_current_uses_part_of_the_voltage() -> None:
     """F1: L di, less the share of R i that the mean of the cycle has counted already."""
     motor = replace(MOTOR, resistance=2.0, inductance=0.02)
     constants = travel_constants(joint("left", motor=motor), 0.005)
@@ -112,8 +112,6 @@ def test_new_limits_are_watched_at_once(
 
 
 # Heat (F6) -----------------------------------------------------------------------------------
-
-HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
 
 
 def test_i2t_is_warned_of_once_before_it_faults() -> None:
@@ -154,7 +152,7 @@ def test_a_jump_is_an_angle_or_a_length(kind: str, step: float) -> None:
     rig = held(joint("left", kind=kind))
     allowed = 4.0 * rig.config.joints[0].limits.velocity * rig.period + step
     rig.plant.values[Row.POSITION] += 0.99 * allowed
-    rig.tick(2)  # it stands still in the second: the next jump is none that goes on
+    rig.tick(2)  # it is at rest in the second: the next jump does not continue one
     assert rig.modes() == [M.IDLE]
     rig.plant.values[Row.POSITION] += 1.01 * allowed
     rig.tick()
@@ -181,7 +179,7 @@ def test_the_bound_of_a_light_joint_is_what_its_torque_does_to_it() -> None:
         ("prismatic", Check.TORQUE, r"N"),
     ],
 )
-def test_a_cause_is_told_in_the_units_of_the_joint(kind: str, check: Check, units: str) -> None:
+def test_causes_are_in_the_units_of_the_joint(kind: str, check: Check, units: str) -> None:
     """F3."""
     rig = ready(board_config(joint("left", kind=kind)))
     cause = bound_cause(check, rig.board.engine.monitor.joints[0], rig.config.joints[0], 900.0)
@@ -237,18 +235,18 @@ def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:
     assert watch.warnings(1) == {}
 
 
-def test_a_warning_is_told_once_until_its_cause_was_gone() -> None:
+def test_a_warning_is_reported_once_until_its_cause_is_gone() -> None:
     """F6."""
     watch = watched(joint("a"))
     one = watch.joints[0]
-    told = []
+    warned = []
     for hot in (True, True, False, True):
         one.hot = hot
-        told.append(bool(watch.warnings(0)))
-    assert told == [True, False, False, True]
+        warned.append(bool(watch.warnings(0)))
+    assert warned == [True, False, False, True]
 
 
-def test_news_are_told_once() -> None:
+def test_events_are_reported_once() -> None:
     watch = watched(joint("a"))
     assert not watch.has_news()
     watch.monitor.news = True
@@ -268,7 +266,7 @@ def test_the_first_position_after_arming_may_be_any() -> None:
 
 
 def test_the_bridges_of_coupled_motors() -> None:
-    """Y3: told once for each change; a change of an axis's power is one, too."""
+    """Y3: reported once for each change; a change of an axis's power is one, too."""
     watch = watched(joint("a"), joint("b"))
     watch.feed(np.array([1.0, 0.0]))
     assert [one.fed for one in watch.joints] == [1.0, 0.0]

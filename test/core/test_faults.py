@@ -40,6 +40,6 @@ def test_a_record_that_is_cleared_stays_readable() -> None:
     assert fault.cleared() == FaultRecord("a", active=False, code=1, text="hot", stamp=2.0)
 
 
-def test_what_time_alone_does_not_mend() -> None:
+def test_faults_that_time_alone_does_not_clear() -> None:
     cause = Cause(FaultCode.PLANT, "gone")
     assert (cause.advice, cause.wait) == ("remove it", 0.0)

@@ -60,7 +60,7 @@ def test_a_path_is_followed_from_now_on_time(rig: Tracked) -> None:
     assert not rig.follower.busy
 
 
-def test_the_velocity_goes_along_and_ends_at_zero(rig: Tracked, monkeypatch: Any) -> None:
+def test_the_velocity_reference_ends_at_zero(rig: Tracked, monkeypatch: Any) -> None:
     """P4: the reference's own velocity is fed in every cycle; after the end it is 0."""
     fed = []
     original = rig.board.command
@@ -92,7 +92,7 @@ def test_a_future_start_waits(rig: Tracked) -> None:
     np.testing.assert_allclose(positions[after, 0], expected, atol=1e-9)
 
 
-def test_the_old_path_goes_on_until_a_future_start(rig: Tracked) -> None:
+def test_the_old_path_continues_until_a_future_start(rig: Tracked) -> None:
     """T1: the new one begins at the then reference, with no step."""
     begun = rig.board.time
     rig.follower.follow("a", line(("a",), (2.0, 0.4)), begun)
@@ -110,7 +110,7 @@ def test_the_old_path_goes_on_until_a_future_start(rig: Tracked) -> None:
 
 
 def test_a_path_that_is_past_is_refused(rig: Tracked) -> None:
-    """T1, P13: it is counted and told, and what is followed goes on."""
+    """T1, P13: it is counted and reported, and the followed path continues."""
     rig.follower.follow("a", line(("a",), (1.0, 0.2)), rig.board.time)
     rig.cycle(50)
     before = rig.board.rejected_commands
@@ -156,7 +156,7 @@ def test_paths_for_other_joints_run_side_by_side(rig: Tracked) -> None:
     np.testing.assert_allclose(positions[-1], [-0.1, 0.3, -0.1], atol=1e-12)
 
 
-def test_joints_in_another_mode_are_told_and_the_others_served(rig: Tracked) -> None:
+def test_joints_in_another_mode_are_reported_and_the_others_served(rig: Tracked) -> None:
     """M4: counted once, with the reason; the others follow to the end; nothing is kept."""
     rig.request("set_control_mode", "b", "vel")
     before = rig.board.rejected_commands
@@ -193,7 +193,7 @@ ENDS: dict[str, Callable[[Tracked], Any]] = {
 
 @pytest.mark.parametrize("waiting", [False, True])
 @pytest.mark.parametrize("way", ENDS)
-def test_what_ends_a_path_for_a_joint(rig: Tracked, way: str, waiting: bool) -> None:
+def test_events_that_end_a_path_for_a_joint(rig: Tracked, way: str, waiting: bool) -> None:
     """P3, I4, M4, T2, T3: it ends for this joint, with a line in the log; the others go on."""
     ahead = 0.2 if waiting else 0.0
     rig.follower.follow(("a", "b"), line(("a", "b"), (1.0, 0.5)), rig.board.time + ahead)
@@ -213,7 +213,7 @@ def test_what_ends_a_path_for_a_joint(rig: Tracked, way: str, waiting: bool) -> 
     assert not rig.follower.busy
 
 
-def test_setting_what_is_set_ends_nothing(rig: Tracked) -> None:
+def test_setting_the_present_mode_ends_nothing(rig: Tracked) -> None:
     """M8, I4: the present mode and interaction mode again, and requests for other joints."""
     rig.follower.follow("a", line(("a",), (0.5, 0.2)), rig.board.time)
     rig.cycle(20)
@@ -240,7 +240,7 @@ def test_the_newest_waiting_path_counts(rig: Tracked) -> None:
     assert positions[-1, 0] == pytest.approx(0.0)
 
 
-def test_a_limit_that_cuts_is_told(rig: Tracked) -> None:
+def test_a_limit_that_cuts_is_reported(rig: Tracked) -> None:
     """P9: the path is followed within the limits, and the reply says so."""
     reply = rig.follower.follow("a", line(("a",), (3.0, 2.5)), rig.board.time)
     assert reply
@@ -271,7 +271,7 @@ def test_braking_begins_no_faster_than_the_joint_may(rig: Tracked) -> None:
     assert not rig.follower.busy
 
 
-def test_a_board_that_takes_whole_trajectories_only(rig: Tracked) -> None:
+def test_a_board_that_accepts_whole_trajectories_only(rig: Tracked) -> None:
     """T1: without allow_partial_joints_goal, one for some joints is refused and counted."""
     rig.board.reconfigure(replace(rig.board.config, allow_partial_joints_goal=False))
     reply = rig.follower.follow(["c", "a"], line(("c", "a"), (0.2, 0.1)), rig.board.time)

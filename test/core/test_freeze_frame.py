@@ -50,7 +50,7 @@ def recorder() -> Recorder:
     return Recorder()
 
 
-def test_a_frame_has_what_was_before_a_fault_and_after_it(recorder: Recorder) -> None:
+def test_a_frame_holds_cycles_before_and_after_a_fault(recorder: Recorder) -> None:
     recorder.note(100)
     assert recorder.frames.of(1) is None
     recorder.frames.fault(1)
@@ -70,7 +70,7 @@ def test_a_frame_grows_until_it_is_complete(recorder: Recorder) -> None:
     recorder.check(2, 100 - KEPT_BEFORE, 100 + KEPT_AFTER)
 
 
-def test_a_fault_soon_after_the_start_has_what_there_is(recorder: Recorder) -> None:
+def test_a_fault_soon_after_the_start_has_fewer_cycles(recorder: Recorder) -> None:
     recorder.note(3)
     recorder.frames.fault(0)
     recorder.note(2)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals with a duration, looked at closely: moves, poses, calibrations, paths, trajectories.
 
-The boards here drive a plant that stands still at 0 unless told otherwise, so that references
+The boards here drive a plant that is at rest at 0 by default, so that references
 and times are exact (SPEC T1 to T3, P3, R5, K1).
 """
 
@@ -51,7 +51,7 @@ def path(joints: str, *points: tuple[float, ...]) -> Path:
 
 
 class Bench(Following):
-    """Joints a, b, c that stand still, with a follower."""
+    """Joints a, b, c at rest, with a follower."""
 
     def __init__(self) -> None:
         super().__init__((still := held(*(joint(name) for name in NAMES))).config, still.plant)
@@ -86,7 +86,7 @@ def bench() -> Bench:
 # --- following paths -----------------------------------------------------------------------------
 
 
-def test_a_newer_path_takes_over_without_a_word_in_the_log(bench: Bench) -> None:
+def test_a_newer_path_takes_over_without_a_log_entry(bench: Bench) -> None:
     """T1: a replacement is what the user asked for; only other ends are logged."""
     bench.follow("ab", (1.0, 0.1))
     bench.cycle(10)
@@ -142,7 +142,7 @@ def test_a_path_begins_in_the_very_cycle_of_its_start(bench: Bench) -> None:
     assert bench.cycle()[0] == pytest.approx(0.02)
 
 
-def test_a_fault_within_a_cycle_takes_one_joint_from_a_path(bench: Bench) -> None:
+def test_a_fault_within_a_cycle_removes_one_joint_from_a_path(bench: Bench) -> None:
     """T2, M4: b goes on to its end, and nothing that is sent for a is counted as ignored."""
     bench.follow("ab", (0.2, 0.1))
     bench.cycle(20)
@@ -154,7 +154,7 @@ def test_a_fault_within_a_cycle_takes_one_joint_from_a_path(bench: Bench) -> Non
     assert bench.board.rejected_commands.tolist() == [0, 0, 0]
 
 
-def test_an_acceleration_goes_over_to_the_path_that_takes_over(bench: Bench) -> None:
+def test_an_acceleration_carries_over_to_the_next_path(bench: Bench) -> None:
     """T1: at 0.25 of a quintic over 0.4 rad in 1 s it is 2.25 rad/s², and no step follows."""
     quintic = (1.0, 0.4, 0.0, 0.0)
     bench.follow("a", quintic)
@@ -177,7 +177,7 @@ def test_holding_ends_the_velocity_of_a_path_at_once(bench: Bench) -> None:
     assert bench.events() == ["trajectory of a ended: a trajectory without points came"]
 
 
-def test_holding_leaves_joints_alone_that_follow_nothing(bench: Bench) -> None:
+def test_holding_does_not_affect_joints_without_a_path(bench: Bench) -> None:
     """M4: b in POSITION is sent nothing that it would have to ignore, while a is held."""
     assert bench.board.set_control_mode("b", "pos")
     bench.follow("a", (1.0, 0.1))
@@ -199,7 +199,7 @@ def test_braking_at_rest_is_one_point() -> None:
 # --- poses ---------------------------------------------------------------------------------------
 
 
-def standing_at(position: float) -> Rig:
+def at_rest_at(position: float) -> Rig:
     """A rig of one joint ``a`` in POSITION, held at a position."""
     config = board_config(joint("a"))
     plant = Held(config)
@@ -212,7 +212,7 @@ def standing_at(position: float) -> Rig:
 
 def test_the_way_to_a_pose_is_from_where_the_joint_is() -> None:
     """R5, P1: 0.2 rad from 0.5 to 0.7, at 20 rad/s² no faster than 47.8°/s on the mean."""
-    rig = standing_at(0.5)
+    rig = at_rest_at(0.5)
     assert rig.board.state.position_reference[0] == 0.5
     time, note = plan_move(rig.board, Pose("p", ("a",), (0.7,)), 3.0)
     assert time == pytest.approx(0.24, abs=0.001)
@@ -223,12 +223,12 @@ def test_the_way_to_a_pose_is_from_where_the_joint_is() -> None:
 @pytest.mark.parametrize(("shown", "taken"), [(-2.005, -2.0), (2.005, 2.0), (-1.995, -1.995)])
 def test_a_joint_at_either_limit_is_within(shown: float, taken: float) -> None:
     """R5: a reading of 5 mrad beyond a limit is the limit."""
-    assert pose_now(standing_at(shown).board, "p", ["a"]).positions == (taken,)
+    assert pose_now(at_rest_at(shown).board, "p", ["a"]).positions == (taken,)
 
 
 def test_a_pose_has_no_negative_zero() -> None:
     """It is shown to people and written to files: 0.0, not -0.0."""
-    assert repr(made_pose(standing_at(0.0).board, "p", ["a"], [-0.0], 0.0).positions) == "(0.0,)"
+    assert repr(made_pose(at_rest_at(0.0).board, "p", ["a"], [-0.0], 0.0).positions) == "(0.0,)"
 
 
 # --- calibrations --------------------------------------------------------------------------------
@@ -248,7 +248,7 @@ def test_a_calibration_lasts_until_its_slowest_joint_is_done() -> None:
     assert task.outcome() is None
 
 
-def test_why_a_calibration_failed_is_told_also_after_the_fault_was_left() -> None:
+def test_the_reason_of_a_failed_calibration_is_reported_after_the_fault() -> None:
     """K4: that of its fault, then the text of its status, not the phase "failed"."""
     rig = Rig(board_config(joint("a", calibration=QUICK)))
     rig.tick(2)
@@ -272,7 +272,7 @@ def test_why_a_calibration_failed_is_told_also_after_the_fault_was_left() -> Non
 
 @pytest.fixture
 def still() -> Rig:
-    """Joints a, b, c in POSITION that stand still whatever their references are."""
+    """Joints a, b, c in POSITION that rest whatever their references are."""
     rig = held(*(joint(name) for name in NAMES))
     assert rig.board.set_control_mode(None, "pos")
     rig.tick()
@@ -419,7 +419,7 @@ def test_of_several_parts_the_shortest_goal_time_counts() -> None:
         assert configured(board, board.selector.select(joints)).goal_time == expected
 
 
-def test_what_a_goal_desires_is_its_path_with_its_accelerations(bench: Bench) -> None:
+def test_the_desired_values_of_a_goal_are_its_path_with_accelerations(bench: Bench) -> None:
     """Feedback: at rest while it waits; a quarter on its way to 0.4 rad: 0.9 rad/s, 1.2 rad/s²."""
     goal = bench.start("b", (0.0, 0.0, 0.0), (1.0, 0.4, 0.0), ahead=0.1)
     waiting = goal.desired()
@@ -472,7 +472,7 @@ def test_only_joints_beyond_their_tolerance_stop_where_they_are(bench: Bench) ->
     assert b == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_goal_that_another_path_took_all_joints_of_lets_it_be(bench: Bench) -> None:
+def test_a_goal_without_joints_leaves_the_other_path_running(bench: Bench) -> None:
     """T2: the goal has ended; the newer path is followed to its 0.1 rad, not braked."""
     goal = bench.start("a", (4.0, 1.0))
     bench.cycle(50)

@@ -49,7 +49,7 @@ def test_units() -> None:
 
 
 @pytest.mark.parametrize("described", ["fixed", "", None, "Prismatic"])
-def test_what_a_description_does_not_tell_turns(described: str | None) -> None:
+def test_joints_of_unknown_kind_are_revolute(described: str | None) -> None:
     """Units of a joint that is unknown are those of most."""
     assert K.of(described) is K.REVOLUTE
     assert K.of("prismatic") is K.PRISMATIC

@@ -149,7 +149,7 @@ def test_the_load_is_known_after_30_ms_of_rest() -> None:
     assert one.known_load() == 7.0
 
 
-def test_what_a_feed_is_worth() -> None:
+def test_torque_of_a_feedforward() -> None:
     one = joint(feeds=True, per_torque=2.0, output_offset=3.0, per_feed=5.0)
     assert one.feed_torque() == 7.5
     one.feeds = False
@@ -222,7 +222,7 @@ STARTED = {
 
 
 @pytest.mark.parametrize("law", ["POSITION", "IMPEDANCE", "TORQUE", "OUTPUT", "CURRENT"])
-def test_a_law_takes_the_load_over(law: str) -> None:
+def test_a_law_takes_over_the_load(law: str) -> None:
     """M9: a joint at rest; what its loops integrate begins with what carries it."""
     number = getattr(LAWS, law)
     one = joint(**STARTED)
@@ -252,7 +252,7 @@ def test_a_law_that_ends() -> None:
 
 
 @pytest.mark.parametrize(("torque", "asked"), [(300.0, 80.0), (-300.0, -80.0)])
-def test_the_drive_asked_for_is_one_that_there_is(torque: float, asked: float) -> None:
+def test_the_requested_drive_is_bounded(torque: float, asked: float) -> None:
     one = joint(**(STARTED | {"torque": torque}))
     one.start(LAWS.POSITION)
     assert one.asked == asked
@@ -298,7 +298,7 @@ def test_a_torque_offset_replaces_the_load(settling: bool) -> None:
 
 
 @pytest.mark.parametrize("settling", [True, False])
-def test_a_torque_command_ends_what_holds(settling: bool) -> None:
+def test_a_torque_command_ends_holding(settling: bool) -> None:
     one = joint(**STARTED, settling=settling, holding=True, load_taken=77.0)
     one.law = LAWS.TORQUE
     one.command_torque(7.0)
@@ -306,7 +306,7 @@ def test_a_torque_command_ends_what_holds(settling: bool) -> None:
     assert (one.load_taken == 77.0) is not settling
 
 
-def test_a_current_command_ends_what_waits() -> None:
+def test_a_current_command_ends_waiting() -> None:
     one = joint(settling=True, awaited=True, holding=True)
     assert changes(one, "command_current", 2.0) == {
         "settling": False,
@@ -374,7 +374,7 @@ def test_how_long_a_joint_settles() -> None:
     assert cycles_to_settle(active=True, awaited=True) == 5
 
 
-def test_how_long_a_joint_waits_for_others() -> None:
+def test_waiting_time_for_other_joints() -> None:
     """3 s, which do not count as settling; one whose reference waits does not."""
     assert cycles_to_settle(braking=True, rested=True) == 299 + 3
     assert cycles_to_settle(braking=True) == 299 + 50

@@ -66,7 +66,7 @@ def test_an_integral_has_room_that_shrinks(
     (0.1, 0.2, True), (-0.1, -0.2, True), (0.1, -0.2, False), (-0.1, 0.2, False),
     (0.0, 0.2, False), (5.0, 0.2, True),
 ])  # fmt: skip
-def test_an_integral_that_pushes_into_a_bound_goes_back(
+def test_an_integral_pushing_into_a_bound_is_unwound(
     error: float, excess: float, back: bool
 ) -> None:
     one = pid(error=error, integral=3.0, previous=2.0)
@@ -101,7 +101,7 @@ def leading(**at: float) -> Any:
     return one
 
 
-def test_what_stays_needs_no_torque_to_get_moving() -> None:
+def test_a_joint_that_stays_needs_no_torque_to_start_moving() -> None:
     one = leading()
     LAWS.stay(one, 0.7)
     assert (one.followed, one.followed_velocity, one.followed_acceleration) == (0.7, 0.0, 0.0)
@@ -110,7 +110,7 @@ def test_what_stays_needs_no_torque_to_get_moving() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_what_is_followed_leads_by_no_more_than_the_torque(way: float) -> None:
+def test_the_followed_position_leads_by_no_more_than_the_torque(way: float) -> None:
     """P14: 60 N·m at 100 N·m/rad, and what a drive's delay is worth."""
     for lead, delay, stays in (
         (0.59, 0.0, False),
@@ -143,7 +143,7 @@ PUSH = 0.7 * 0.1 * 3.0 / (0.01 * 1.25 + 0.004)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_blocked_joint_pushes_no_harder_than_it_is_caught(way: float) -> None:
+def test_a_blocked_joint_pushes_with_limited_torque(way: float) -> None:
     """|kp·e + I − I_free| ≤ J v/T'; what is followed waits, not beyond the joint."""
 
     def held(**at: float) -> Any:
@@ -176,7 +176,7 @@ def test_a_blocked_joint_pushes_no_harder_than_it_is_caught(way: float) -> None:
     ],
 )
 def test_when_a_joint_is_blocked(at: dict[str, float], blocked: bool, carried: float) -> None:
-    """It stands, and is to move; until it moves. What it carried till then is free."""
+    """It is at rest and is to move; until it moves. The load it carried till then is released."""
     one = leading(**(BLOCKED | at))
     one.position_pid = pid(kp=100.0, limit=1e3, integral=3.0)
     LAWS.hold_back(one)
@@ -235,7 +235,7 @@ def test_without_a_spring_a_lifted_joint_stays_where_it_is_put() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_hold_gives_way(way: float) -> None:
+def test_a_hold_yields(way: float) -> None:
     """Kp (q_hold − q) − kd q̇ within its share; pushed harder, it comes along."""
     one = sprung(hold_place=0.2 + way * 0.05)
     assert LAWS.hold_torque(one, 0.1) == pytest.approx(way * 0.5 - 0.2)
@@ -273,7 +273,7 @@ def test_the_torque_loop(asked: float, reference: float) -> None:
     assert LAWS.torque_law(one, asked) != reference
 
 
-def test_which_torque_a_law_asks_for() -> None:
+def test_torque_requested_by_a_law() -> None:
     """Its own; while it settles that of the position law."""
 
     def asked(law: int, **at: float) -> float:
@@ -411,7 +411,7 @@ def test_a_joint_is_on_a_limit_until_it_is_off_its_edge(
 @pytest.mark.parametrize("law", [POSITION, TORQUE])
 @pytest.mark.parametrize("settling", [True, False])
 @pytest.mark.parametrize("calibrated", [True, False])
-def test_what_a_joint_may_get(law: int, settling: bool, calibrated: bool) -> None:
+def test_admissible_reference_of_a_joint(law: int, settling: bool, calibrated: bool) -> None:
     """1.02 of its speed where a position law has it; else as far as limits let it."""
     at = BOUND | {"limit_lower": -2.0, "limit_upper": 2.0, "position": 1.9, "max_velocity": 3.0}
     at |= {"max_drive": 500.0, "velocity": 2.5, "max_acceleration": 20.0, "max_torque": 600.0}
@@ -534,7 +534,7 @@ def test_drives_of_positions_are_given_the_path(kind: str) -> None:
 
 
 @pytest.mark.parametrize("feeds", [True, False])
-def test_an_output_is_given_as_it_is(feeds: bool) -> None:
+def test_an_output_is_passed_unchanged(feeds: bool) -> None:
     """P8: with what is fed; the current loop begins anew after it."""
     one = controlled(OUTPUT, output_command=30.0, feeds=feeds)
     assert one.output == pytest.approx(30.0 + (2.0 if feeds else 0.0))
@@ -545,7 +545,7 @@ def test_an_output_is_given_as_it_is(feeds: bool) -> None:
 
 
 @pytest.mark.parametrize(("settling", "holding"), [(False, False), (True, False), (False, True)])
-def test_a_current_is_given_as_it_is(settling: bool, holding: bool) -> None:
+def test_a_current_is_passed_unchanged(settling: bool, holding: bool) -> None:
     """Y2: once one was asked for; before, the joint is held."""
     at: dict[str, float] = {"current_command": 30.0, "settling": settling, "holding": holding}
     one = controlled(CURRENT, "CURRENT", torque_command=6.0, hold_place=0.2, **at)
@@ -593,7 +593,7 @@ def test_a_torque_beyond_the_limit_strains_the_joint(way: float) -> None:
     )
 
 
-def test_a_cut_drive_takes_the_integral_back() -> None:
+def test_a_saturated_drive_reduces_the_integral() -> None:
     """Of the loop that runs, where it pushes further: by the torque's limit, by the drive's."""
     for at in ({"forward": 70.0}, {"max_drive": 5.0}):
         for error, integral in ((0.1, 10.0), (-0.1, 10.0 - 1e-10)):

@@ -10,18 +10,17 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from joints import OneJoint, gains
-from pure import load_python
+from pure import LAWS
 
 from control_board_ros.core.terms.modes import Law
 
 PERIOD, SPEED, ACCELERATION = 0.001, 3.0, 20.0
-PYTHON = load_python("control_board_ros.core.laws.laws")
 FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
 PERIODS = st.sampled_from([0.001, 0.002, 0.01])
 
 
 def standing(position: float = 0.0, **constants: float) -> OneJoint:
-    """A powered joint at a position, whose laws follow what it is told."""
+    """A powered joint at rest at a position, whose laws follow its references."""
     one = OneJoint(**constants)
     one.set(position=position)
     one.step(2)
@@ -41,8 +40,8 @@ def keeps_its_limits(one: OneJoint, rows: np.ndarray, lower: float, upper: float
     assert np.all((position >= lower - 1e-9) & (position <= upper + 1e-9))
     last_part = 1e-6 * ACCELERATION * period**2
     assert np.abs(np.diff(position) - velocity[1:] * period).max() < 1e-11 + last_part
-    told = np.abs(np.diff(velocity) - acceleration[1:] * period) < 1e-9
-    assert np.all(told | (velocity[1:] == 0.0))  # not in the cycle that comes to rest
+    consistent = np.abs(np.diff(velocity) - acceleration[1:] * period) < 1e-9
+    assert np.all(consistent | (velocity[1:] == 0.0))  # not in the cycle that comes to rest
 
 
 # --- braking ---------------------------------------------------------------------------------
@@ -57,7 +56,7 @@ def test_brake_speed_ends_within_the_distance(
     The speed after k cycles is v − k·a·T, the way Σ v_k·T; the last, shorter step brings it to
     rest.
     """
-    speed = PYTHON.brake_speed(distance, acceleration, period)
+    speed = LAWS.brake_speed(distance, acceleration, period)
     step = acceleration * period
     cycles = math.ceil(speed / step - 1e-9)
     way = period * sum(speed - k * step for k in range(cycles))
@@ -73,7 +72,7 @@ def test_brake_speed_grows_with_the_distance(
     distances: tuple[float, float], acceleration: float
 ) -> None:
     """P14: without a gap where the number of cycles changes."""
-    near, far = (PYTHON.brake_speed(d, acceleration, PERIOD) for d in sorted(distances))
+    near, far = (LAWS.brake_speed(d, acceleration, PERIOD) for d in sorted(distances))
     assert near <= far + 1e-12
 
 
@@ -114,7 +113,7 @@ COMMANDS = st.lists(
 )
 
 
-def tell(one: OneJoint, kind: str, position: float, velocity: float) -> None:
+def send(one: OneJoint, kind: str, position: float, velocity: float) -> None:
     """Give a joint a reference, bounded as the board bounds it."""
     joint = one.joint
     position = min(max(position, joint.lower), joint.upper)
@@ -137,7 +136,7 @@ def test_no_sequence_of_references_passes_a_limit(
     one = standing(period=period)
     rows = []
     for kind, position, velocity, cycles in commands:
-        tell(one, kind, position, velocity)
+        send(one, kind, position, velocity)
         rows.append(one.record(cycles, *FOLLOWED))
     one.joint.step_to(one.joint.reference)
     rows.append(one.record(round(3.0 / period), *FOLLOWED))
@@ -222,7 +221,7 @@ def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
 # --- a joint that cannot follow --------------------------------------------------------------
 
 
-def test_a_blocked_joint_is_led_by_its_torque_limit_and_let_go_gently() -> None:
+def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> None:
     """P14: q_ref leads by at most τ_max/kp; free again, it goes on at a reference's speed."""
     one = standing()
     gains(one.joint.position_pid, kp=200.0)

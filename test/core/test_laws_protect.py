@@ -21,7 +21,7 @@ def commanded(torque: float, **constants: float) -> OneJoint:
     return one
 
 
-def test_what_accelerates_already_counts() -> None:
+def test_present_acceleration_counts() -> None:
     """P14: the bound is taken from the load, τ_last − J·q̈ (1 + lag/3) − lag·Δτ (1 + lag/3)."""
     one = commanded(50.0, lag=0.45)
     one.set(velocity=2.8, torque=10.0, current=10.0)
@@ -86,7 +86,7 @@ def test_a_strong_slow_joint_is_caught_when_it_is_freed(period: float, inertia: 
     assert np.abs(speeds).max() <= 1.05 * 0.07
 
 
-def test_a_push_on_a_joint_that_stands_is_held() -> None:
+def test_a_push_on_a_joint_at_rest_is_held() -> None:
     """P14: what is pushed, not blocked, has all of its torque against it."""
     one, body = strong(Law.POSITION, 0.001)
     gains(one.joint.position_pid, kp=45000.0, kd=600.0, ki_period=1350.0, limit=60.0)

@@ -42,7 +42,7 @@ def test_at_rest_a_law_begins_with_the_load(law: Law, feed: float, kff: float) -
 
 
 @pytest.mark.parametrize("feed", [0.0, 4.0])
-def test_u_ff_is_not_taken_for_load_where_it_does_not_act(feed: float) -> None:
+def test_inactive_u_ff_is_not_mistaken_for_load(feed: float) -> None:
     """K6, M9: while u_ff is off, the whole torque is the loop's."""
     one = tuned(resting(7.0))
     one.joint.output_offset, one.joint.feeds = feed, False

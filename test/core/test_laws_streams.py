@@ -160,7 +160,7 @@ def test_a_velocity_that_comes_along_is_used_as_it_is() -> None:
 
 
 def test_a_stream_into_a_limit_ends_there() -> None:
-    """P9, P14: positions are bounded by who takes them; their velocity does not lead beyond."""
+    """P9, P14: accepted positions are bounded; their velocity does not lead beyond."""
     rows = fed(lambda t: min(1.5 * t, 2.0), range(CYCLES))
     assert rows[:, 0].max() <= 2.0 + 1e-12
     assert rows[-1].tolist() == [2.0, 0.0, 0.0]

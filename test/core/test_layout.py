@@ -70,7 +70,7 @@ def test_rate_and_output_are_those_of_the_parts() -> None:
         ),
     ],
 )
-def test_what_does_not_go_together(parts: dict[str, BoardConfig], text: str) -> None:
+def test_incompatible_parts(parts: dict[str, BoardConfig], text: str) -> None:
     with pytest.raises(ConfigError) as error:
         joined(parts)
     assert str(error.value) == text

@@ -85,7 +85,7 @@ def everything(machine: Machine, j: int) -> list[Any]:
 
 @pytest.mark.parametrize("mode", STATES)
 @pytest.mark.parametrize("trigger", TRIGGERS, ids=str)
-def test_the_table_is_what_happens(board: Board, mode: ControlMode, trigger: Trigger) -> None:
+def test_transitions_follow_the_table(board: Board, mode: ControlMode, trigger: Trigger) -> None:
     """M1, F, K, N: a pair of the table acts; an absent one changes nothing of any joint."""
     machine = board.engine.machine
     machine.enter([0], mode)
@@ -121,7 +121,7 @@ def test_entering_a_mode(board: Board, mode: ControlMode, interaction: Interacti
     assert checked is (mode in CONFIGURED)
 
 
-def test_a_velocity_that_times_out_is_told_of(board: Board) -> None:
+def test_a_velocity_timeout_is_reported(board: Board) -> None:
     """P12: one event of the joint, with the time that passed; it stays in its mode."""
     timeout = board.config.joints[0].timeouts.velocity
     assert board.set_control_mode("a", M.VELOCITY)
@@ -194,7 +194,7 @@ def test_the_board_configures_its_joints_once(board: Board) -> None:
         assert not fresh.engine.start_up.due
 
 
-def test_a_limit_that_comes_nearer_bounds_what_is_followed(board: Board) -> None:
+def test_a_closer_limit_bounds_the_followed_position(board: Board) -> None:
     """P9: a joint beyond its new limit goes no further, and back within it."""
     board.engine.machine.enter([0], M.POSITION)
     laws = board.engine.controller.joints[0]

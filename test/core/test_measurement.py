@@ -31,7 +31,7 @@ def reading(time: float = 5.0, count: int = 2) -> Measurement:
     return Measurement(time, np.arange(ROWS * count, dtype=np.float64).reshape(ROWS, count))
 
 
-def test_a_reading_is_taken_as_it_is() -> None:
+def test_a_reading_is_copied_unchanged() -> None:
     given = reading()
     assert Intake(2, PERIOD).take(given) is given
     assert Intake(2, PERIOD).take(reading(-1e9)).time == -1e9
@@ -67,14 +67,14 @@ def test_a_reading_of_another_shape_is_an_alarm_of_all_joints(values: Any, what:
     assert found.reasons == {0: why, 1: why}
 
 
-def test_time_goes_on_from_the_last_reading() -> None:
+def test_time_continues_from_the_last_reading() -> None:
     intake = Intake(2, PERIOD)
     intake.take(Measurement(3.0, None))  # type: ignore[arg-type]
     assert intake.take(reading(7.0)).time == 7.0
     assert intake.take(reading(math.nan)).time == pytest.approx(7.0 + PERIOD)
 
 
-def test_what_is_asked_of_drives_that_take_pwm_alone() -> None:
+def test_set_points_of_drives_that_accept_pwm_only() -> None:
     pwm, powered = np.array([1.0, 2.0]), np.array([1.0, 0.0])
     found = Actuation(pwm, powered).set_points()
     assert found.kinds.tolist() == [S.PWM, S.OFF]

@@ -15,7 +15,7 @@ def test_each_state_is_configured_or_waits_for_it() -> None:
     assert set(modes.STATES) - {M.NOT_CONFIGURED} == modes.CONFIGURED
 
 
-def test_what_has_power_and_takes_another_mode() -> None:
+def test_modes_that_have_power_and_accept_another_mode() -> None:
     """M10, R6."""
     active = {M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP}
     assert active | {M.VELOCITY_DIRECT, M.CURRENT} == modes.POWERED
@@ -23,24 +23,24 @@ def test_what_has_power_and_takes_another_mode() -> None:
     assert modes.STARTUP_MODES == (M.IDLE, M.POSITION)
 
 
-def test_what_drives_a_joint_and_holds_no_position() -> None:
+def test_modes_that_drive_a_joint_without_holding_a_position() -> None:
     """P7, P8, Y2: with a reference of zero nothing holds the joint."""
     assert {M.TORQUE, M.OPENLOOP, M.CURRENT} == modes.NOT_HOLDING
 
 
-def test_what_a_joint_implements_unless_it_is_configured_otherwise() -> None:
+def test_modes_a_joint_implements_by_default() -> None:
     """M5, Y1, Y2: what YARP 4 added is requested everywhere and implemented where it is listed."""
     assert set(modes.SELECTABLE) - set(modes.STANDARD) == {M.VELOCITY_DIRECT, M.CURRENT}
     assert set(modes.REQUESTABLE) == {*modes.SELECTABLE, M.FORCE_IDLE}
 
 
-def test_what_needs_a_torque_sensor() -> None:
+def test_modes_that_require_a_torque_sensor() -> None:
     """I7."""
     assert {M.TORQUE, InteractionMode.COMPLIANT} == modes.SENSE_TORQUE
 
 
 def test_moves_and_steps_have_a_mode_of_their_own() -> None:
-    """M3: what whoever asks for a move, or for steps, asks for before."""
+    """M3: the queries of a caller before a move, or before steps."""
     kinds = modes.ACCEPTS[modes.MOVES], modes.ACCEPTS[modes.STEPS]
     assert kinds == ({modes.K.POSITION}, {modes.K.POSITION_DIRECT})
 
@@ -50,19 +50,19 @@ def test_moves_and_steps_have_a_mode_of_their_own() -> None:
 SELECTABLE = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "veld", "icur"]
 
 
-def test_what_may_follow_what() -> None:
+def test_mode_transitions() -> None:
     """M1, M5, F1, F2, F4, K1 to K4, N1 to N3; what is absent is refused."""
-    told: dict[tuple[str, object], object] = {}
+    table: dict[tuple[str, object], object] = {}
     for code in SELECTABLE:
-        told |= {(code, other): other for other in SELECTABLE}
-        told |= {
+        table |= {(code, other): other for other in SELECTABLE}
+        table |= {
             (code, E.FORCE_IDLE): "idl",
             (code, E.UNSUPPORTED): "hwfa",
             (code, E.FAULT): "hwfa",
             (code, E.CALIBRATE): "cali",
             (code, E.POWER_ON): "cfg",
         }
-    told |= {
+    table |= {
         ("hwfa", E.FORCE_IDLE): "idl",
         ("hwfa", E.POWER_ON): "cfg",
         ("cali", E.FORCE_IDLE): "idl",
@@ -80,7 +80,7 @@ def test_what_may_follow_what() -> None:
     names = {"cali": M.CALIBRATING.code, "cfg": M.NOT_CONFIGURED.code}
     expected = {
         (names.get(a, a), b): names.get(to, to) if isinstance(to, str) else to
-        for (a, b), to in told.items()
+        for (a, b), to in table.items()
     }
     found = {(word(a), word(b)): word(to) for (a, b), to in modes.TRANSITIONS.items()}
     assert found == expected
@@ -90,7 +90,7 @@ def test_what_may_follow_what() -> None:
     assert modes.next_mode(M.NOT_CONFIGURED, E.FORCE_IDLE) is None
 
 
-def test_what_each_mode_accepts() -> None:
+def test_commands_each_mode_accepts() -> None:
     """M3, Y1, Y2."""
     assert {
         M.POSITION: {K.POSITION},

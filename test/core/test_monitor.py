@@ -46,23 +46,32 @@ def blocks(count: int) -> list[Array]:
     return [np.zeros((rows, count)) for rows in (READ, READ, READ, MOTOR_ROWS)]
 
 
+def zeros(count: int) -> dict[str, Array]:
+    """The rows that a monitor of some joints reads."""
+    return {name: np.zeros(count) for name in [*READINGS, *ROWS]}
+
+
+def monitor_of(joints: list[JointMonitor], taken: list[Array], rows: dict[str, Array]) -> Monitor:
+    return Monitor(
+        joints,
+        taken,
+        [rows[name].data for name in READINGS],
+        [rows[name].data for name in ROWS],
+        SLOW,
+        PERIOD,
+        FORGET,
+    )
+
+
 class Bench:
     """One joint that reads 0 everywhere, at 25 °C, and what a test sets."""
 
     def __init__(self, **constants: float) -> None:
         self.one = JointMonitor()
         self.one.set(CONSTANTS | constants)
-        self.rows = {name: np.zeros(1) for name in [*READINGS, *ROWS]}
+        self.rows = zeros(1)
         self.rows["temperature"][0] = 25.0
-        self.monitor = Monitor(
-            [self.one],
-            blocks(1),
-            [self.rows[name].data for name in READINGS],
-            [self.rows[name].data for name in ROWS],
-            SLOW,
-            PERIOD,
-            FORGET,
-        )
+        self.monitor = monitor_of([self.one], blocks(1), self.rows)
 
     def step(self, cycles: int = 1, **readings: float) -> bool:
         """Cycles with these readings, which stay; whether the joint is healthy then."""
@@ -139,7 +148,7 @@ def test_the_first_cause_counts() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_reading_may_stand_still_or_go_on(way: float) -> None:
+def test_a_reading_may_be_constant_or_continue(way: float) -> None:
     """Between both: q + min(0, Δ) − m ≤ q' ≤ q + max(0, Δ) + m."""
     for moved, low, high in ((0.0, -0.1, 0.1), (0.08, -0.1, 0.18)):
         for off, good in ((low, True), (high, True), (low - 1e-6, False), (high + 1e-6, False)):
@@ -168,8 +177,8 @@ def test_after_a_spike_the_motion_begins_anew() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 1.1 * CREDIBLE])
-def test_after_a_reading_that_is_none_any_is_good(bad: float) -> None:
-    """The last one stands in for it."""
+def test_after_a_missing_reading_any_reading_is_good(bad: float) -> None:
+    """The last one replaces it."""
     bench = shows(position=0.05)
     bench.step(position=bad)
     assert bench.failed() is Check.POSITION
@@ -199,7 +208,7 @@ def test_the_travel_of_a_motor_by_its_own_equation() -> None:
     assert bench.one.travel == pytest.approx(0.5 * (travelled - 0.04) + more)
 
 
-def test_a_look_comes_every_so_many_cycles() -> None:
+def test_checks_run_at_a_fixed_number_of_cycles() -> None:
     bench = Bench()
     seen = []
     for _ in range(3 * SLOW):
@@ -276,7 +285,7 @@ def test_a_current_beyond_the_peak_heats_as_the_peak() -> None:
     bench = Bench()
     bench.step(SLOW, current=80.0)
     assert bench.one.overload == pytest.approx((64.0 - 4.0) * ELAPSED)
-    bench.step(SLOW, current=math.nan)  # the last one stands in
+    bench.step(SLOW, current=math.nan)  # the last one replaces it
     assert bench.one.overload == pytest.approx(2.0 * (64.0 - 4.0) * ELAPSED)
 
 
@@ -315,18 +324,10 @@ def test_warnings_have_a_relief() -> None:
 def test_any_joint_s_cause_counts() -> None:
     """Of two joints, each reads its own column."""
     joints = [JointMonitor(), JointMonitor()]
-    rows = {name: np.zeros(2) for name in [*READINGS, *ROWS]}
+    rows = zeros(2)
     for one in joints:
         one.set(CONSTANTS)
-    monitor = Monitor(
-        joints,
-        blocks(2),
-        [rows[name].data for name in READINGS],
-        [rows[name].data for name in ROWS],
-        SLOW,
-        PERIOD,
-        FORGET,
-    )
+    monitor = monitor_of(joints, blocks(2), rows)
     assert not monitor.news
     assert monitor.step()
     rows["torque"][0] = 99.0
@@ -340,20 +341,11 @@ def test_any_joint_s_cause_counts() -> None:
     assert rows["travelled"].tolist() == pytest.approx([0.3, 0.6])
 
 
-def test_a_reading_is_taken_and_the_one_before_is_kept() -> None:
+def test_a_reading_is_copied_and_the_previous_one_kept() -> None:
     """Also where the plant fills the same arrays again, and where another array comes."""
     taken = blocks(2)
     raw, measured, before, motors = taken
-    rows = [np.zeros(2) for _ in [*READINGS, *ROWS]]
-    monitor = Monitor(
-        [JointMonitor(), JointMonitor()],
-        taken,
-        [row.data for row in rows[: len(READINGS)]],
-        [row.data for row in rows[len(READINGS) :]],
-        SLOW,
-        PERIOD,
-        FORGET,
-    )
+    monitor = monitor_of([JointMonitor(), JointMonitor()], taken, zeros(2))
     reused, shafts = np.arange(16.0).reshape(8, 2), np.arange(6.0).reshape(3, 2)
     monitor.take(reused, shafts)
     np.testing.assert_array_equal(raw, np.arange(16.0).reshape(8, 2))
@@ -382,20 +374,11 @@ def test_a_reading_is_taken_and_the_one_before_is_kept() -> None:
     np.testing.assert_array_equal(motors, 0.0)
 
 
-def test_other_readings_are_taken_as_numpy_does_or_refused() -> None:
+def test_other_array_types_of_readings_are_converted_or_refused() -> None:
     """Never read beyond their ends: a plant may be wrong, and may reuse what is copied here."""
     taken = blocks(2)
     raw, motors = taken[0], taken[3]
-    rows = [np.zeros(2) for _ in [*READINGS, *ROWS]]
-    monitor = Monitor(
-        [JointMonitor(), JointMonitor()],
-        taken,
-        [row.data for row in rows[: len(READINGS)]],
-        [row.data for row in rows[len(READINGS) :]],
-        SLOW,
-        PERIOD,
-        FORGET,
-    )
+    monitor = monitor_of([JointMonitor(), JointMonitor()], taken, zeros(2))
     single, whole = np.ones((READ, 2), dtype=np.float32), np.zeros((READ, 2))
     turns = np.ones((MOTOR_ROWS, 2), dtype=np.int64)
     for value in (1, 2):

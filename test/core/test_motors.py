@@ -39,7 +39,7 @@ def test_a_motor_turns_with_its_joint(rig: Rig) -> None:
     np.testing.assert_array_equal(shown.supply_voltage, [MOTOR.supply_voltage] * 3)
 
 
-def test_name_plates_are_told(rig: Rig) -> None:
+def test_name_plates_are_reported(rig: Rig) -> None:
     """Y5: as configured, in the order asked."""
     found = rig.board.get_motors(["right", "left"])
     assert found.nominal_currents.tolist() == [LIMITS.nominal_current] * 2
@@ -51,7 +51,7 @@ def test_name_plates_are_told(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("output", ["pwm", "current"])
-def test_the_largest_current_is_what_is_set(output: str) -> None:
+def test_the_largest_current_is_the_set_one(output: str) -> None:
     """Y5: no user's torque drives more through the motor; a power-on forgets it."""
     made = ready(board_config(joint("left"), joint("right"), output=output))
     made.enter(M.TORQUE)
@@ -65,7 +65,7 @@ def test_the_largest_current_is_what_is_set(output: str) -> None:
     assert made.board.get_motors().max_currents.tolist() == [LIMITS.peak_current] * 2
 
 
-def test_the_largest_pwm_is_what_is_set(rig: Rig) -> None:
+def test_the_largest_pwm_is_the_set_one(rig: Rig) -> None:
     """Y5, P8: also in OPENLOOP."""
     rig.enter(M.OPENLOOP)
     assert rig.board.set_motors(["left", "right"], output_limits=[5.0, 0.0])
@@ -87,7 +87,7 @@ def test_the_largest_pwm_is_what_is_set(rig: Rig) -> None:
     ],
     ids=str,
 )
-def test_caps_lie_within_what_is_configured(rig: Rig, given: dict[str, Any]) -> None:
+def test_caps_lie_within_the_configuration(rig: Rig, given: dict[str, Any]) -> None:
     """Y5, M7: else nothing is set."""
     before = rig.board.get_motors()
     reply = rig.board.set_motors("left", **given)
@@ -147,7 +147,7 @@ def test_friction_that_is_set_is_fed_forward(speed: float, friction: float) -> N
     assert (left - right) / per_torque == pytest.approx(friction)
 
 
-def test_a_motor_encoder_reads_what_it_is_set_to(rig: Rig) -> None:
+def test_a_motor_encoder_reads_its_set_value(rig: Rig) -> None:
     """Y5: and goes on from there; the joint's angle is another thing."""
     rig.board.position_move("left", 0.2, 1.0)
     angle = float(rig.run(1.0).position[0])
@@ -182,7 +182,7 @@ def test_the_angle_of_a_joint_without_power_can_be_set(rig: Rig) -> None:
     assert rig.tick().position.tolist() == pytest.approx([0.0] * 3, abs=1e-3)
 
 
-def test_loops_tell_what_they_follow(rig: Rig) -> None:
+def test_loops_report_their_references(rig: Rig) -> None:
     """Y5: reference, error and output of each loop."""
     rig.plant.push("left", 8.0)
     shown = rig.run(1.0)
@@ -230,7 +230,7 @@ def test_a_loop_is_reset_and_given_an_offset(rig: Rig) -> None:
         ("velocity_thresholds", LIMITS.velocity, False),
     ],
 )
-def test_what_each_value_may_be(rig: Rig, name: str, most: float, zero: bool) -> None:
+def test_allowed_motor_values(rig: Rig, name: str, most: float, zero: bool) -> None:
     """Y5: up to the most, which is included; 0 where it means something."""
     assert rig.board.set_motors("left", **{name: most})
     assert getattr(rig.board.get_motors("left"), name)[0] == most

@@ -80,7 +80,7 @@ def test_a_compliant_joint_is_judged_by_its_reference(rig: Rig) -> None:
 
 
 def test_a_blocked_sliding_joint_fails(rig: Rig) -> None:
-    """A tolerance of 1 mm, not of 10: a finger that stands 5 mm away has not arrived."""
+    """A tolerance of 1 mm, not of 10: a finger 5 mm away has not arrived."""
     rig.plant.push("c", -22.0)  # 20 N is what the integral part may give, the rest is 400 N/m
     rig.run(10.0)
     success, message = outcome(rig, MoveTask(rig.board, ["c"], [0.02], [0.1]))
@@ -141,7 +141,7 @@ def test_a_failed_goal_leaves_joints_that_others_move(rig: Rig) -> None:
     assert outcome(rig, second) == (True, "")
 
 
-def test_a_target_beyond_the_limits_succeeds_and_says_so(rig: Rig) -> None:
+def test_a_target_beyond_the_limits_succeeds_with_a_text(rig: Rig) -> None:
     """P1, P9: it arrives at the limit; the result says what was asked and what was done."""
     success, message = outcome(rig, MoveTask(rig.board, ["a"], [2.6], [1.2]))
     assert success

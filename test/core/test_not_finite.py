@@ -106,7 +106,7 @@ def test_all_joints_at_once_and_before_they_are_configured(row: Row, value: floa
     assert rig.modes() == [M.POSITION] * 2
 
 
-def test_what_is_known_of_the_heat_outlives_readings_that_are_not_finite() -> None:
+def test_known_heat_outlives_non_finite_readings() -> None:
     """F6: a sensor that fails for a cycle neither wipes the I²t sum nor fills it for hours."""
     for value in (*NOT_FINITE, 1e9, ABSURD):
         rig = held(joint("left"))
@@ -157,13 +157,13 @@ def test_nothing_that_is_not_finite_leaves_the_board(
 
 
 @pytest.mark.parametrize(
-    ("broken", "told"),
+    ("broken", "text"),
     [
         ({"time": math.nan}, "its reading is stamped nan s"),
         ({"values": np.zeros((ROWS, 2), dtype=object)}, "its reading is object of shape (8, 2);"),
     ],
 )
-def test_what_is_no_reading_is_a_fault_of_all_joints(broken: dict[str, Any], told: str) -> None:
+def test_an_invalid_reading_is_a_fault_of_all_joints(broken: dict[str, Any], text: str) -> None:
     """B3: stamps and arrays of another length; time goes on, and the board recovers (F3)."""
     rig = held(joint("left"), joint("right"))
     rig.enter("pos")
@@ -175,7 +175,7 @@ def test_what_is_no_reading_is_a_fault_of_all_joints(broken: dict[str, Any], tol
     assert rig.modes() == [M.HW_FAULT] * 2
     fault = rig.board.get_faults("left")[0]
     assert fault.code == 22
-    assert told in fault.text
+    assert text in fault.text
     assert np.isfinite(rig.board.snapshot().block).all()
     rig.board.tick(intake.take(rig.plant.read()))
     assert rig.board.set_control_mode(None, "fidl")

@@ -50,7 +50,7 @@ class Small:
     live: float = parameter("Live", default=2.0, run_time=True)
 
 
-def test_what_changes_while_the_board_runs_says_so() -> None:
+def test_parameters_that_change_at_run_time_are_marked() -> None:
     assert [one.run_time for one in parameters_of(Small)] == [False, True]
 
 
@@ -65,7 +65,7 @@ def test_a_configuration_is_frozen_slotted_and_made_by_keywords() -> None:
 
 
 def row(**changes: Any) -> Parameter:
-    """A parameter, a number unless told otherwise."""
+    """A parameter, a number by default."""
     given = {"name": "it", "kind": Kind.DOUBLE, "default": 1.0, "text": "What it is"}
     return Parameter(**(given | changes))
 
@@ -109,7 +109,7 @@ def test_bounds_as_ros_has_them(changes: dict[str, Any], bounds: tuple[float, fl
     assert row(**changes).bounds == bounds
 
 
-def test_what_a_parameter_allows() -> None:
+def test_allowed_values_of_a_parameter() -> None:
     """Both ends; 0 besides where that is meant, and nothing between."""
     one = row(low=10.0, high=20.0)
     assert [one.allows(x) for x in (9.9, 10.0, 20.0, 20.1, 0.0)] == [
@@ -171,13 +171,13 @@ def test_numbers_of_a_configuration_and_its_parts(made: Outer, text: str) -> Non
     assert str(error.value) == text
 
 
-def test_a_configuration_whose_numbers_are_good() -> None:
+def test_a_valid_configuration() -> None:
     check_parameters("", Outer(speed=2.0, inner=Inner(size=2.0, place=(-1.0, 1.0))))
     check_parameters("", Outer(speed=2))
 
 
 @pytest.mark.parametrize("value", [True, "1", None, 1.1e12, -1.1e12, math.inf, math.nan])
-def test_what_is_no_number_of_a_configuration(value: Any) -> None:
+def test_invalid_numbers_of_a_configuration(value: Any) -> None:
     """Numbers of more than 1e12 neither, where there is no bound; nothing else is refused."""
     with pytest.raises(ConfigError, match=r"live: .* is not allowed; a number$"):
         check_parameters("", Small(live=value))

@@ -93,7 +93,7 @@ def present(position: float, velocity: float, acceleration: float) -> Sample:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("time", "left"), [(0.0, 3), (-1.0, 3), (0.7, 2), (2.0, 1)])
-def test_joining_leaves_out_what_is_past(kind: str, time: float, left: int) -> None:
+def test_joining_leaves_out_past_points(kind: str, time: float, left: int) -> None:
     """T1: the present leads to the points to come, each at its own time."""
     joined = KINDS[kind].joined(time, present(0.3, 0.25, -0.5))
     assert joined.times.tolist() == [time, *TIMES[-left:]]
@@ -155,7 +155,7 @@ NAN, INF = float("nan"), float("inf")
         (TIMES, POSITIONS, VELOCITIES[::-1], NONE, "velocity 0.3 of a; a trajectory ends at rest"),
     ],
 )
-def test_what_is_refused_names_the_point(
+def test_refusals_name_the_point(
     times: Any, positions: Any, velocities: Any, accels: Any, text: str
 ) -> None:
     """P13: lengths, times and numbers, each with its point and what would be right."""

@@ -65,7 +65,7 @@ def test_without_a_speed_the_slowest_reference_speed_counts(rig: Rig) -> None:
     assert not plan.note
 
 
-def test_a_speed_beyond_the_limits_is_bounded_and_told(rig: Rig) -> None:
+def test_a_speed_beyond_the_limits_is_bounded_and_reported(rig: Rig) -> None:
     """P1: what will be done in place of what was requested."""
     task = PoseTask(rig.board, READY, 50.0)
     outcome, ends = arrivals(rig, task)
@@ -108,8 +108,8 @@ def test_joints_in_motion_arrive_together_too(
     assert len(set(ends.tolist())) == 1
 
 
-def test_joints_in_another_mode_refuse_it_whole_and_are_all_named(rig: Rig) -> None:
-    """R5, M2: nothing moves, nobody switches; each joint, its mode, and the next step."""
+def test_joints_in_another_mode_refuse_a_pose_whole_and_are_all_named(rig: Rig) -> None:
+    """R5, M2: nothing moves or switches; each joint, its mode, and the next step."""
     board = rig.board
     board.set_control_mode("b", "vel")
     board.set_control_mode("c", "idl")
@@ -147,7 +147,7 @@ def test_a_pose_refused_for_another_reason_gives_it(rig: Rig) -> None:
     assert caught.value.codes == (Reason.NOT_FINITE, Reason.TOGETHER)
 
 
-def test_a_joint_in_fault_is_told_with_its_cause(rig: Rig) -> None:
+def test_a_joint_in_fault_is_reported_with_its_cause(rig: Rig) -> None:
     """R5, F5."""
     rig.plant.inject("a", "external")
     rig.tick(2)
@@ -156,7 +156,7 @@ def test_a_joint_in_fault_is_told_with_its_cause(rig: Rig) -> None:
     assert caught.value.codes[0] is Reason.IN_FAULT
 
 
-def test_joints_that_a_pose_does_not_name_may_do_what_they_like(rig: Rig) -> None:
+def test_joints_outside_a_pose_are_unaffected(rig: Rig) -> None:
     """R5: it concerns its joints only."""
     rig.board.set_control_mode("b", "torq")
     task = PoseTask(rig.board, Pose("one", ("a",), (0.3,), 1.0))
@@ -164,7 +164,7 @@ def test_joints_that_a_pose_does_not_name_may_do_what_they_like(rig: Rig) -> Non
     assert rig.board.get_control_mode("b")[0].code == "torq"
 
 
-def test_mixed_takes_it(rig: Rig) -> None:
+def test_mixed_accepts_a_pose(rig: Rig) -> None:
     """M3: MIXED takes position moves."""
     rig.board.set_control_mode(None, "mix")
     assert arrivals(rig, PoseTask(rig.board, READY))[0] == (True, "")
@@ -179,7 +179,7 @@ def test_cancelling_stops_the_joints(rig: Rig) -> None:
     assert abs(rig.board.get_encoder("b")[0]) < 0.9
 
 
-def test_parking_switches_what_has_power(rig: Rig) -> None:
+def test_parking_switches_powered_joints(rig: Rig) -> None:
     """R6, M2: to POSITION; the move is that to any pose."""
     rig.board.set_control_mode("b", "vel")
     task = start_parking(rig.board, READY)
@@ -188,7 +188,7 @@ def test_parking_switches_what_has_power(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("speed", [-0.1, float("nan"), float("inf")])
-def test_a_speed_that_is_none_is_refused(rig: Rig, speed: float) -> None:
+def test_an_invalid_speed_is_refused(rig: Rig, speed: float) -> None:
     with pytest.raises(RequestError, match=r"speed .* is not valid; above 0"):
         PoseTask(rig.board, READY, speed)
     assert rig.board.check_motion_done() == [True] * 3
@@ -219,7 +219,7 @@ def test_a_wrong_pose_is_refused(rig: Rig, change: dict[str, Any], text: str) ->
         made_pose(rig.board, **(good | change))
 
 
-def test_the_pose_of_now_is_what_is_measured(rig: Rig) -> None:
+def test_the_present_pose_is_the_measured_one(rig: Rig) -> None:
     """A joint held at a limit, where sensors say a little beyond, is within."""
     arrivals(rig, PoseTask(rig.board, READY))
     assert pose_now(rig.board, "p", ["b", "a"]).joints == ("b", "a")

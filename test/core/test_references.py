@@ -100,7 +100,7 @@ class Heavy:
 
 @pytest.mark.parametrize("within", [False, True])
 def test_moves_of_a_part_are_as_long_as_its_torques_ask_for(made: Made, within: bool) -> None:
-    """P1: of one part twice as long, of another as without; told as factors."""
+    """P1: of one part twice as long, of another as without; given as factors."""
     heavy: list[Any] = [None, Heavy()]
     references = References(CONFIG, made.state, made.laws, heavy)
     both, targets = np.array([1, 0]), np.array([0.5, 0.2])
@@ -165,7 +165,7 @@ def test_cancelled_and_endless_references_do_not_expire(timeouts: ReferenceTimeo
     assert timeouts.expired(10**6) is None
 
 
-def test_new_durations_hold_for_what_runs(timeouts: ReferenceTimeouts) -> None:
+def test_new_durations_apply_to_running_references(timeouts: ReferenceTimeouts) -> None:
     """A shorter timeout counts from the last reference."""
     timeouts.renew(K.VELOCITY, np.array([1]), 10)
     timeouts.reconfigure(np.full((len(K), 3), 2.0))
@@ -176,7 +176,7 @@ def test_new_durations_hold_for_what_runs(timeouts: ReferenceTimeouts) -> None:
     assert timeouts.expired(22).tolist() == [0]
 
 
-def test_new_durations_leave_alone_what_was_cancelled(timeouts: ReferenceTimeouts) -> None:
+def test_new_durations_do_not_affect_cancelled_references(timeouts: ReferenceTimeouts) -> None:
     """M9: nothing expires of a joint that has no reference any more."""
     timeouts.renew(K.TORQUE, np.array([0, 2]), 10)
     timeouts.cancel([0])
@@ -185,7 +185,7 @@ def test_new_durations_leave_alone_what_was_cancelled(timeouts: ReferenceTimeout
     assert timeouts.expired(10**6) is None
 
 
-def test_a_power_on_forgets_what_was_accepted(made: Made) -> None:
+def test_a_power_on_clears_accepted_references(made: Made) -> None:
     """N1: and what users set; of its joints."""
     references = made.references
     references.last[:] = 5.0

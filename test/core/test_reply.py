@@ -26,7 +26,7 @@ def test_true_only_when_all_accepted() -> None:
     assert decided(("a", "b"), [FINE, FINE])
 
 
-def test_what_was_sent_by_topic_has_no_answer() -> None:
+def test_commands_by_topic_have_no_answer() -> None:
     reply = sent(("a", "b"))
     assert reply
     assert reply.answers == (Answer.SENT, Answer.SENT)
@@ -41,21 +41,21 @@ def test_each_joint_has_its_answer_and_reason() -> None:
     assert reply.message == "b is IDLE"
 
 
-def test_message_tells_three_reasons_and_counts_the_rest() -> None:
+def test_message_lists_three_reasons_and_counts_the_rest() -> None:
     names = tuple("abcdef")
     reply = decided(names, [JointAnswer(Answer.REFUSED, f"no {n}") for n in names])
     assert reply.message == "no a; no b; no c (and 3 more)"
     assert reply.reasons[5] == "no f"
 
 
-def test_equal_reasons_are_told_once() -> None:
+def test_equal_reasons_are_listed_once() -> None:
     reply = decided(("a", "b"), [JointAnswer(Answer.REFUSED, "same")] * 2)
     assert reply.message == "same"
     assert accepted(("a",)).message == ""
     assert refused("why", ("a", "b")).reasons == ("why", "why")
 
 
-def test_what_was_accepted_may_have_a_text() -> None:
+def test_accepted_requests_may_have_a_text() -> None:
     """P1: what will be done instead reaches the user, and the reply is true."""
     reply = decided(("a", "b"), [FINE, JointAnswer(Answer.ACCEPTED, "b: bounded to 2")])
     assert reply
@@ -85,7 +85,7 @@ def test_each_joint_by_itself() -> None:
     assert [one.code for one in textual.each()] == [Reason.NONE] * 2
 
 
-def test_what_failed_with_others_comes_last() -> None:
+def test_failures_due_to_others_are_listed_last() -> None:
     """M7: the joint that is the cause is named first."""
     together = JointAnswer(Answer.REFUSED, "a: as b is refused", Reason.TOGETHER)
     cause = JointAnswer(Answer.REFUSED, "b is in HW_FAULT", Reason.IN_FAULT)

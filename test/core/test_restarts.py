@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""machine.py, requests.py: what starts afresh, what is kept, and what is told as new."""
+"""machine.py, requests.py: what starts afresh, what is kept, and what is reported as new."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def events(rig: Rig, key: str) -> list[str]:
     return [event.joint for event in rig.board.take_events() if event.key == key]
 
 
-def test_a_joint_at_its_limit_is_told_of_again_after_a_power_cycle() -> None:
+def test_a_joint_at_its_limit_is_reported_again_after_a_power_cycle() -> None:
     """P9, N1."""
     rig = ready(board_config(joint("a"), joint("b")), home=[1.9, 0.0])
     for _ in range(2):
@@ -95,8 +95,8 @@ def test_a_calibrator_s_joint_has_no_limits_behind_its_brake_either() -> None:
     assert math.isinf(rig.board.engine.controller.joints[0].upper)
 
 
-def test_what_clears_a_fault_is_new() -> None:
-    """F2: those who look at versions see it."""
+def test_clearing_a_fault_changes_the_version() -> None:
+    """F2: callers that compare versions see it."""
     rig = in_status(M.HW_FAULT)
     rig.run(0.1)
     before = rig.board.faults_version
@@ -115,7 +115,7 @@ def test_an_interaction_that_is_stored_is_new() -> None:
 
 
 def test_after_a_stop_no_reference_expires() -> None:
-    """P3, P12: of a joint that had a velocity; nothing is told of it."""
+    """P3, P12: of a joint that had a velocity; it is not reported."""
     quick = Timeouts(velocity=0.05)
     rig = ready(board_config(joint("a", timeouts=quick), joint("b", timeouts=quick)))
     rig.enter("vel")
@@ -139,8 +139,8 @@ def test_a_stop_keeps_the_gains_of_the_mode(mode: str, kp: float) -> None:
     assert rig.board.engine.controller.joints[0].position_pid.kp == kp
 
 
-def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
-    """M5, M7: who could do it stays as it is; who refuses does, too."""
+def test_a_request_together_faults_only_joints_that_do_not_implement_it() -> None:
+    """M5, M7: joints that could do it stay as they are; those that refuse do, too."""
     bare = joint("b", control_modes=(M.IDLE, M.POSITION))
     rig = ready(board_config(joint("a"), bare, joint("c")))
     rig.enter("pos")
@@ -153,7 +153,7 @@ def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
     assert "external" in rig.board.get_faults()[2].text
 
 
-def test_a_request_together_does_no_part_of_what_a_joint_cannot_do() -> None:
+def test_a_request_together_is_all_or_none() -> None:
     """M5, M7: its interaction mode stays, too."""
     rig = ready(board_config(joint("a"), joint("b", control_modes=(M.IDLE, M.POSITION))))
     rig.enter("pos")
@@ -165,7 +165,7 @@ def test_a_request_together_does_no_part_of_what_a_joint_cannot_do() -> None:
 
 
 def test_an_output_that_was_no_number_is_forgotten_with_its_fault() -> None:
-    """F2: what another joint's laws tell later is no fault of this one."""
+    """F2: what another joint's laws report later is no fault of this one."""
     rig = ready(board_config(joint("a"), joint("b")), home=[0.0, 1.9])
     rig.enter("torq")
     rig.board.engine.controller.joints[0].torque_pid.integral = math.nan

@@ -114,12 +114,12 @@ def test_a_long_unknown_name_is_cut() -> None:
             Selector(NAMES).select("x" * length)
 
 
-@pytest.mark.parametrize(("count", "told"), [(16, "joint_15"), (17, "joint_15, …")])
-def test_sixteen_joints_are_listed(count: int, told: str) -> None:
+@pytest.mark.parametrize(("count", "text"), [(16, "joint_15"), (17, "joint_15, …")])
+def test_sixteen_joints_are_listed(count: int, text: str) -> None:
     names = tuple(f"joint_{i}" for i in range(count))
     with pytest.raises(RequestError) as error:
         Selector(names).select("nose")
-    assert str(error.value).endswith(told)
+    assert str(error.value).endswith(text)
 
 
 def test_one_value_that_is_not_finite_is_enough() -> None:

@@ -29,14 +29,14 @@ DRIVES = [*chain.from_iterable(combinations(KINDS, k) for k in range(1, len(KIND
 
 
 def one(*drive: SetPoint, **rest) -> BoardConfig:
-    """A board whose joint has such a drive, which does not tell its PWM."""
+    """A board whose joint has such a drive, which does not report its PWM."""
     config = board_of("joint", **rest)
     joint = replace(config.joints[0], drive=drive, max_travel_error=math.inf)
     return replace(config, joints=(joint,))
 
 
 @pytest.mark.parametrize("law", set(Law) - {Law.OFF})
-def test_a_law_reaches_a_drive_by_the_first_that_it_takes(law: Law) -> None:
+def test_a_law_uses_the_first_set_point_a_drive_accepts(law: Law) -> None:
     """S1: of all 63 drives that there can be."""
     for drive in DRIVES:
         found = set_point_of(law, drive)
@@ -98,7 +98,7 @@ class Hands:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_drive_is_handed_its_own_values_and_no_others(kind: SetPoint) -> None:
+def test_a_drive_receives_only_its_own_values(kind: SetPoint) -> None:
     """S1: those that its kind does not have are 0."""
     hands = Hands(kind)
     assert hands.board.position_move("joint", 0.5)
@@ -134,7 +134,7 @@ def test_a_change_of_mode_is_one_exchange() -> None:
     assert found.torque[0] == pytest.approx(12.0, abs=1e-6)
 
 
-def test_an_impedance_is_worth_what_the_laws_ask_for() -> None:
+def test_an_impedance_set_point_equals_the_torque_of_the_laws() -> None:
     """S1, I5, P9: k and d are the joint's; what bounds add is in τ_ff."""
     hands = Hands(S.IMPEDANCE)
     assert hands.board.set_interaction_mode("joint", "comp")

@@ -46,7 +46,7 @@ def config(**changes: float):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "expected"),
     [
         ({"kp": 1e12}, "a.position_pid.kp: 1e+12 makes the loop unstable at 1000 Hz"),
         ({"ki": 1e12}, "a.position_pid.ki"),
@@ -60,12 +60,12 @@ def config(**changes: float):
         ({"integral_limit": math.inf}, "a.position_pid.integral_limit: inf bounds nothing"),
     ],
 )
-def test_what_cannot_be_meant_is_named(changes: dict[str, float], told: str) -> None:
+def test_implausible_values_are_named(changes: dict[str, float], expected: str) -> None:
     """One line of the parameter, with what would be right; of nothing else."""
     assert warnings(config()) == {}
     [(name, text)] = warnings(config(**changes)).items()
     assert name == f"a.position_pid.{next(iter(changes))}"
-    assert text.startswith(told)
+    assert text.startswith(expected)
 
 
 @pytest.mark.parametrize("robot", ["iiwa", "panda", "icub"])

@@ -70,7 +70,7 @@ def test_inactive_is_configured_and_without_power(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("mode", [*SELECTABLE, M.FORCE_IDLE, M.CURRENT])
-def test_what_needs_power_is_refused(rig: Rig, mode: ControlMode) -> None:
+def test_requests_that_need_power_are_refused(rig: Rig, mode: ControlMode) -> None:
     """M1, M5: with the way out; nothing faults; IDLE and FORCE_IDLE are accepted."""
     rig.board.set_stage(Stage.INACTIVE)
     reply = rig.board.set_control_mode("moves", mode)

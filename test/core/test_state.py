@@ -66,7 +66,7 @@ def test_at_first_nothing_is_known_and_nothing_has_power() -> None:
     assert (made.modes_changed, made.faults_changed) == ([0] * N, [0] * N)
 
 
-def test_a_power_on_forgets_what_belongs_to_its_joints() -> None:
+def test_a_power_on_clears_the_state_of_its_joints() -> None:
     """N1, F5: offsets and modes; the record of a fault stays readable."""
     made = state()
     made.offset[:] = made.motor_offset[:] = 1.5
@@ -92,7 +92,7 @@ def test_a_power_on_forgets_what_belongs_to_its_joints() -> None:
     assert made.faults_changed == [before + 1, 0, before + 1]
 
 
-def test_what_has_changed_since() -> None:
+def test_changes_since_a_snapshot() -> None:
     """Modes and faults have versions of their own."""
     made = state()
     made.note_modes([1])
@@ -126,7 +126,7 @@ def test_a_snapshot_has_the_rows_of_its_block() -> None:
     assert np.array_equal(shown.torque, [torque[0], np.nan, torque[2]], equal_nan=True)
 
 
-def test_what_is_not_known_of_motors_is_no_number() -> None:
+def test_unknown_motor_values_are_nan() -> None:
     shown = snapshot()
     for name in ("motor_position", "motor_velocity", "acceleration", "supply_voltage"):
         assert np.isnan(getattr(shown, name)).tolist() == [True] * N, name

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pure import load_python
+from pure import LAWS
 
-LAWS = load_python("control_board_ros.core.laws.laws")
 PERIOD = 0.001
 FADE = 1.0 - 1.0 / 100.0
 WIDE = 1e6
@@ -32,7 +31,7 @@ def stream(**changes: Any) -> Any:
 def taken(
     made: Any, x: float, d: float, velocity: float | None = None, speed: float = 10.0
 ) -> None:
-    """One more sample, so many s after the last."""
+    """One more sample, ``d`` s after the last."""
     given = velocity is not None
     made.take(x, velocity or 0.0, given, d / PERIOD, PERIOD, speed, WIDE)
 
@@ -80,7 +79,7 @@ def test_it_begins_with_one_sample(given: bool) -> None:
         (-0.151, 0.01, 0.01, False),
     ],
 )
-def test_what_goes_on(x: float, d: float, interval: float, goes_on: bool) -> None:
+def test_samples_continuing_a_stream(x: float, d: float, interval: float, goes_on: bool) -> None:
     """A sample after a long silence, or one that no joint could reach, begins anew."""
     made = stream(count=2.0, interval=interval, sum_kk=1.0)
     taken(made, x, d)
@@ -95,7 +94,7 @@ def test_the_second_sample_may_be_as_far_as_the_joint_is_fast(x: float, goes_on:
     assert made.count == (2.0 if goes_on else 1.0)
 
 
-def test_lateness_adds_to_what_may_be_reached() -> None:
+def test_lateness_adds_to_the_reachable_range() -> None:
     made = stream(count=2.0, interval=0.01, late=0.01, sum_kk=1.0)
     taken(made, 0.25, 0.01)
     assert made.count == 3.0
@@ -203,7 +202,7 @@ def test_both_readings_are_judged_from_the_fifth_sample_on(
         (True, 9.0, 1.0, 0.012, False),
     ],
 )
-def test_the_reading_that_foretells_better_is_believed(
+def test_the_reading_with_the_smaller_residual_is_used(
     on_grid: bool, grid: float, sent: float, period: float, expected: bool
 ) -> None:
     """To come back to the grid it must be twice as good."""
@@ -256,7 +255,7 @@ def test_at_first_a_gap_is_one_interval(count: float, d: float, expected: float)
         (0.0110, 0.0, 20.0, 1.0),  # never none
     ],
 )
-def test_where_the_value_is_tells_how_many(
+def test_the_value_determines_the_number_of_samples(
     d: float, x: float, count: float, expected: float
 ) -> None:
     """Of a motion of 1 rad an interval, where the grid foretells better."""
@@ -268,7 +267,7 @@ def test_where_the_value_is_tells_how_many(
     assert made.intervals(x, d) == math.floor(d / 0.01 + 0.1)
 
 
-def test_the_value_tells_nothing_of_the_first_five() -> None:
+def test_the_value_is_not_used_for_the_first_five_samples() -> None:
     for count, expected in ((5.0, 2.0), (6.0, 1.0)):
         made = stream(count=count, interval=0.01)
         made.grid.v = 100.0
@@ -315,7 +314,7 @@ def test_six_are_kept() -> None:
         (0.002, (0.002,) * 7, 3),
     ],
 )
-def test_one_that_is_near_takes_the_place_of_the_last(
+def test_a_close_sample_replaces_the_last(
     interval: float, ways: tuple[float, ...], count: int
 ) -> None:
     """Where the one before it is nearer than that, on both readings."""
@@ -388,7 +387,7 @@ def test_velocities_that_come_along_need_no_fit() -> None:
         (0.1, 0.05, 0.2, 1.1 * 0.275 + 0.1),
     ],
 )
-def test_how_long_it_goes_on(interval: float, uneven: float, gap: float, patience: float) -> None:
+def test_patience(interval: float, uneven: float, gap: float, patience: float) -> None:
     made = stream(interval=interval, uneven=uneven, gap=gap)
     assert made.patience() == pytest.approx(patience)
 
@@ -404,7 +403,7 @@ def test_the_velocity_is_that_of_the_reading_believed() -> None:
 
 
 @pytest.mark.parametrize("flows", [True, False])
-def test_what_is_slow_is_steps(flows: bool) -> None:
+def test_slow_streams_are_steps(flows: bool) -> None:
     """Where it begins below one interval, and ends above another one."""
     least = LAWS.SLOWER if flows else LAWS.SLOWEST
     for factor, expected in ((0.99, True), (1.01, False)):
@@ -427,7 +426,7 @@ def test_an_uneven_stream_may_be_slower(ways: tuple[float, float], flows: bool) 
 
 
 def test_positions_alone_are_fitted_on_both_readings() -> None:
-    """As sent with the five newest where jitter is told from motion best."""
+    """As sent with the five newest where jitter differs from motion most."""
     for interval, few in ((0.02, True), (0.014, False), (0.03, False)):
         made = stream()
         random = np.random.default_rng(5)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from joints import OneJoint
-from pure import load_python
+from pure import LAWS
 
 from control_board_ros.core.terms.modes import Law
 
@@ -120,7 +120,7 @@ def test_jitter_and_loss_are_seen_through(
 
 
 def stalled(rate: float, seconds: float, seed: int) -> Due:
-    """An even stream whose program stands still at times, and sends what it missed in bursts."""
+    """An even stream whose program stalls at times, and sends what it missed in bursts."""
     chance, due, waiting = random.Random(seed), Due(), list[float]()
     until, every = 0, round(1.0 / (rate * PERIOD))
     for cycle in range(round(seconds / PERIOD)):
@@ -214,7 +214,7 @@ def test_compiled_and_plain_streams_are_the_same_bits() -> None:
     """P4: an uneven stream, of both readings, measured and followed by either form of the laws."""
     for made_late in (False, True):
         due, forms = uneven(50.0, 1.0, 1, made_late=made_late), []
-        for one in (OneJoint(), OneJoint(load_python("control_board_ros.core.laws.laws"))):
+        for one in (OneJoint(), OneJoint(LAWS)):
             one.step(2)
             one.joint.start(Law.POSITION)
             rows = []

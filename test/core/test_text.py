@@ -18,7 +18,7 @@ SHOWN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 
 
 @given(st.text(st.characters(blacklist_categories=()), max_size=80))
-def test_what_is_clean_is_one_line_that_can_be_shown_and_sent(text: str) -> None:
+def test_clean_text_is_one_printable_line(text: str) -> None:
     for made in (clean(text), clean_name(text), clean(text, 10)):
         assert not {unicodedata.category(c) for c in made} & SHOWN
         made.encode()
@@ -34,13 +34,13 @@ def test_good_texts_stay_as_they_are() -> None:
         assert clean_lines(f"{text}\n{text}") == f"{text}\n{text}"
 
 
-def test_a_text_of_a_megabyte_is_cut_and_says_so() -> None:
+def test_a_text_of_a_megabyte_is_truncated_and_marked() -> None:
     made = clean("x" * 1_000_000)
     assert len(made) < 600
     assert made.endswith(" … (999500 characters more)")
 
 
-def test_something_that_fails_to_say_what_it_is() -> None:
+def test_objects_without_a_working_repr() -> None:
     class Mute:
         def __str__(self) -> str:
             raise RuntimeError("no")

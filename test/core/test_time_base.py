@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pure import load_python
+from pure import LAWS
 
-LAWS = load_python("control_board_ros.core.laws.laws")
 KNOTS = 6
 
 
@@ -53,7 +52,7 @@ def test_it_starts_with_one_sample() -> None:
     assert (fresh.x, fresh.v, fresh.a, fresh.turning, fresh.run) == (0.0,) * 5
 
 
-def test_where_the_motion_goes_on() -> None:
+def test_continuation_of_the_motion() -> None:
     """X + v S + a C."""
     made = base(x=1.0, v=2.0, a=-3.0)
     assert made.at(0.5) == pytest.approx(1.0 + 1.0 - 0.375)
@@ -86,7 +85,7 @@ def test_acceleration_by_the_velocity_before() -> None:
     assert made.turning == omega**2
 
 
-def test_what_turns_faster_than_velocities_can_show_is_taken_as_even() -> None:
+def test_motion_too_fast_to_resolve_is_treated_as_uniform() -> None:
     """Beyond ω²τ² = 3."""
     made = base(v=0.5, turning=301.0)
     made.speed_up(0.3, 0.1, 100.0)
@@ -166,7 +165,7 @@ def test_uneven_samples_are_reckoned_with() -> None:
     "times",
     [(0.0, -0.049, -0.2, -0.3), (0.0, -0.1, -0.149, -0.3), (0.0, -0.15, -0.251, -0.3), (0.0,) * 4],
 )
-def test_samples_too_uneven_tell_nothing(times: tuple[float, ...]) -> None:
+def test_samples_too_uneven_are_not_used(times: tuple[float, ...]) -> None:
     """One interval below half their mean; or all of them at once."""
     made = base(*times, turned=8.0, run=2.0, turning=3.0)
     made.turn(knots(1.0, 0.0, 1.0, 0.0), 4, 0.5)
@@ -193,7 +192,7 @@ def test_a_last_sample_that_is_only_just_there_is_left_out() -> None:
     assert even.run != 0.0
 
 
-def test_what_stands_does_not_turn() -> None:
+def test_constant_samples_have_no_frequency() -> None:
     made = base(0.0, -0.1, -0.2, -0.3, turning=5.0)
     made.turn(knots(1.0, 1.0, 1.0, 1.0), 4, 0.5)
     assert made.turning == 0.0
@@ -243,7 +242,7 @@ def test_samples_at_one_time_have_none() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_an_acceleration_that_no_joint_has_is_none(way: float) -> None:
+def test_beyond_the_acceleration_limit_the_last_two_samples_count(way: float) -> None:
     """Beyond 1.5 of the limit: the last two samples are believed."""
     times = (0.0, -0.1, -0.2)
     values = knots(*(way * (1.0 + t + 0.5 * 15.0 * t * t) for t in times))

@@ -64,7 +64,7 @@ def test_a_goal_names_tolerances_in_any_order() -> None:
         (Wish("a", 0.0, math.inf), "goal_tolerance of a is not finite"),
     ],
 )
-def test_what_cannot_be_a_tolerance_is_refused(wish: Wish, text: str) -> None:
+def test_invalid_tolerances_are_refused(wish: Wish, text: str) -> None:
     with pytest.raises(RequestError, match=text):
         chosen(DEFAULTS, ("a", "b"), ("a", "b"), Wishes(goal=[wish]))
 

@@ -37,7 +37,7 @@ WIDE = {
 
 
 def at(start: float) -> OneJoint:
-    """A joint that stands at a position, and holds it."""
+    """A joint at rest at a position, which it holds."""
     one = OneJoint(**WIDE)
     one.set(position=start)
     one.joint.hold(start)
@@ -119,7 +119,7 @@ def test_duration_of_a_move_from_rest() -> None:
     assert duration(1.0, 5e-324, 6.0, 50.0) == 1e6
 
 
-def test_a_velocity_that_ends_at_the_target_goes_on() -> None:
+def test_a_velocity_at_the_target_continues() -> None:
     """P1: T ≤ 2.5 Δ/v0 keeps the quintic from overshooting; else the velocity is braked."""
     time, brake = durations(1.0, 0.1, 1.0, 6.0, 50.0)
     assert brake == 0.0
@@ -140,7 +140,7 @@ def test_a_braked_move_lasts_no_longer_than_its_limits_ask() -> None:
     assert 1.0 <= time / rest <= 1.2
 
 
-def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
+def test_a_move_of_given_duration_continues_or_brakes() -> None:
     """P1: T is what was requested; v0 goes on into it, unless it overshoots or passes a limit."""
     limits = VELOCITY, ACCELERATION
     shortest = 1.5 * 1.0 / ACCELERATION
@@ -168,7 +168,7 @@ def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
         (0.25, 5.0, 1.0, 0.5),  # all of the way is that of braking
     ],
 )
-def test_what_fits_is_within_both_limits(
+def test_fitted_moves_are_within_both_limits(
     distance: float, time: float, velocity: float, brake: float
 ) -> None:
     """P1: speed and acceleration of the whole curve, as its ends determine it."""
@@ -223,7 +223,7 @@ def test_ramp_arrives_and_never_passes(velocity: float, target: float, rate: flo
     assert way[-1] == pytest.approx(target, abs=1e-12)
 
 
-def test_a_start_velocity_goes_on_into_the_move() -> None:
+def test_a_start_velocity_continues_into_the_move() -> None:
     """P1: as long as requested, or shortened to 2.5 Δ/v0 where that keeps within the limits."""
     assert durations(1.0, 0.1, 2.0, 6.0, 50.0) == (NO_OVERSHOOT * 0.5, 0.0)
     assert durations(4.0, 10.0, 2.0, 60.0, 500.0)[0] == pytest.approx(0.4)  # as requested
@@ -248,7 +248,7 @@ def test_a_velocity_towards_the_target_asks_for_no_more_time(
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_what_is_braked_counts_as_way(way: float) -> None:
+def test_braking_counts_as_travel(way: float) -> None:
     """P1: Δ − v0 T_b/2 is left of the move, whichever way it goes."""
     speed, limits = 0.5, (6.0, 50.0)
     time, brake = durations(-way, speed, way * 2.0, *limits)
@@ -261,7 +261,7 @@ def test_a_move_without_time_fits_nothing() -> None:
     assert not _fits(1.0, -1.0, 0.0, 0.0, 6.0, 50.0)
 
 
-def test_what_comes_after_the_end_of_a_move_is_at_rest() -> None:
+def test_after_its_end_a_move_is_at_rest() -> None:
     """P1: braking may last longer than the move, which stays at its end meanwhile."""
     assert _fits(0.35, 0.5, 1.0, 0.9, 6.0, 50.0)
     assert not _fits(0.35, 0.5, 1.0, 0.02, 6.0, 50.0)

@@ -170,7 +170,7 @@ def test_a_new_goal_preempts_without_a_step(rig: Goals) -> None:
     assert after[-1] == pytest.approx([0.1, stop], abs=1e-3)
 
 
-def test_a_preempted_goal_goes_on_until_the_new_one_begins(rig: Goals) -> None:
+def test_a_preempted_goal_continues_until_the_new_one_begins(rig: Goals) -> None:
     """T1, trajectory replacement: the old points count until the new start, not longer."""
     rig.send(SLOW)
     rig.cycles(0.5)
@@ -182,7 +182,7 @@ def test_a_preempted_goal_goes_on_until_the_new_one_begins(rig: Goals) -> None:
 
 
 @pytest.mark.parametrize("twice", [False, True])
-def test_cancelling_a_goal_that_waits_stops_what_it_preempted(rig: Goals, twice: bool) -> None:
+def test_cancelling_a_waiting_goal_stops_the_preempted_one(rig: Goals, twice: bool) -> None:
     """T2, T3: the only goal left is cancelled, so nothing moves on; nor is anything kept."""
     rig.send(SLOW)
     before = rig.cycles(0.5)[-1]
@@ -205,7 +205,7 @@ def test_a_preempted_goal_ends_where_the_new_one_is_far_ahead(rig: Goals) -> Non
     assert not rig.follower.busy
 
 
-def test_what_is_refused_leaves_the_goal_under_way(rig: Goals) -> None:
+def test_refused_goals_do_not_affect_the_running_goal(rig: Goals) -> None:
     """T1: only a goal that is right preempts."""
     goal = rig.send(ONE)
     rig.cycles(0.1)
@@ -223,7 +223,7 @@ def test_what_is_refused_leaves_the_goal_under_way(rig: Goals) -> None:
 
 
 def test_joints_in_another_mode_are_named_with_the_way_out(rig: Goals) -> None:
-    """T2, M2, M4: nobody but the user switches modes; it counts, once, and nothing moves."""
+    """T2, M2, M4: only the user switches modes; it counts, once, and nothing moves."""
     rig.request("set_control_mode", "b", "pos")
     with pytest.raises(
         GoalError, match="for b ignored: mode is POSITION; it is accepted in posd"
@@ -324,7 +324,7 @@ def test_cancelling_brakes_within_the_acceleration_limit(rig: Goals) -> None:
     assert not rig.follower.busy
 
 
-def test_cancelling_what_waits_moves_nothing(rig: Goals) -> None:
+def test_cancelling_a_waiting_goal_moves_nothing(rig: Goals) -> None:
     """T3: nothing of it is kept, and what the joints follow meanwhile goes on."""
     path = make_path(NAMES, [2.0], [[1.0, 1.0]], [[]], [[]])
     rig.follower.follow(None, path, rig.board.time)
@@ -378,7 +378,7 @@ def test_a_joint_that_leaves_aborts_the_goal(rig: Goals, way: str, late: bool) -
     assert not rig.follower.busy
 
 
-def test_a_limit_that_cuts_is_told_at_the_end(rig: Goals) -> None:
+def test_a_limit_that_cuts_is_reported_at_the_end(rig: Goals) -> None:
     """P9, T1: it is followed up to the limit."""
     rig.send(points((1.0, [2.5, 0.0])), goal=[Wish("a", -1.0, 0.0)])
     code, text = rig.end()

@@ -64,7 +64,7 @@ def test_interaction_mode_values(name: str, code: str, vocab: int) -> None:
         assert parse_interaction_mode(text) is mode
 
 
-def test_there_are_no_others() -> None:
+def test_no_other_vocabs_exist() -> None:
     assert {mode.name for mode in ControlMode} == set(CONTROL)
     assert {mode.name for mode in InteractionMode} == set(INTERACTION)
 
@@ -124,7 +124,7 @@ def test_numbers_that_no_code_packs_to(vocab: int) -> None:
         (2.5, "2.5 is no control mode"),
     ],
 )
-def test_unknown_modes_say_what_is_known(text: object, hint: str) -> None:
+def test_unknown_modes_list_the_known_ones(text: object, hint: str) -> None:
     with pytest.raises(ValueError, match=re.escape(hint)) as error:
         parse_control_mode(text)  # type: ignore[arg-type]
     message = str(error.value)

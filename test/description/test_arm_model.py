@@ -20,7 +20,7 @@ ROBOTS = {
     "scara": str(BENCHMARK / "scara.urdf"),
     "snake": str(BENCHMARK / "snake.urdf"),
 }
-#: Part of the torques that a follower takes, which the model takes to stand.
+#: Part of the torques that a follower needs, which the model takes as fixed.
 FOLLOWERS = {"panda": 0.02}
 
 
@@ -75,7 +75,7 @@ def test_there_is_no_model_where_the_masses_are_not_those_of_the_urdf(
     assert load("iiwa", values).board.model is None
 
 
-def test_somebody_elses_plant_has_its_gravity_compensated_and_no_more() -> None:
+def test_a_third_party_plant_has_only_its_gravity_compensated() -> None:
     """G1: what its joints feel of the URDF is their weight; the rest is the plant's own matter."""
     model = load("iiwa", {"plant": "somebody"}).board.model
     assert model is not None
@@ -112,7 +112,7 @@ def test_the_load_of_a_pose_is_pinocchios(robot: str) -> None:
 
 
 def test_a_part_has_the_model_of_its_own_joints() -> None:
-    """R1: the rest of the robot stands, what it carries included."""
+    """R1: the rest of the robot is fixed, its load included."""
     names = [joint.name for joint in load("iiwa").board.joints]
     settings = load("iiwa", {"parts.upper": names[:3], "parts.lower": names[3:]})
     model = settings.part("lower").board.model

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motors, friction, heat and limits where nobody gives them: derived from the URDF (F6)."""
+"""Motors, friction, heat and limits that are not given: derived from the URDF (F6)."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_limits_that_are_derived_can_be_reached(name: str) -> None:
         assert limits.acceleration <= 10.0 * limits.velocity
 
 
-def test_shipped_robots_reach_their_acceleration_and_are_told_without_a_word() -> None:
+def test_shipped_robots_reach_their_acceleration_without_warnings() -> None:
     for name in SHIPPED:
         made = load(name)
         assert (made.warnings, made.notes) == ((), ())
@@ -93,7 +93,7 @@ def test_friction_of_the_urdf_is_the_simulation_s(tmp_path: Path) -> None:
     assert given.simulation.joints[0].motor.viscous == 3.0
 
 
-def test_a_strong_effort_is_taken_and_an_absurd_one_told(tmp_path: Path) -> None:
+def test_a_strong_effort_is_accepted_and_an_absurd_one_reported(tmp_path: Path) -> None:
     """Above 1000 N·m it is used as it is, unless a hundred times what the load needs."""
     strong = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="2500" velocity="2"/>'))
     assert strong.board.joints[0].limits.torque == 2500.0
@@ -104,11 +104,11 @@ def test_a_strong_effort_is_taken_and_an_absurd_one_told(tmp_path: Path) -> None
     assert "instead of 1e+06 N·m; give limits.torque" in absurd.warnings[0]
 
 
-def test_what_is_assumed_is_told(tmp_path: Path) -> None:
+def test_assumptions_are_reported(tmp_path: Path) -> None:
     made = derived(arm(tmp_path, "", kind="continuous"))
-    told = "\n".join(made.warnings)
-    assert "no effort above 0 in the URDF, assumed: hinge" in told
-    assert "no speed above 0 in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in told
+    text = "\n".join(made.warnings)
+    assert "no effort above 0 in the URDF, assumed: hinge" in text
+    assert "no speed above 0 in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in text
     assert "motors of all joints, gains of all joints" in made.notes[0]
     sliding = arm(tmp_path, '<limit lower="0" upper="1" effort="50"/>', kind="prismatic")
     assert "hinge 0.5 m/s; give limits.velocity" in derived(sliding).warnings[0]
@@ -119,7 +119,7 @@ def test_what_is_assumed_is_told(tmp_path: Path) -> None:
     assert "hinge 50 rad/s" in quick.warnings[0]
 
 
-def test_damping_that_a_sliding_mass_does_not_bear_is_told(tmp_path: Path) -> None:
+def test_damping_too_high_for_a_sliding_mass_is_reported(tmp_path: Path) -> None:
     """H · viscous / mass stays below one: the physics would be unstable."""
     limit = '<limit lower="0" upper="1" effort="50" velocity="1"/>'
     made = derived(arm(tmp_path, limit, '<dynamics damping="5000"/>', kind="prismatic"))
@@ -127,20 +127,20 @@ def test_damping_that_a_sliding_mass_does_not_bear_is_told(tmp_path: Path) -> No
     assert "hinge 500 N·s/m instead of 5e+03 N·s/m" in made.warnings[0]
 
 
-def test_friction_that_leaves_no_torque_is_told(tmp_path: Path) -> None:
+def test_friction_that_leaves_no_torque_is_reported(tmp_path: Path) -> None:
     """With the numbers: friction and damping at full speed, of the torque limit."""
     limit = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
     made = derived(arm(tmp_path, limit, '<dynamics damping="35" friction="12"/>'))
-    (told,) = made.warnings
-    assert "friction and damping at full speed" in told
-    assert "hinge 82 of 100 N·m" in told
+    (text,) = made.warnings
+    assert "friction and damping at full speed" in text
+    assert "hinge 82 of 100 N·m" in text
     most = derived(arm(tmp_path, limit, '<dynamics damping="35" friction="9"/>'))
     assert most.warnings == ()
     own = derived(arm(tmp_path, limit), **{"hinge.motor.coulomb": 120.0})
     assert "of 100 N·m" in own.warnings[0]
 
 
-def test_a_nominal_current_that_overheats_is_told() -> None:
+def test_a_nominal_current_that_overheats_is_reported() -> None:
     made = load("iiwa", {"lbr_iiwa_joint_2.motor.thermal_resistance": 0.8})
     assert "the nominal current overheats the winding" in made.warnings[0]
     assert "lbr_iiwa_joint_2 329 °C of 120 °C" in made.warnings[0]
@@ -149,7 +149,7 @@ def test_a_nominal_current_that_overheats_is_told() -> None:
 @pytest.mark.parametrize("rate", [200.0, 300.0, 1000.0, 4000.0])
 @pytest.mark.parametrize("wrong", [0.8, 1.0, 1.25])
 def test_the_current_loop_fits_the_control_rate(rate: float, wrong: float) -> None:
-    """P10: V = R i_ref + PI on a winding whose R is not quite as told; no ringing, no lag."""
+    """P10: V = R i_ref + PI on a winding whose R differs slightly; no ringing, no lag."""
     made = load("iiwa", {"control_rate": rate})
     for joint in made.board.joints:
         motor, gains, period = joint.motor, joint.current_pid, 1.0 / rate

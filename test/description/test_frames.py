@@ -96,8 +96,8 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
         bullet.disconnect(client)
 
 
-def test_what_moves_and_what_stands() -> None:
-    """Followers move with their leaders; a joint of nobody stands; axes have any length."""
+def test_moving_and_fixed_links() -> None:
+    """Followers move with their leaders; other joints are fixed; axes have any length."""
     frames = frames_of(described(SLANTED.replace("0 0.6 0.8", "0 3 4")), ["rail", "shoulder"])
     assert [edge.child for edge in frames.moving] == ["arm", "slide", "finger"]
     assert [edge.child for edge in frames.standing] == ["plate", "thumb"]

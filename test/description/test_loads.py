@@ -62,9 +62,9 @@ def test_inertia_and_gravity_are_the_physics_own(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["iiwa", "panda"])
 def test_rotors_add_what_the_physics_feels(name: str) -> None:
-    """A unit torque on each joint for one step tells M⁻¹, rotors included.
+    """A unit torque on each joint for one step yields M⁻¹, rotors included.
 
-    M_jj with the other joints standing, 1/(M⁻¹)_jj with them free to give way.
+    M_jj with the other joints fixed, 1/(M⁻¹)_jj with them free to give way.
     """
     settings = load(name, {"gravity": [0.0, 0.0, 0.0]})
     board, simulation, n = settings.board, settings.simulation, len(settings.board.joints)
@@ -82,10 +82,10 @@ def test_rotors_add_what_the_physics_feels(name: str) -> None:
     here = {one.name: (one.home, one.home) for one in simulation.joints}
     rotors = dict(zip(board.names, reflected_inertia(board, simulation).tolist(), strict=True))
     found = loads(settings.urdf, here).with_rotors(rotors)
-    stands, gives = np.diag(np.linalg.inv(inverse)), 1.0 / np.diag(inverse)
+    held, gives = np.diag(np.linalg.inv(inverse)), 1.0 / np.diag(inverse)
     for j, one in enumerate(board.names):
-        assert found[one].inertia_max == pytest.approx(stands[j], rel=1e-3), one
-        assert found[one].inertia_mean == pytest.approx(stands[j], rel=1e-3), one
+        assert found[one].inertia_max == pytest.approx(held[j], rel=1e-3), one
+        assert found[one].inertia_mean == pytest.approx(held[j], rel=1e-3), one
         assert found[one].inertia_min == pytest.approx(gives[j], rel=1e-3), one
 
 
@@ -113,7 +113,7 @@ def test_a_distal_rotor_counts_as_far_as_axes_are_parallel() -> None:
     assert found["one"].inertia_min == pytest.approx(0.001, rel=1e-2)
 
 
-def test_joints_that_do_not_move_stand_at_zero_and_followers_follow() -> None:
+def test_fixed_joints_are_at_zero_and_followers_follow() -> None:
     urdf = described(GRIPPER)
     found = loads(urdf, {"left_finger": (0.0, 1.0)})
     assert found.names == ("left_finger",)
@@ -122,8 +122,8 @@ def test_joints_that_do_not_move_stand_at_zero_and_followers_follow() -> None:
     assert "unused" not in sampled
 
 
-def test_the_board_is_told_what_its_joints_move() -> None:
-    """Derived where nobody gives them, also for a robot with motors of its own."""
+def test_the_board_knows_the_loads_of_its_joints() -> None:
+    """Derived where they are not given, also for a robot with motors of its own."""
     settings = load("iiwa")
     least, greatest = settings.board.joints[0].inertia_min, settings.board.joints[0].inertia_max
     rotor = reflected_inertia(settings.board, settings.simulation)[0]

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from marks import needs_icub
 from plants import described, joint, link, robot
 
 from control_board_ros.description.merge import inertial_of, merge_fixed
@@ -15,8 +15,6 @@ from control_board_ros.description.robots import load_robot
 from control_board_ros.settings.loading import load
 from control_board_ros.sim.bodies.world import bullet, connect
 from control_board_ros.sim.bodies.world import load as load_body
-
-needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
 #: A hand of 3 kg on an arm of 1 kg, 1 m away and turned by a quarter about x, with a finger.
 HAND = robot(

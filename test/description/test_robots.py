@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from iiwa import JOINTS
+from marks import needs_icub
 
 from control_board_ros.description import robots
 from control_board_ros.description.geometry import origin_of
@@ -14,12 +15,10 @@ from control_board_ros.description.merge import inertial_of
 from control_board_ros.description.robots import ROBOTS, load_robot
 from control_board_ros.description.urdf import Urdf, UrdfError
 
-needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
-
 
 def test_iiwa() -> None:
     made = load_robot("iiwa")
-    assert made.independent == tuple(f"lbr_iiwa_joint_{i}" for i in range(1, 8))
+    assert made.independent == JOINTS
     assert made.warnings == ()
     assert made.joints[1].effort == 300.0
 
@@ -39,7 +38,7 @@ def test_icub_arms_are_cut_out_of_the_robot(name: str, side: str) -> None:
     words += ("wrist_prosup", "wrist_pitch", "wrist_yaw")
     assert made.independent == tuple(f"{side}_{word}" for word in words)
     assert "neck" not in made.text
-    assert 'name="chest_mount" type="fixed"' in made.text  # the chest stands as in the robot
+    assert 'name="chest_mount" type="fixed"' in made.text  # the chest is oriented as in the robot
     assert f"{side}_upper_arm" in made.text  # behind the fixed force sensor
     assert made.warnings == ()
 

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from marks import needs_icub
 from numpy.typing import NDArray
 
 from control_board_ros.core.board import Board
@@ -17,7 +17,6 @@ from control_board_ros.settings.loading import load
 from control_board_ros.simulation import Simulation
 
 pytestmark = [pytest.mark.physics]
-needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
 
 RIGS = [
@@ -61,7 +60,7 @@ class Rig:
     def settle(self, most: float) -> NDArray[np.float64]:
         """Let time pass until nothing moves, at most so long, s; positions of each cycle.
 
-        A joint that takes over its load is held for up to half a second, so that it stands still
+        A joint that takes over its load is held for up to half a second, so that it is at rest
         does not mean that it is at rest.
         """
         rows = [self.record(lambda board: board.state.position, 0.2) for _ in range(3)]
@@ -77,7 +76,7 @@ class Rig:
         return np.abs(found).max(axis=0)
 
     def step_from(self, j: int, size: float) -> float:
-        """A target that far from where the joint stands, inside its limits."""
+        """A target that far from the joint's position, inside its limits."""
         limits, here = self.joints[j].limits, float(self.board.state.position_reference[j])
         if here + size > limits.upper:
             size = -size

@@ -36,7 +36,7 @@ def board(urdf: str) -> Any:
 
 
 @pytest.mark.parametrize("urdf", BAD.values(), ids=BAD)
-def test_a_bad_description_is_none_for_all_who_read_it(urdf: str) -> None:
+def test_a_bad_description_is_refused_by_every_reader(urdf: str) -> None:
     with pytest.raises(UrdfError):
         published_robot(urdf)
     assert published_joints(urdf) == {}
@@ -47,7 +47,7 @@ def test_a_bad_description_is_none_for_all_who_read_it(urdf: str) -> None:
     assert (*ends, found.velocity, found.torque) == (-math.inf, math.inf, SPEED, TORQUE)
 
 
-def test_joints_have_what_can_be_read_of_their_limits() -> None:
+def test_joints_keep_the_readable_limits() -> None:
     joint = '<joint name="{}" type="{}"><limit {}/></joint>'
     joints = published_joints(
         "<robot>"

@@ -49,12 +49,12 @@ def test_a_xacro_file_is_a_robot(arm: Path) -> None:
 
 
 @needs_xacro
-def test_what_xacro_does_not_take_is_one_line(arm: Path) -> None:
+def test_xacro_errors_are_one_line(arm: Path) -> None:
     arm.write_text(ARM.replace("1 + 1", "heavy"))
     assert "name 'heavy' is not defined" in refusal(str(arm))
 
 
-def test_arguments_stand_behind_the_path() -> None:
+def test_arguments_follow_the_path() -> None:
     assert split_arguments("a b.xacro x:=1 y:=") == ("a b.xacro", ("x:=1", "y:="))
     assert split_arguments("a b.urdf x:=1") == ("a b.urdf x:=1", ())
 
@@ -63,7 +63,7 @@ def test_an_argument_without_a_value_is_refused(arm: Path) -> None:
     assert "argument 'left' is not one of xacro; give name:=value" in refusal(f"{arm} left")
 
 
-def test_without_the_package_a_line_says_how(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_name_the_missing_package(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xacro_file, "find_spec", lambda _: None)
     assert "pip install 'control_board_ros[xacro]'" in refusal(str(arm))
 

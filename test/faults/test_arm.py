@@ -74,7 +74,7 @@ def test_a_push_within_the_range_never_faults(mode, interaction):
     [(M.TORQUE, "stif"), (M.OPENLOOP, "stif"), (M.POSITION, "comp"), (M.VELOCITY, "comp")],
 )
 def test_a_push_against_a_limit_is_pushed_back(mode, interaction, side):
-    """P9: beyond the limit the protection pushes back, the mode stays, one warning tells."""
+    """P9: beyond the limit the protection pushes back, the mode stays, one warning reports it."""
     with iiwa(lbr_iiwa_joint_1__limits__lower=-0.5, lbr_iiwa_joint_1__limits__upper=0.5) as sim:
         board = sim.board
         assert board.set_interaction_mode(J1, interaction)
@@ -231,7 +231,7 @@ def test_a_calibration_blocked_by_an_obstacle_fails_with_its_reason():
         assert "moving to the start position" in record.text
 
 
-def test_a_calibration_during_a_fast_motion_takes_over_smoothly():
+def test_a_calibration_during_a_fast_motion_begins_smoothly():
     """K1, M9: requested in full motion, it stops the joint and then does its work."""
     with calibrated_arm(timeout=6.0) as simulation:
         board = simulation.board
@@ -304,8 +304,8 @@ def test_a_server_that_is_gone_says_so():
     """The physics ends under the board, in either engine: one exception of its own, one line."""
     with iiwa() as simulation:
         simulation.plant.body.close()
-        told = "^the physics (server is gone|is closed); restart the board$"
-        with pytest.raises(PlantGone, match=told):
+        text = "^the physics (server is gone|is closed); restart the board$"
+        with pytest.raises(PlantGone, match=text):
             simulation.run(0.1)
 
 

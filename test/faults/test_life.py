@@ -18,7 +18,8 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
-from talk import TIMEOUT, Talker, stamp_of, talking_to
+from talk import Talker, stamp_of, talking_to
+from waiting import GUARD
 
 from control_board_ros.testing import BoardProcess, board_process
 
@@ -47,10 +48,10 @@ def loop_status(message: DiagnosticArray) -> tuple[bytes, dict[str, str]]:
 
 
 @pytest.mark.slow
-def test_slow_cycles_are_counted_caught_up_within_bounds_and_told() -> None:
+def test_slow_cycles_are_counted_caught_up_within_bounds_and_reported() -> None:
     """Cycles that take too long: overruns, skipped periods, diagnostics WARN, then OK again."""
     with hurt("slow", control_rate=100.0, state_rate=100.0) as (board, talker):
-        talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
 
         def fine(message: DiagnosticArray) -> bool:
             return loop_status(message)[0] == DiagnosticStatus.OK
@@ -80,9 +81,9 @@ def test_a_lost_physics_server_ends_the_node() -> None:
     with hurt("gone", exit_code=4) as (board, _):
         board.process.send_signal(signal.SIGUSR1)
         line = board.wait_for_output("; restart the board")
-        board.process.wait(TIMEOUT)
-        told = ("physics server is gone", "physics is closed")
-        assert line.strip() in [f"control_board: the {what}; restart the board" for what in told]
+        board.process.wait(GUARD)
+        causes = ("physics server is gone", "physics is closed")
+        assert line.strip() in [f"control_board: the {what}; restart the board" for what in causes]
         assert "Traceback" not in board.output
 
 
@@ -91,7 +92,7 @@ def test_a_bug_in_the_control_loop_ends_the_node_without_power() -> None:
     with hurt("stuck", exit_code=1) as (board, _):
         board.process.send_signal(signal.SIGUSR1)
         line = board.wait_for_output("the control loop failed")
-        board.process.wait(TIMEOUT)
+        board.process.wait(GUARD)
         assert "RuntimeError: a bug" in line
         assert "Traceback" not in board.output
 
@@ -171,7 +172,7 @@ def test_a_clock_that_jumps_back_or_stops(talker: Talker) -> None:
         lambda: talker.command("command/velocity", velocity),
         lambda s: s.velocity_reference[6] > 0.01,
     )
-    talker.state(lambda s: s.velocity_reference[6] == 0.0)  # P12, though /clock stands still
+    talker.state(lambda s: s.velocity_reference[6] == 0.0)  # P12, though /clock is paused
     talker.node.destroy_publisher(publisher)
 
 

@@ -12,7 +12,8 @@ import pytest
 from control_board_msgs import srv
 from rclpy.qos import QoSProfile
 from sender import sending
-from talk import TIMEOUT, Talker
+from talk import Talker
+from waiting import GUARD
 
 from control_board_ros.testing import BoardProcess, board_process, ros_node
 
@@ -33,11 +34,11 @@ def clients_of(board: BoardProcess, count: int) -> Iterator[list]:
             nodes[k % NODES].create_client(
                 srv.SetControlMode,
                 f"{board.name}/set_control_mode",
-                qos_profile=QoSProfile(depth=1000),  # each hears the answers to all of them
+                qos_profile=QoSProfile(depth=1000),  # each receives the answers to all of them
             )
             for k in range(count)
         ]
-        assert all(client.wait_for_service(TIMEOUT) for client in clients)
+        assert all(client.wait_for_service(GUARD) for client in clients)
         yield clients
 
 
@@ -46,7 +47,7 @@ def test_many_clients_switch_at_once(talker: Talker, board: BoardProcess) -> Non
     choose = random.Random(5).choice
     with clients_of(board, CLIENTS) as clients:
         for _ in range(ROUNDS):
-            heard = len(talker.seen["modes"])
+            received = len(talker.seen["modes"])
             asked = [choose(USER_MODES) for _ in clients]
             futures = [
                 client.call_async(srv.SetControlMode.Request(modes=[mode]))
@@ -55,12 +56,12 @@ def test_many_clients_switch_at_once(talker: Talker, board: BoardProcess) -> Non
             answers = [talker.answer(future) for future in futures]
             for mode, answer in zip(asked, answers, strict=True):
                 assert answer.success, answer.message
-                assert list(answer.modes) == [mode] * 7  # nobody came in between
+                assert list(answer.modes) == [mode] * 7  # no other client came in between
             last = talker.modes()
             assert len(set(last)) == 1
             assert last[0] in asked
             talker.wait("modes", lambda m, last=last: list(m.control_modes) == last)
-            for message in talker.seen["modes"][heard:]:
+            for message in talker.seen["modes"][received:]:
                 assert len(set(message.control_modes)) == 1  # no half-done request was shown
     assert talker.modes() == last  # all of them leaving at once changes nothing
 
@@ -115,12 +116,12 @@ def test_a_client_waits_while_its_board_is_restarted() -> None:
         first = stack.enter_context(board_process(exit_code=-9))
         node = stack.enter_context(ros_node(first.domain, "waiting"))
         client = node.create_client(srv.GetControlMode, "/control_board/get_control_mode")
-        assert client.wait_for_service(TIMEOUT)
+        assert client.wait_for_service(GUARD)
         talker = Talker(node, "/control_board")
         assert talker.set_mode([], "vel").success
         first.process.kill()
         first.process.wait()
-        lost = client.call_async(srv.GetControlMode.Request())  # nobody is there to answer
+        lost = client.call_async(srv.GetControlMode.Request())  # there is no server
         with board_process(domain=first.domain):
             answer = None
             while answer is None or not answer.done():

@@ -137,7 +137,7 @@ def test_the_policy_obeys_its_schema() -> None:
             assert NAME.match(element.text or ""), element.text
 
 
-def test_the_board_may_do_what_it_does_and_no_more() -> None:
+def test_the_board_has_only_the_permissions_it_uses() -> None:
     """Every topic and service of the node, as interface.py has them, with what is optional."""
     from control_board_ros.interface import (
         ACTIONS,
@@ -182,8 +182,8 @@ def test_the_board_may_do_what_it_does_and_no_more() -> None:
 
 
 @pytest.mark.parametrize("profile", ["operator", "monitor"])
-def test_the_others_may_use_what_the_board_offers(profile: str) -> None:
-    """Whatever a profile calls or hears, the board offers; nobody else offers the same."""
+def test_other_nodes_may_use_the_interface_of_the_board(profile: str) -> None:
+    """The board alone offers all that a profile calls or subscribes to."""
     board, own = "/control_board", f"/control_board/{profile}"
     both = {"/rosout", "/parameter_events"}
     assert f"{board}/state" in granted(own, "topics", "subscribe")
@@ -203,7 +203,7 @@ def test_the_others_may_use_what_the_board_offers(profile: str) -> None:
 
 
 def test_a_monitor_sees_everything_and_changes_nothing() -> None:
-    """It calls getters only, and publishes nothing that a board hears."""
+    """It calls getters only, and publishes nothing that a board subscribes to."""
     own = "/control_board/monitor"
     seen = granted("/control_board", "topics", "publish") - {"/rosout"}
     assert granted(own, "topics", "subscribe") == seen

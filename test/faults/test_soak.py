@@ -33,5 +33,5 @@ def test_a_short_soak(tmp_path: Path) -> None:
     found = {p["text"]: p for p in json.loads(figures.read_text())["promises"]}
     assert found["replies lost"]["value"] == 0
     assert found["faults not found"]["value"] == 0
-    assert found["memory slope"]["value"] < 200.0  # MB/h: what 20 s can tell apart from nothing
+    assert found["memory slope"]["value"] < 200.0  # MB/h: the least that 20 s can resolve
     print(done.stdout)

@@ -9,7 +9,8 @@ import time
 import pytest
 from control_board_msgs import msg, srv
 from std_srvs.srv import SetBool, Trigger
-from talk import Talker, until
+from talk import Talker
+from waiting import until
 
 pytestmark = pytest.mark.ros
 
@@ -38,7 +39,7 @@ def references(talker: Talker) -> list[list[float]]:
 
 
 def send_and_count(talker: Talker, topic: str, message, joint: int, count: int) -> None:
-    """Publish, and wait until the joint's counter has grown by so many."""
+    """Publish, and wait until the joint's counter has grown by ``count``."""
     before = rejected(talker)[joint]
     talker.command(f"command/{topic}", message)
     talker.state(lambda state: state.rejected_commands[joint] == before + count)
@@ -79,7 +80,7 @@ def test_no_bad_message_moves_or_faults_anything(talker: Talker, topic: str) -> 
 
 
 def test_the_nearest_name_is_suggested(talker: Talker, board) -> None:
-    """M7: the log tells of the unknown joint among the known."""
+    """M7: the log reports the unknown joint among the known."""
     command = msg.PositionCommand(names=[J1, "lbr_iiwa_jiont_2"], positions=[0.1, 0.1])
     talker.command("command/position", command)
     board.wait_for_output("did you mean 'lbr_iiwa_joint_2'?")

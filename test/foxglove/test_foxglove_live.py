@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import struct
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from waiting import GUARD, until
 
 pytest.importorskip("foxglove", reason="extra foxglove")
 pytest.importorskip("websockets", reason="extra panel")
@@ -21,7 +22,7 @@ from control_board_msgs import msg, srv
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from talk import TIMEOUT, Talker
+from talk import Talker
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
@@ -51,14 +52,16 @@ class Foxglove:
 
     def until(self, good: Callable[[], Any]) -> Any:
         """Receive messages until a condition is true."""
-        deadline = time.monotonic() + TIMEOUT
-        while not (found := good()):
-            assert time.monotonic() < deadline, (sorted(self.channels), self._texts[-3:])
-            try:
+
+        def receive() -> None:
+            with contextlib.suppress(TimeoutError):
                 self._take(self._connection.recv(timeout=0.2))
-            except TimeoutError:
-                continue
-        return found
+
+        return until(
+            lambda: good() or receive(),
+            lambda: (sorted(self.channels), self._texts[-3:]),
+            period=0.0,
+        )
 
     def _take(self, raw: str | bytes) -> None:
         if isinstance(raw, bytes):
@@ -138,7 +141,7 @@ def process(board: BoardProcess) -> Iterator[tuple[str, int]]:
         printed = json.loads(running.stdout.readline())
         yield printed["address"], running.pid
         running.terminate()
-        assert running.wait(TIMEOUT) in (0, -15, 130, 143)
+        assert running.wait(GUARD) in (0, -15, 130, 143)
 
 
 @pytest.fixture
@@ -174,13 +177,13 @@ def test_frames_come_with_the_positions(foxglove: Foxglove, talker: Talker) -> N
     """Transforms of all links, though the board publishes no /tf."""
     joints = published_joints(foxglove.message("/robot_description", String).data)
     all_of_them = {joint.child for joint in joints.values()}
-    told = foxglove.message(
+    received = foxglove.message(
         TF.name, TFMessage, lambda m: {t.child_frame_id for t in m.transforms} == all_of_them
     )
     state = foxglove.message("/joint_states", JointState)
     frames = Frames(joints, state.name)
     k = [edge.child for edge in frames.moving].index("lbr_iiwa_link_4")
-    link = next(t for t in told.transforms if t.child_frame_id == "lbr_iiwa_link_4")
+    link = next(t for t in received.transforms if t.child_frame_id == "lbr_iiwa_link_4")
     turn = link.transform.rotation
     wanted = frames.poses(np.array(state.position))[k, 3:]
     assert [turn.x, turn.y, turn.z, turn.w] == pytest.approx(wanted, abs=1e-2)
@@ -226,8 +229,9 @@ def test_commands_are_published(foxglove: Foxglove, talker: Talker) -> None:
     target = 0.05
     command = msg.PositionCommand(names=[talker.names[6]], positions=[target])
     schema = "control_board_msgs/msg/PositionCommand"
-    deadline = time.monotonic() + TIMEOUT
-    while abs(talker.state().position[6] - target) > 2e-3:
+
+    def arrived() -> bool:
         foxglove.publish(f"{BOARD}/command/position", schema, command)
-        time.sleep(0.5)
-        assert time.monotonic() < deadline
+        return abs(talker.state().position[6] - target) <= 2e-3
+
+    until(arrived, period=0.5)

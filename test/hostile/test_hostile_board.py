@@ -13,7 +13,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from cbctl_process import COMMAND, GUARD, until
+from cbctl_process import COMMAND
+from waiting import GUARD, until
 
 from control_board_ros.testing import child_environment, free_domain, ros_node
 

@@ -138,7 +138,7 @@ def test_observations_are_as_the_features_say(robot: Any) -> None:
         robot.connect()
 
 
-def test_send_action_returns_what_was_sent(robot: Any) -> None:
+def test_send_action_returns_the_sent_action(robot: Any) -> None:
     """P9: beyond a limit the limit; what is no number is not sent; the arm goes there."""
     robot.connect()
     before = robot.get_observation()

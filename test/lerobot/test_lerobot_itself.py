@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from waiting import until
 
 pytest.importorskip("lerobot", reason="LeRobot 0.4.4, with PyTorch 3 GB: docs/howto/lerobot.md")
 if find_spec("lerobot_robot_control_board") is None:
     pytest.skip("the plug-in: pip install ./integrations/lerobot", allow_module_level=True)
 
-from cbctl_process import until
 from hand import JOINT, Hand
 
 from control_board_ros.testing import BoardProcess, board_process

@@ -2,7 +2,7 @@
 """The worst figures of docs/motion.md, held on simulated time (SPEC P1, P4, P5, P7, P14, I5, M9).
 
 A few joints of three robots in one pose each; `make motion` measures all of them in all poses.
-What is to be reached stands in benchmark/motion_measure/rows.py.
+What is to be reached is in benchmark/motion_measure/rows.py.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
 def test_joints_move_as_well_as_is_to_be_reached(rig: Rig, row: str) -> None:
     """P1, P4, P5, P7, P14, I5, M9: no figure of these joints is beyond its bound."""
     if rig.name not in REACHED_BY.get(row, WATCHED):
-        pytest.skip("not reached yet; docs/motion.md tells by how much")
+        pytest.skip("not reached yet; docs/motion.md says by how much")
     hold(rig, row)
 
 
@@ -107,7 +107,7 @@ def hold(rig: Rig, row: str, watched: tuple[str, tuple[int, ...]] | None = None)
 
 
 @pytest.mark.parametrize("key", SHORT)
-def test_what_went_wrong_once_does_not_again(key: str) -> None:
+def test_former_failures_do_not_recur(key: str) -> None:
     """K6, K7, P1, P14, P11, M9, I10: each scene's figure is within its bound."""
     scene = SCENES[key]
     value = scene.play()

@@ -10,7 +10,8 @@ from action_msgs.msg import GoalStatus
 from control_board_msgs import msg, srv
 from control_board_msgs.action import Calibrate, GoToPose, Move
 from std_srvs.srv import SetBool
-from talk import Talker, until
+from talk import Talker
+from waiting import until
 
 from control_board_ros.testing import BoardProcess
 
@@ -120,7 +121,7 @@ def test_services_answer_during_a_move(talker: Talker) -> None:
 
 
 def test_a_paused_move_waits_and_the_log_says_so(talker: Talker, board: BoardProcess) -> None:
-    """Time that stands still ends no move."""
+    """Paused time ends no move."""
     assert talker.call("pause", SetBool, data=True).success
     handle = talker.goal("move", Move, names=talker.names[6:], positions=[0.1], speeds=[0.5])
     waiting = talker.within(handle.get_result_async)

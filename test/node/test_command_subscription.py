@@ -36,7 +36,7 @@ class Subscription:
 
 
 class PlayedNode:
-    """A node, its subscriptions, and who publishes with best effort."""
+    """A node, its subscriptions, and best-effort publishers."""
 
     def __init__(self) -> None:
         self.there: list[Subscription] = []
@@ -65,11 +65,12 @@ class PlayedNode:
 
 
 class Rig:
-    """A command topic of which somebody publishes with best effort, after the handover."""
+    """A command topic with a best-effort publisher, after the handover."""
 
     def __init__(self, clock: SimpleNamespace) -> None:
-        self.node, self.clock, self.heard = PlayedNode(), clock, list[int]()
-        self.topic = CommandSubscription(cast(Node, self.node), TORQUE_COMMAND, self.heard.append)
+        self.node, self.clock, self.received = PlayedNode(), clock, list[int]()
+        accept = self.received.append
+        self.topic = CommandSubscription(cast(Node, self.node), TORQUE_COMMAND, accept)
         best_effort = SimpleNamespace(reliability=ReliabilityPolicy.BEST_EFFORT)
         publisher = SimpleNamespace(node_namespace="/", node_name="x", qos_profile=best_effort)
         self.node.best_effort = [publisher]
@@ -90,7 +91,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
 
 
 @pytest.mark.parametrize("first", ["reliable", "best_effort"])
-def test_what_comes_by_both_counts_once(rig: Rig, first: str) -> None:
+def test_a_message_received_twice_counts_once(rig: Rig, first: str) -> None:
     """While they are matched, and when they are."""
     order = sorted(rig.node.there, key=lambda one: one is not getattr(rig, first))
     for stamp in (1, 2):
@@ -98,11 +99,11 @@ def test_what_comes_by_both_counts_once(rig: Rig, first: str) -> None:
         for one in order:
             one.serve()
         rig.pass_time()
-    assert rig.heard == [1, 2]
+    assert rig.received == [1, 2]
 
 
 @pytest.mark.parametrize("first", ["reliable", "best_effort"])
-def test_none_is_lost_or_doubled_when_the_best_effort_one_goes(rig: Rig, first: str) -> None:
+def test_the_end_of_a_best_effort_publisher_loses_no_command(rig: Rig, first: str) -> None:
     """Wherever it waits when its publishers are found to be gone, and when it is removed."""
     order = sorted(rig.node.there, key=lambda one: one is not getattr(rig, first))
     rig.pass_time()
@@ -114,7 +115,7 @@ def test_none_is_lost_or_doubled_when_the_best_effort_one_goes(rig: Rig, first: 
         for one in rig.node.there:
             one.serve()
     assert rig.node.there == [rig.reliable]
-    assert rig.heard == [1, 2, 3]
+    assert rig.received == [1, 2, 3]
 
 
 def test_it_stays_for_a_publisher_that_comes_back(rig: Rig) -> None:
@@ -127,17 +128,17 @@ def test_it_stays_for_a_publisher_that_comes_back(rig: Rig) -> None:
         rig.pass_time()
         rig.best_effort.serve()
     assert rig.node.there == [rig.reliable, rig.best_effort]
-    assert rig.heard == [1, 2, 3]
+    assert rig.received == [1, 2, 3]
 
 
 def test_messages_without_a_time_stamp_all_count(rig: Rig) -> None:
     for _ in range(3):
         rig.best_effort.publish(0)
     rig.best_effort.serve()
-    assert rig.heard == [0, 0, 0]
+    assert rig.received == [0, 0, 0]
 
 
-def test_who_publishes_with_best_effort_is_told_of_by_name(rig: Rig) -> None:
+def test_best_effort_publishers_are_reported_by_name(rig: Rig) -> None:
     """Once, as soon as the graph knows the name."""
     publisher = rig.node.best_effort[0]
     publisher.node_name = NOT_KNOWN_YET
@@ -146,11 +147,11 @@ def test_who_publishes_with_best_effort_is_told_of_by_name(rig: Rig) -> None:
     publisher.node_name = "teleoperation"
     for _ in range(3):
         rig.pass_time()
-    (told,) = rig.node.warnings
-    assert told.startswith("/teleoperation publishes ")
+    (warning,) = rig.node.warnings
+    assert warning.startswith("/teleoperation publishes ")
 
 
-def test_one_that_never_has_a_name_is_told_of_all_the_same(rig: Rig) -> None:
+def test_nameless_best_effort_publishers_are_reported(rig: Rig) -> None:
     """A program that is not of ROS."""
     rig.node.best_effort[0].node_name = NOT_KNOWN_YET
     for _ in range(3):

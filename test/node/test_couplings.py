@@ -11,7 +11,8 @@ import pytest
 from cbctl_process import Cbctl
 from control_board_msgs import srv
 from sensor_msgs.msg import JointState
-from talk import Talker, patient, until
+from talk import Talker, patient
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.core.terms.motors import MotorTorqueParameters
@@ -54,11 +55,11 @@ def test_a_hand_is_moved_over_ros(talker: Talker, client: ControlBoardClient) ->
     assert client.position_move("l_pinky", 2.4)
     until(lambda: client.check_motion_done("l_pinky"))
     until(lambda: abs(client.get_encoder("l_pinky")[0] - 2.4) < 0.01)
-    heard: list[JointState] = []
-    listening = talker.node.create_subscription(JointState, "/joint_states", heard.append, 10)
-    until(lambda: bool(heard))
+    received: list[JointState] = []
+    listening = talker.node.create_subscription(JointState, "/joint_states", received.append, 10)
+    until(lambda: bool(received))
     talker.node.destroy_subscription(listening)
-    state = heard[-1]
+    state = received[-1]
     assert tuple(state.name) == coupling.physical_joints
     found = dict(zip(state.name, state.position, strict=True))
     for finger in ("ring", "little"):
@@ -83,7 +84,7 @@ def test_motor_torque_parameters_are_set_by_yarps_names(client: ControlBoardClie
     assert set_params("l_pinky", before)
 
 
-def test_open_loop_is_what_yarp_4_reads_back(talker: Talker, client: ControlBoardClient) -> None:
+def test_open_loop_reads_back_as_in_yarp_4(talker: Talker, client: ControlBoardClient) -> None:
     """Y3: with pwm_name: ipwm a mode that is read has that name; all others are ours."""
     name = "l_hand_finger"
     assert talker.set_mode([name], "ipwm").modes == ["open"]
@@ -107,7 +108,7 @@ def test_a_brake_has_yarps_names(client: ControlBoardClient) -> None:
     assert client.set_manual_brake_active(BRAKED, True).codes == ("other_mode",)
 
 
-def test_cbctl_shows_what_an_axis_moves(board: BoardProcess) -> None:
+def test_cbctl_shows_the_motors_of_an_axis(board: BoardProcess) -> None:
     """Y3: ``cbctl info``, for people and for machines."""
     cbctl = Cbctl(board.environment)
     assert "l_hand_little_3_joint" in cbctl("info").out

@@ -69,7 +69,7 @@ def test_a_status_of_the_loop_and_one_per_joint() -> None:
     assert watched.statuses()[2].level == DiagnosticStatus.OK
 
 
-def test_rejected_commands_are_told_once() -> None:
+def test_rejected_commands_are_reported_once() -> None:
     """M4, P13: by their joint; by the loop where they name no joint of the board."""
     watched = Watched("a", "b")
     board = watched.rig.board
@@ -87,8 +87,8 @@ def test_rejected_commands_are_told_once() -> None:
 
 
 @pytest.mark.parametrize(("left", "level"), [(11.0, b"\0"), (9.0, b"\1")])
-def test_heat_is_told_before_it_is_a_fault(left: float, level: bytes) -> None:
-    """F6: within 10 K of the limit, in the joint's status; its key tells the limit."""
+def test_heat_is_reported_before_it_is_a_fault(left: float, level: bytes) -> None:
+    """F6: within 10 K of the limit, in the joint's status; its key has the limit."""
     limit = 25.0 + left
     status = Watched("a", temperature=limit).statuses()[1]
     assert status.level == level
@@ -145,7 +145,7 @@ def test_every_status_has_one_place_and_a_short_name(
             assert len(name) > len(prefix)
 
 
-def test_statuses_of_others_are_left_to_them(analyzers: dict[str, dict[str, Any]]) -> None:
+def test_statuses_of_other_nodes_are_ignored(analyzers: dict[str, dict[str, Any]]) -> None:
     for name in ("camera: loop", "my control_board: loop", "control_board"):
         assert holders(analyzers, name) == []
 

@@ -72,7 +72,7 @@ def test_names_on_ros() -> None:
     assert interface.POSITION_COMMAND.short == "command/position"
 
 
-def test_a_profile_of_its_own_for_everybody() -> None:
+def test_each_caller_gets_its_own_profile() -> None:
     """Each caller gets a new one: rclpy writes overrides into the profile it is given."""
     profile = interface.LATCHED.profile()
     assert profile is not interface.LATCHED.profile()

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import TIMEOUT, until
+from waiting import GUARD, until
 
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
 from control_board_ros.testing import free_domain
@@ -48,7 +48,7 @@ def served() -> Iterator[Served]:
         made = Served(context, domain)
         yield made
         made.executor.end()
-        made.thread.join(TIMEOUT)
+        made.thread.join(GUARD)
         assert not made.thread.is_alive()
         made.executor.shutdown()
         made.node.destroy_node()
@@ -57,20 +57,20 @@ def served() -> Iterator[Served]:
 
 def test_it_serves_entities_made_while_it_spins(served: Served) -> None:
     """Services, clients, topics and timers may come and go."""
-    heard: list[str] = []
+    received: list[str] = []
     node = served.node
-    node.create_subscription(String, "talk", lambda m: heard.append(m.data), 10)
+    node.create_subscription(String, "talk", lambda m: received.append(m.data), 10)
     publisher = node.create_publisher(String, "talk", 10)
     timer = node.create_timer(
         0.01,
         lambda: publisher.publish(String(data="tick")),
         clock=Clock(clock_type=ClockType.STEADY_TIME),
     )
-    until(lambda: len(heard) >= 5)
+    until(lambda: len(received) >= 5)
     node.destroy_timer(timer)
     node.create_service(Trigger, "ask", lambda _, r: Trigger.Response(success=True, message="yes"))
     client = node.create_client(Trigger, "ask")
-    assert client.wait_for_service(TIMEOUT)
+    assert client.wait_for_service(GUARD)
     future = client.call_async(Trigger.Request())
     until(future.done)
     assert future.result().message == "yes"
@@ -78,14 +78,14 @@ def test_it_serves_entities_made_while_it_spins(served: Served) -> None:
 
 
 def test_it_lives_on_when_callbacks_raise(served: Served) -> None:
-    """No callback of any kind ends it, and each is told with its name."""
-    node, heard = served.node, []
+    """No callback of any kind ends it, and each is reported with its name."""
+    node, received = served.node, []
 
     def fail(*_: Any) -> Any:
         raise RuntimeError("on purpose")
 
     def subscribed(message: Any) -> None:
-        heard.append(message)
+        received.append(message)
         fail()
 
     node.create_subscription(String, "talk", subscribed, 10)
@@ -97,10 +97,10 @@ def test_it_lives_on_when_callbacks_raise(served: Served) -> None:
         node.create_publisher(String, "talk", 10),
         node.create_client(Trigger, "ask"),
     )
-    assert client.wait_for_service(TIMEOUT)
+    assert client.wait_for_service(GUARD)
     client.call_async(Trigger.Request())
     guard.trigger()
-    until(lambda: publisher.publish(String()) or len(heard) >= 3)
+    until(lambda: publisher.publish(String()) or len(received) >= 3)
     wheres = {"/talk", "/ask", "Timer", "GuardCondition"}
     until(lambda: {where for _, where in served.errors} >= wheres)
     assert {text for text, _ in served.errors} == {"on purpose"}
@@ -117,7 +117,7 @@ def test_it_answers_later(served: Served) -> None:
 
     served.node.create_service(Trigger, "ask", answer)
     client = served.node.create_client(Trigger, "ask")
-    assert client.wait_for_service(TIMEOUT)
+    assert client.wait_for_service(GUARD)
     future = client.call_async(Trigger.Request())
     time.sleep(0.05)
     assert not future.done()
@@ -145,7 +145,7 @@ def test_an_answer_that_cannot_be_sent(served: Served, name: str) -> None:
     callback = {"at_once": answer, "later": later, "without_success": names}[name]
     served.node.create_service(kind, name, callback)
     client = served.node.create_client(kind, name)
-    assert client.wait_for_service(TIMEOUT)
+    assert client.wait_for_service(GUARD)
     future = client.call_async(kind.Request())
     until(future.done)
     response = future.result()

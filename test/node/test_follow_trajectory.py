@@ -22,8 +22,9 @@ from control_msgs.msg import (
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
-from talk import Talker, stamp_of, until
+from talk import Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import until
 
 pytestmark = pytest.mark.ros
 
@@ -138,7 +139,7 @@ def test_a_new_goal_preempts(talker: Talker, names: list[str]) -> None:
         ),
     ],
 )
-def test_what_is_wrong_has_its_code_and_text(
+def test_wrong_goals_have_their_code_and_text(
     talker: Talker, names: list[str], changes: dict[str, Any], code: int, text: str
 ) -> None:
     """T1: the codes 0 to -3; nothing moves."""
@@ -176,9 +177,7 @@ def test_tolerances_end_a_goal(talker: Talker, names: list[str]) -> None:
     assert "after the last point" in text
 
 
-def test_a_mode_set_while_time_stands_still_aborts_the_goal(
-    talker: Talker, names: list[str]
-) -> None:
+def test_a_mode_set_while_time_is_paused_aborts_the_goal(talker: Talker, names: list[str]) -> None:
     """T2: also when no control cycle runs."""
     handle = send(talker, trajectory=trajectory(names, (60.0, [1.0, 1.0])))
     assert talker.call("pause", SetBool, data=True).success
@@ -190,7 +189,9 @@ def test_a_mode_set_while_time_stands_still_aborts_the_goal(
 
 def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -> None:
     """Reference, feedback, error and output of all joints, as often as ~/state."""
-    talker.hear("controller", JointTrajectoryControllerState, f"{talker.board}/controller_state")
+    talker.subscribe(
+        "controller", JointTrajectoryControllerState, f"{talker.board}/controller_state"
+    )
     talker.wait("controller", lambda _: True)
     begun = time.time_ns()
     handle = send(talker, trajectory=trajectory(names, (4.0, [0.2, 0.1])))

@@ -18,6 +18,7 @@ from interface_table import (
     SERVICES,
     SUBSCRIBED,
 )
+from qos import LATCHED
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.duration import Duration
@@ -26,7 +27,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, patient, stamp_of, until
+from talk import Talker, patient, stamp_of
+from waiting import until
 
 pytestmark = pytest.mark.ros
 
@@ -98,7 +100,7 @@ def test_actions(talker: Talker) -> None:
     assert found == {absolute(name): [kind] for name, kind in ACTIONS.items()}
 
 
-def test_command_topics_take_qos_overrides(talker: Talker) -> None:
+def test_command_topics_accept_qos_overrides(talker: Talker) -> None:
     """The QoS of command topics can be overridden by parameters."""
     listed = talker.call(
         "list_parameters", ListParameters, prefixes=["qos_overrides"], depth=0
@@ -142,8 +144,8 @@ def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
 
 
 def test_the_urdf_is_latched(talker: Talker) -> None:
-    """robot_description holds the URDF also for those who come late."""
-    talker.hear("description", String, "/robot_description", LATCHED)
+    """robot_description holds the URDF also for late subscribers."""
+    talker.subscribe("description", String, "/robot_description", LATCHED)
     text = talker.wait("description", lambda _: True).data
     assert all(f'"{name}"' in text for name in talker.names)
     assert "<robot" in text
@@ -152,7 +154,7 @@ def test_the_urdf_is_latched(talker: Talker) -> None:
 def test_joint_states_are_stamped_with_system_time(talker: Talker) -> None:
     """At real time, joint_states carries the time of the reading as system time."""
     begun = time.time()
-    talker.hear("joint_states", JointState, "/joint_states")
+    talker.subscribe("joint_states", JointState, "/joint_states")
     message = talker.wait("joint_states", lambda _: True, fresh=True)
     assert list(message.name) == talker.names
     assert len(message.position) == len(message.velocity) == len(message.effort) == 7
@@ -160,7 +162,7 @@ def test_joint_states_are_stamped_with_system_time(talker: Talker) -> None:
 
 
 def test_modes_of_all_and_some(talker: Talker) -> None:
-    """M1: one mode for all, one per joint; ~/modes tells each change once."""
+    """M1: one mode for all, one per joint; ~/modes publishes each change once."""
     names = talker.names
     answer = talker.set_mode([], "POSITION_DIRECT")
     assert answer.success
@@ -192,21 +194,21 @@ def test_power_cycle_and_configure(talker: Talker) -> None:
     assert "configured already" in answer.message
 
 
-def test_faults_are_told_and_cleared(talker: Talker) -> None:
+def test_faults_are_reported_and_cleared(talker: Talker) -> None:
     """F1, F2, F5: an injected fault shows on ~/faults and leaves by FORCE_IDLE only."""
     name, begun = talker.names[2], time.time()
     answer = talker.call("inject_fault", srv.InjectFault, names=[name], fault="external")
     assert answer.success, answer.message
-    told = talker.wait("faults", lambda f: len(f.faults) == 1).faults[0]
-    assert (told.name, told.active, told.code) == (name, True, 0)
-    assert begun - 2.0 < told.stamp.sec + 1e-9 * told.stamp.nanosec < time.time()
+    fault = talker.wait("faults", lambda f: len(f.faults) == 1).faults[0]
+    assert (fault.name, fault.active, fault.code) == (name, True, 0)
+    assert begun - 2.0 < fault.stamp.sec + 1e-9 * fault.stamp.nanosec < time.time()
     refused = talker.set_mode([name], "pos")
     assert not refused.success
     assert "FORCE_IDLE" in refused.message
     until(lambda: talker.set_mode([name], "fidl").success)  # the cause lasts for 20 ms
     talker.wait("faults", lambda f: not f.faults)
     last = talker.call("get_faults", srv.GetFaults, names=[name]).faults[0]
-    assert (last.active, last.code, last.stamp) == (False, 0, told.stamp)
+    assert (last.active, last.code, last.stamp) == (False, 0, fault.stamp)
     none = talker.call("get_faults", srv.GetFaults, names=talker.names[:1]).faults[0]
     assert (none.code, none.text, none.stamp.sec) == (-1, "no fault", 0)
     with patient(talker.node, talker.board) as client:
@@ -223,7 +225,7 @@ def test_faults_are_told_and_cleared(talker: Talker) -> None:
     ],
     ids=["best effort", "transient local", "deadline", "plain"],
 )
-def test_every_publisher_is_heard_once(talker: Talker, qos: QoSProfile) -> None:
+def test_every_publisher_is_received_once(talker: Talker, qos: QoSProfile) -> None:
     """Best-effort and transient-local publishers move the arm like plain ones."""
     name = talker.names[6]
     assert talker.set_mode([name], "posd").success

@@ -51,7 +51,7 @@ def driven() -> Driven:
     return Driven()
 
 
-def test_each_joint_takes_what_its_mode_takes(driven: Driven) -> None:
+def test_each_joint_accepts_the_commands_of_its_mode(driven: Driven) -> None:
     """M3, M4: of three numbers for each joint the one of its mode, and nothing is counted."""
     driven.modes(M.POSITION_DIRECT, M.VELOCITY, M.TORQUE)
     commands = {f"{name}_{field}": 0.25 for name in "abc" for field in INTERFACES}
@@ -74,7 +74,7 @@ def test_nan_is_no_command(driven: Driven) -> None:
     assert driven.rejected == [0, 0, 0]
 
 
-def test_a_velocity_beside_a_position_says_nothing(driven: Driven) -> None:
+def test_a_velocity_beside_a_position_is_ignored(driven: Driven) -> None:
     """P4: a velocity controller that has stopped leaves 0, which is no sample of the motion."""
     driven.modes(M.POSITION_DIRECT, M.IDLE, M.IDLE)
     start = driven.board.get_encoder("a")[0]
@@ -85,7 +85,7 @@ def test_a_velocity_beside_a_position_says_nothing(driven: Driven) -> None:
     assert driven.rejected == [0, 0, 0]
 
 
-def test_mixed_takes_a_position_before_a_velocity(driven: Driven) -> None:
+def test_mixed_prefers_a_position_to_a_velocity(driven: Driven) -> None:
     """M3: MIXED takes both; with both the position counts."""
     driven.modes(M.MIXED, M.MIXED, M.IDLE)
     driven.command(a_position=0.1, a_velocity=0.2, b_velocity=0.3)
@@ -105,7 +105,7 @@ def test_a_position_that_repeats_is_no_new_move(driven: Driven) -> None:
     assert driven.board.get_encoder("a")[0] == pytest.approx(target, abs=0.02)
 
 
-def test_what_no_mode_accepts_is_counted_and_reported(driven: Driven) -> None:
+def test_commands_accepted_by_no_mode_are_counted_and_reported(driven: Driven) -> None:
     """M4: a joint without power ignores positions; the others are served."""
     driven.modes(M.IDLE, M.POSITION_DIRECT, M.VELOCITY)
     good, bad, worse = driven.command(a_position=0.1, b_position=0.1, c_effort=1.0)
@@ -118,7 +118,7 @@ def test_what_no_mode_accepts_is_counted_and_reported(driven: Driven) -> None:
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf])
 def test_infinite_is_refused(driven: Driven, value: float) -> None:
-    """P13: what is not finite and no NaN is ignored, counted and told."""
+    """P13: infinite values are ignored, counted and reported."""
     driven.modes(M.POSITION_DIRECT, M.IDLE, M.IDLE)
     before = driven.board.get_ref_position("a")[0]
     (reply,) = driven.command(a_position=value)
@@ -127,7 +127,7 @@ def test_infinite_is_refused(driven: Driven, value: float) -> None:
     assert driven.rejected == [1, 0, 0]
 
 
-def test_short_arrays_are_of_the_joints_whose_modes_take_them() -> None:
+def test_short_arrays_go_to_the_joints_whose_modes_accept_them() -> None:
     """Joints with different command interfaces: arrays hold one number per joint that has it."""
     driven = Driven({"a": ["position"], "b": ["velocity"], "c": ["position"]})
     driven.modes(M.POSITION_DIRECT, M.VELOCITY, M.POSITION_DIRECT)
@@ -137,7 +137,7 @@ def test_short_arrays_are_of_the_joints_whose_modes_take_them() -> None:
     assert driven.board.get_ref_velocity("b")[0] == 0.2
 
 
-def test_short_arrays_that_fit_nobody_are_refused_whole() -> None:
+def test_short_arrays_that_fit_no_joints_are_refused_whole() -> None:
     """P13: two positions, and one joint that takes them: it is not clear whose they are."""
     driven = Driven({"a": ["position"], "b": ["velocity"], "c": ["position"]})
     driven.modes(M.POSITION_DIRECT, M.VELOCITY, M.IDLE)
@@ -164,7 +164,7 @@ def test_unknown_joints_and_no_names(driven: Driven) -> None:
     assert driven.board.get_ref_position().tolist() == [0.1, 0.2, 0.3]
 
 
-def test_a_part_takes_those_of_its_own_joints() -> None:
+def test_a_part_accepts_commands_of_its_own_joints() -> None:
     """R3: a part of a robot is commanded by its own names, whatever its joints' numbers are."""
     parts = {
         "upper": board_config(joint("a"), joint("b")),

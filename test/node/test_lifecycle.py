@@ -9,7 +9,8 @@ import pytest
 from lifecycle_msgs.msg import TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from std_srvs.srv import Trigger
-from talk import Talker, talking_to, until
+from talk import Talker, talking_to
+from waiting import until
 
 from control_board_ros.interface import LIFECYCLE
 from control_board_ros.testing import BoardProcess, board_process
@@ -88,10 +89,10 @@ def test_from_configure_to_cleanup(managed: Talker) -> None:
 
 
 @pytest.mark.parametrize(("label", "number"), [("activate", 0), ("", 4), ("fly", 0), ("", 77)])
-def test_what_is_not_possible_is_answered(
+def test_impossible_transitions_are_answered(
     board: BoardProcess, managed: Talker, label: str, number: int
 ) -> None:
-    """Nobody waits indefinitely; the log says what is possible, and nothing changes."""
+    """No caller waits indefinitely; the log lists what is possible, and nothing changes."""
     assert not change(managed, label, number)
     assert state(managed) == "unconfigured"
     line = board.wait_for_output(f"transition {label or number} refused")

@@ -15,7 +15,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rig import board_config, joint, simulation_config
 from std_srvs.srv import Trigger
-from talk import TIMEOUT
+from waiting import GUARD, until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig
@@ -72,11 +72,8 @@ class Rig:
         self.loop = ControlLoop(self.board, self.plant, on_end=self.ended.set, **options)
 
     def run_to(self, cycle: int) -> None:
-        """Wait until so many cycles have run."""
-        deadline = time.monotonic() + TIMEOUT
-        while self.board.cycle < cycle and not self.ended.is_set():
-            assert time.monotonic() < deadline
-            time.sleep(0.002)
+        """Wait until this cycle has run."""
+        until(lambda: self.board.cycle >= cycle or self.ended.is_set(), period=0.002)
 
 
 @pytest.fixture
@@ -120,7 +117,7 @@ SYSTEM_AHEAD = 1_700_000_000 * 10**9
 
 
 class ManualClock:
-    """The time module for a pacer: it stands still, but for sleeps.
+    """The time module for a pacer: its time passes in sleeps only.
 
     Attributes: held_up (for how long the thread loses the processor after each look at the
     system's clock, s, in turn).
@@ -168,7 +165,7 @@ def test_catching_up_is_bounded(clock: ManualClock) -> None:
     assert pacer.take().worst == 0.5 * period
 
 
-def test_a_thread_that_was_held_up_tells_the_same_time(clock: ManualClock) -> None:
+def test_a_delayed_thread_reads_the_same_time(clock: ManualClock) -> None:
     """A pause between two clocks' readings is no step of the system's clock."""
     pacer = Pacer(2.0**-10)
     clock.held_up = [0.02, 0.005]
@@ -176,14 +173,14 @@ def test_a_thread_that_was_held_up_tells_the_same_time(clock: ManualClock) -> No
     assert not clock.held_up
 
 
-def test_readings_that_never_lie_close_are_told_by_the_closest(clock: ManualClock) -> None:
-    """On a machine that holds every reading up, the time told errs by half the shortest pause."""
+def test_without_close_readings_the_closest_counts(clock: ManualClock) -> None:
+    """Where every reading is delayed, the reported time errs by half the shortest pause."""
     clock.held_up = [0.02, 0.001, 0.005, *[0.01] * 20]
     assert abs(Pacer(2.0**-10).due_time() - 100 * 10**9 - SYSTEM_AHEAD) <= 500_000
 
 
 def test_after_a_restart_the_deadlines_start_anew(clock: ManualClock) -> None:
-    """As after a pause: time that stood still is no overrun."""
+    """As after a pause: paused time is no overrun."""
     pacer = Pacer(2.0**-10)
     pacer.restart()
     pacer.wait()
@@ -194,13 +191,13 @@ def test_after_a_restart_the_deadlines_start_anew(clock: ManualClock) -> None:
 
 
 @pytest.mark.parametrize("factor", [1e-6, 0.001])
-def test_a_loop_whose_next_cycle_is_far_away_stops(factor: float) -> None:
+def test_a_loop_with_a_distant_next_cycle_stops(factor: float) -> None:
     """The joints without power, and without waiting for the cycle."""
     rig = Rig(real_time_factor=0.0)
     rig.loop.start()
     rig.run_to(50)
     rig.loop.set_real_time_factor(factor)
-    assert rig.loop.stop(TIMEOUT)
+    assert rig.loop.stop(GUARD)
     assert rig.plant.actuation is not None
     assert not rig.plant.actuation.powered.any()
 
@@ -215,8 +212,8 @@ def test_another_pace_acts_before_the_next_cycle_of_the_slow_one() -> None:
     rig.loop.pause(True)
     done = threading.Event()
     assert rig.loop.step(3, lambda _: done.set()) == ""
-    assert done.wait(TIMEOUT)
-    assert rig.loop.stop(TIMEOUT)
+    assert done.wait(GUARD)
+    assert rig.loop.stop(GUARD)
 
 
 def test_a_pacer_that_is_woken_counts_no_cycle(clock: ManualClock) -> None:
@@ -245,15 +242,15 @@ def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:
 
 
 def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
-    """The thread ends, and tells what failed."""
+    """The thread ends, and reports what failed."""
     error = PlantGone("the physics server is gone")
     rig.plant.fails = {20: error}
     rig.loop.start()
-    assert rig.ended.wait(TIMEOUT)
+    assert rig.ended.wait(GUARD)
     assert rig.loop.failure is error
 
 
-def test_whoever_waits_gets_the_lock_next() -> None:
+def test_lock_is_fair() -> None:
     """Also when the one that has it asks again at once."""
     lock, order = FairLock(), []
 
@@ -306,29 +303,29 @@ def test_modes_set_while_paused_are_noted_at_once(fast: Rig) -> None:
     fast.loop.start()
     fast.run_to(10)
     fast.loop.pause(True)
-    told = threading.Event()
-    fast.loop.main.snapshots.on_change = told.set
+    changed = threading.Event()
+    fast.loop.main.snapshots.on_change = changed.set
     with fast.loop.main.exclusive() as board:
         board.set_control_mode("a", "vel")
-    assert told.is_set()
+    assert changed.is_set()
     assert fast.loop.main.snapshots.modes.control[0].code == "vel"
 
 
 def test_steps_are_exact(fast: Rig) -> None:
-    """So many cycles, and then the answer."""
+    """The requested cycles, and then the answer."""
     fast.loop.start()
     fast.run_to(10)
     fast.loop.pause(True)
-    told: SimpleQueue[str] = SimpleQueue()
+    answers: SimpleQueue[str] = SimpleQueue()
     for count in (1, 7, 1000):
         before = fast.board.cycle
-        assert fast.loop.step(count, told.put) == ""
-        assert told.get(timeout=TIMEOUT) == ""
+        assert fast.loop.step(count, answers.put) == ""
+        assert answers.get(timeout=GUARD) == ""
         assert fast.board.cycle == before + count
 
 
 def test_steps_out_of_place_are_refused(fast: Rig) -> None:
-    """While time passes, of no cycles, and beside others; those left at the end are told."""
+    """While time passes, of no cycles, and beside others; those left at the end are reported."""
     texts: list[str] = []
     assert "~/pause" in fast.loop.step(5, texts.append)
     fast.loop.pause(True)
@@ -362,12 +359,12 @@ def test_steps_are_answered_when_their_last_state_is_published(factor: float) ->
     for count in (1, 7, 40):
         due, done = rig.board.cycle + count, threading.Event()
 
-        def tell(_: str, due: int = due, done: threading.Event = done) -> None:
+        def note(_: str, due: int = due, done: threading.Event = done) -> None:
             answered.append((published[-1:], due))
             done.set()
 
-        assert rig.loop.step(count, tell) == ""
-        assert done.wait(TIMEOUT)
+        assert rig.loop.step(count, note) == ""
+        assert done.wait(GUARD)
     rig.loop.stop()
     thread.stop()
     assert [state for state, _ in answered] == [[due] for _, due in answered]
@@ -382,7 +379,7 @@ def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(rig.loop._pacer, "restart", lambda: restarts.append(rig.board.cycle))
     stands_still = threading.Event()
     rig.loop.main.snapshots.on_change = stands_still.set
-    assert stands_still.wait(TIMEOUT)
+    assert stands_still.wait(GUARD)
     paused_at = rig.board.cycle
     rig.loop.pause(False)
     rig.run_to(paused_at + 50)
@@ -392,7 +389,7 @@ def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_late_cycles_carry_stamps_that_fit(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cycles that are caught up are stamped as far apart as their readings.
 
-    Where nobody sets the system's clock: a machine that does so here is not what is tried.
+    Where the system's clock is not set meanwhile.
     """
     ahead = timing.system_ahead()
     monkeypatch.setattr(timing, "system_ahead", lambda: ahead)
@@ -479,7 +476,7 @@ def test_running_freely_every_state_is_published(fast: Rig) -> None:
     assert any(paced < cycle <= free for cycle in published)
 
 
-def test_states_lie_on_whole_cycles(fast: Rig) -> None:
+def test_states_are_published_on_whole_cycles(fast: Rig) -> None:
     """state_rate is a number of cycles."""
     fast.loop.set_state_rate(200.0)
     fast.loop.start()
@@ -507,24 +504,24 @@ def test_reset_goes_home(fast: Rig) -> None:
 
 def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     """WARN in the second with the overruns, OK in the next one."""
-    told = Diagnostics(rig.loop, "rig")
+    diagnostics = Diagnostics(rig.loop, "rig")
     rig.loop.start()
     rig.run_to(20)
-    told.message(Time())
+    diagnostics.message(Time())
     with rig.loop.main.exclusive():
         rig.plant.slow = {rig.plant.cycle + 50: 0.05}
     rig.run_to(rig.board.cycle + 150)
-    status = told.message(Time()).status[0]
+    status = diagnostics.message(Time()).status[0]
     assert status.name == "control_board: loop"
     assert status.level == DiagnosticStatus.WARN
     assert "overruns" in status.message
     rig.loop.pause(True)  # on a busy machine, there are overruns in every second
-    told.message(Time())
-    assert told.message(Time()).status[0].level == DiagnosticStatus.OK
+    diagnostics.message(Time())
+    assert diagnostics.message(Time()).status[0].level == DiagnosticStatus.OK
 
 
 def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
-    """While it runs, after the next tick; at once while time stands still."""
+    """While it runs, after the next tick; at once while time is paused."""
     rig.loop.start()
     rig.run_to(10)
     cycles: list[int] = []
@@ -539,7 +536,7 @@ def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
     assert cycles[1:] == [0]
 
 
-def test_a_plant_that_answers_what_is_no_reading_faults_the_joints_and_ends_nothing(
+def test_invalid_plant_readings_fault_the_joints_and_the_loop_continues(
     fast: Rig,
 ) -> None:
     """B3: a stamp that is no number, arrays of another length; the loop goes on."""

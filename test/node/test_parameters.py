@@ -28,7 +28,7 @@ class Board:
 
     def __init__(self, settings: Settings) -> None:
         self.config = settings.board
-        self.told: list[tuple[str, Any]] = []
+        self.changes: list[tuple[str, Any]] = []
         self.refuses = ""
 
     def reconfigure(self, config: BoardConfig) -> None:
@@ -37,7 +37,7 @@ class Board:
         self.config = config
 
     def changed(self, name: str, value: Any) -> None:
-        self.told.append((name, value))
+        self.changes.append((name, value))
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_arguments_of_other_nodes_are_theirs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["-p", "state_rat:=1"], "-p: 'state_rat': no such parameter; did you mean 'state_rate'?"),
         (["-p", "state_rate:=fast"], "-p: state_rate: 'fast' is not allowed"),
@@ -139,10 +139,10 @@ def test_arguments_of_other_nodes_are_theirs() -> None:
         (["-p", "robot:=nobody"], "unknown"),
     ],
 )
-def test_wrong_arguments_are_refused_in_one_line(words: list[str], told: str) -> None:
+def test_wrong_arguments_are_refused_in_one_line(words: list[str], expected: str) -> None:
     with pytest.raises(SettingsError) as caught:
         settings_from_arguments(arguments(*words))
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -168,7 +168,7 @@ def test_every_parameter_is_declared_with_type_range_and_description(node: Any) 
             assert len(described.floating_point_range) == 1, name
 
 
-def test_what_is_fixed_is_read_only(node: Any) -> None:
+def test_fixed_parameters_are_read_only(node: Any) -> None:
     fixed = ("robot", "control_rate", f"{J2}.motor.resistance", f"{J2}.impedance.stiffness")
     live = ("state_rate", f"{J2}.position_pid.kp", f"{J2}.limits.lower", f"{J2}.timeouts.torque")
     assert all(node.describe_parameter(name).read_only for name in fixed)
@@ -210,7 +210,7 @@ def test_they_are_declared_as_rclpy_does_it(node: Any) -> None:
 
 
 def change(node: Any, **values: Any) -> Any:
-    """Set parameters at once; double underscores stand for dots."""
+    """Set parameters at once; double underscores replace dots."""
     given = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
     return node.set_parameters_atomically(given)
 
@@ -235,7 +235,7 @@ def test_a_gain_that_no_loop_bears_acts_and_is_warned_of(
 ) -> None:
     """The log names the parameter and what would be right; of what is good it says nothing."""
     good = load().values
-    for name, value, told in (
+    for name, value, expected in (
         ("position_pid.kd", 1e12, "position_pid.kd: 1e+12 makes the loop unstable"),
         ("direct_pid.derivative_cutoff", 1e-12, "1e-12 Hz leaves no rate"),
         ("position_pid.kp", 5000.0, ""),
@@ -244,7 +244,7 @@ def test_a_gain_that_no_loop_bears_acts_and_is_warned_of(
             one = Parameter(f"lbr_iiwa_joint_4.{name}", value=given)
             assert node.set_parameters_atomically([one]).successful
             err = capfd.readouterr().err
-            assert (told in err) if told and given == value else not err
+            assert (expected in err) if expected and given == value else not err
 
 
 def test_the_time_base_is_chosen_at_the_start(node: Any) -> None:
@@ -255,10 +255,10 @@ def test_the_time_base_is_chosen_at_the_start(node: Any) -> None:
     assert change(node, use_sim_time=False).successful
 
 
-def test_rates_are_reported_and_leave_the_board_alone(node: Any) -> None:
+def test_rates_are_reported_and_do_not_affect_the_board(node: Any) -> None:
     before = node.board.config
     assert change(node, state_rate=50.0, real_time_factor=0.0).successful
-    assert node.board.told[-2:] == [("state_rate", 50.0), ("real_time_factor", 0.0)]
+    assert node.board.changes[-2:] == [("state_rate", 50.0), ("real_time_factor", 0.0)]
     assert node.board.config is before
 
 
@@ -279,14 +279,14 @@ def test_rates_are_reported_and_leave_the_board_alone(node: Any) -> None:
 )
 def test_a_wrong_change_changes_nothing_else_either(values: dict[str, Any], node: Any) -> None:
     """All or nothing, with a reason."""
-    config, told = node.board.config, len(node.board.told)
+    config, count = node.board.config, len(node.board.changes)
     good = {"lbr_iiwa_joint_1__position_pid__kp": 1234.0, "state_rate": 33.0}
     result = change(node, **{**good, **values})
     assert not result.successful
     assert result.reason
     assert "\n" not in result.reason
     assert node.board.config is config
-    assert len(node.board.told) == told
+    assert len(node.board.changes) == count
     assert node.get_parameter("lbr_iiwa_joint_1.position_pid.kp").value != 1234.0
     assert node.get_parameter("state_rate").value != 33.0
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from rig import Rig, board_config, joint, plain, simulation_config
-from talk import talking_to, until
+from talk import talking_to
+from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.goals.pose import Pose
@@ -41,11 +42,11 @@ def loop() -> Iterator[ControlLoop]:
 
 def parked(loop: ControlLoop, pose: Pose = PARK, at_once: bool = False) -> tuple[str, list[float]]:
     """Why it is not parked, and how long it was to take."""
-    told: list[float] = []
+    progress: list[float] = []
     second = threading.Event()
     if at_once:
         second.set()
-    return park(loop.main, pose, told.append, second), told
+    return park(loop.main, pose, progress.append, second), progress
 
 
 def test_it_goes_to_park_first(loop: ControlLoop) -> None:
@@ -77,7 +78,7 @@ CANNOT: dict[str, tuple[Callable[[Any], Any], str]] = {
 
 
 @pytest.mark.parametrize("case", CANNOT)
-def test_what_cannot_be_parked_says_why_and_does_not_move(case: str) -> None:
+def test_joints_that_cannot_be_parked_report_why_and_stay(case: str) -> None:
     """R6: it ends with its reason; a joint without power gets none."""
     act, text = CANNOT[case]
     rig = Rig(board_config(joint("a"), plain("b"), autoconfigure=False))

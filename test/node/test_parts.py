@@ -34,7 +34,7 @@ from control_board_ros.node.wiring.prepared import prepared_state
 from control_board_ros.node.wiring.reporter import ThrottledLog
 
 
-def test_throttled_log_counts_what_it_leaves_out() -> None:
+def test_throttled_log_counts_suppressed_lines() -> None:
     """P2 of the promises: at once, then once per period with the count, then silence."""
     log, lines = ThrottledLog(), []
     for value in range(39):
@@ -60,8 +60,8 @@ def test_throttled_log_counts_every_command_of_each_joint() -> None:
         if value % 10 == 9:
             log.flush()
     counts = [re.search(r"for (joint_\d) ignored \((\d+) ignored in", line) for line in lines]
-    told = [(found[1], int(found[2])) for found in counts if found]
-    assert told == [("joint_1", 10), ("joint_2", 10)] * 3
+    counted = [(found[1], int(found[2])) for found in counts if found]
+    assert counted == [("joint_1", 10), ("joint_2", 10)] * 3
     log.say(lines.append, "a single one; why")
     log.flush()
     assert lines[-1] == "a single one; why"
@@ -92,10 +92,10 @@ def test_lock_is_per_name_and_domain(tmp_path: Any, monkeypatch: pytest.MonkeyPa
     assert not list(tmp_path.rglob("*.lock"))
 
 
-def test_a_lock_that_is_removed_meanwhile_is_none(
+def test_a_lock_removed_meanwhile_is_not_held(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever opened the file before its holder removed it takes the one that is there then."""
+    """A process that opened the file before its holder removed it locks the new one."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     first = lock_name("/x", "1")
     opened = os.open
@@ -146,15 +146,15 @@ def test_stamps() -> None:
 
 
 def test_faults_as_messages() -> None:
-    """Only active faults are told; a joint without one has code −1 and time 0."""
+    """Only active faults are reported; a joint without one has code −1 and time 0."""
     records = [
         FaultRecord("a"),
         FaultRecord("b", active=True, code=1, text="overcurrent", stamp=2.0),
     ]
-    told = messages.joint_faults(records, [0, 7_000_000_000], 8_000_000_000)
-    assert [fault.name for fault in told.faults] == ["b"]
-    assert told.faults[0].stamp.sec == 7
-    assert told.header.stamp.sec == 8
+    message = messages.joint_faults(records, [0, 7_000_000_000], 8_000_000_000)
+    assert [fault.name for fault in message.faults] == ["b"]
+    assert message.faults[0].stamp.sec == 7
+    assert message.header.stamp.sec == 8
     assert messages.joint_fault(records[0], 0).code == -1
 
 
@@ -230,7 +230,7 @@ def test_a_users_own_dds_profiles_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     assert os.environ[startup.VARIABLE] == "mine.xml"
 
 
-def test_what_a_start_makes_is_not_walked_by_collections() -> None:
+def test_garbage_collections_skip_objects_of_the_start() -> None:
     """Loading is not held up by the collector, and afterwards it looks at what is new only."""
     made = [[] for _ in range(1000)]  # type: ignore[var-annotated]
     try:

@@ -92,7 +92,7 @@ def test_a_pose_that_is_wrong_is_not_saved(
     assert list(asked.list().poses) == ["home", "park"]
 
 
-def test_a_broken_pose_file_is_told(asked: Asked) -> None:
+def test_a_broken_pose_file_is_reported(asked: Asked) -> None:
     """Those of the configuration are there all the same."""
     asked.user.path.parent.mkdir(parents=True)
     asked.user.path.write_text("wave: 3\n")

@@ -83,7 +83,7 @@ def test_a_kind_of_field_that_is_not_known(snapshot: Snapshot) -> None:
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no room"), KeyError("field"), TypeError("3")])
-def test_whatever_fails_at_the_start_whole_messages_go_out(
+def test_after_a_failed_preparation_complete_messages_are_sent(
     error: Exception, snapshot: Snapshot, monkeypatch: Any
 ) -> None:
     """A fast path never ends the node."""
@@ -109,7 +109,7 @@ def test_a_snapshot_of_another_size_is_no_broken_message(snapshot: Snapshot) -> 
 
 
 def padding(message: Any) -> list[int]:
-    """Places of the bytes that nobody reads: a message that differs in them reads the same."""
+    """Places of the padding bytes: a message that differs in them reads the same."""
     whole = bytes(serialize_message(message))
     found = []
     for k in range(2, len(whole)):

@@ -16,14 +16,16 @@ from typing import Any
 import pytest
 from control_board_msgs import msg
 from diagnostic_msgs.msg import DiagnosticArray
+from qos import BEST_EFFORT
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import ReliabilityPolicy
 from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
-from talk import Talker, stamp_of, talking_to, until
+from talk import Talker, stamp_of, talking_to
+from waiting import GUARD, until
 
 from control_board_ros import __version__
 from control_board_ros.node.main import KnownError, main, run
@@ -39,8 +41,6 @@ from control_board_ros.testing import (
 
 pytestmark = pytest.mark.ros
 
-GUARD = 120.0  # s; against what hangs, on the busiest machine: no test is decided by it
-BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 NODE = [sys.executable, "-m", "control_board_ros.node.main"]
 
 
@@ -103,7 +103,7 @@ def noted(monkeypatch: pytest.MonkeyPatch) -> list[Noted]:
     return made
 
 
-def test_a_node_that_does_not_start_lets_go_of_the_plant(
+def test_a_node_that_does_not_start_closes_the_plant(
     noted: list[Noted], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(**_: Any) -> None:
@@ -175,7 +175,7 @@ def two() -> Iterator[tuple[BoardProcess, BoardProcess]]:
 
 @pytest.mark.slow
 def test_two_boards_in_two_namespaces(two: tuple[BoardProcess, BoardProcess]) -> None:
-    """Everything is relative: what one board is told, the other does not hear."""
+    """Everything is relative: commands to one board do not reach the other."""
     left, right = two
     with (
         talking_to(left, "left_talker") as a,
@@ -184,7 +184,7 @@ def test_two_boards_in_two_namespaces(two: tuple[BoardProcess, BoardProcess]) ->
         assert a.set_mode([], "posd").success
         assert set(a.modes()) == {"posd"}
         assert set(b.modes()) == {"pos"}
-        a.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        a.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
         for side in ("left", "right"):
             a.wait("diagnostics", lambda d: d.status[0].name == f"{side}/control_board: loop")  # noqa: B023
         name = b.names[6]
@@ -219,16 +219,16 @@ def test_a_namesake_of_another_user_is_reported(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "text"),
     [
         (["-p", "lbr_iiwa_joint_1.limits.lower:=9.0"], "limits.upper: 2.93"),
         (["-r", "__node:=no spaces"], "no spaces"),
         (["-r", "__ns:=/a//b"], "/a//b"),
     ],
 )
-def test_wrong_settings_end_it_with_one_line(arguments: list[str], told: str) -> None:
+def test_wrong_settings_end_it_with_one_line(arguments: list[str], text: str) -> None:
     """Exit code 2, one line, no traceback."""
-    assert told in refused("--ros-args", *arguments)
+    assert text in refused("--ros-args", *arguments)
 
 
 @pytest.mark.parametrize(
@@ -250,7 +250,7 @@ def test_arguments_that_ros_would_pass_over_are_refused(arguments: list[str]) ->
 
 def test_a_ros_argument_that_does_not_exist_is_named() -> None:
     """Exit code 2, one line on standard error."""
-    code, text = start_and_fail("--ros-args", "-p", "niceness:=19", "--foo")  # everybody may
+    code, text = start_and_fail("--ros-args", "-p", "niceness:=19", "--foo")  # allowed to any user
     assert code == 2, text
     assert "'--foo'" in text
     assert text.count("\n") == 1, text
@@ -297,10 +297,10 @@ def unusual() -> Iterator[tuple[BoardProcess, Talker]]:
 
 
 def test_use_sim_time_makes_one_time(unusual: tuple[BoardProcess, Talker]) -> None:
-    """Stamps are simulated time, /clock tells it; it cannot be changed while the board runs."""
+    """Stamps and /clock are simulated time; it cannot be changed while the board runs."""
     board, talker = unusual
     board.wait_for_output("use_sim_time: stamps are simulated time")
-    talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+    talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
     clock = talker.wait("clock", lambda _: True, fresh=True).clock
     assert clock.sec < 10_000
     assert talker.state().header.stamp.sec < 10_000
@@ -352,19 +352,19 @@ def set_double(talker: Talker, name: str, value: float) -> Any:
 def test_a_change_of_pace_keeps_the_time() -> None:
     """real_time_factor set live: no stamp goes back, and diagnostics have the same clock."""
     with board_process() as board, talking_to(board) as talker:
-        talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
         started, begun = time.monotonic(), stamp_of(talker.state())
         assert begun == pytest.approx(time.time(), abs=30.0)
-        talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+        talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
         for factor in (4.0, 0.5):
             assert set_double(talker, "real_time_factor", factor).successful
             first = stamp_of(talker.state())
             talker.state(lambda s, first=first: stamp_of(s) > first + 0.5)
             clock = talker.wait("clock", lambda _: True, fresh=True).clock
             assert clock.sec + 1e-9 * clock.nanosec > first
-            told = stamp_of(talker.wait("diagnostics", lambda _: True, fresh=True))
-            assert told > first
-            talker.state(lambda s, told=told: stamp_of(s) >= told)
+            stamp = stamp_of(talker.wait("diagnostics", lambda _: True, fresh=True))
+            assert stamp > first
+            talker.state(lambda s, stamp=stamp: stamp_of(s) >= stamp)
         for key in ("state", "diagnostics"):
             stamps = [stamp_of(message) for message in talker.seen[key]]
             assert stamps == sorted(stamps)
@@ -392,7 +392,7 @@ def test_the_first_screen_says_what_to_do(unusual: tuple[BoardProcess, Talker]) 
 
 @pytest.mark.slow
 def test_closed_output_and_full_disks_do_not_end_it(tmp_path: Path) -> None:
-    """Nobody reading, no room for logs, no home: the board runs all the same."""
+    """Without a reader, room for logs or a home directory the board runs too."""
     for stdout in ("closed", "/dev/full"):
         with free_domain() as domain:
             environment = child_environment(domain) | {"HOME": "/proc/nowhere"}

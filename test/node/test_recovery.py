@@ -10,7 +10,8 @@ import pytest
 from control_board_msgs import msg, srv
 from std_msgs.msg import Empty
 from std_srvs.srv import SetBool
-from talk import Talker, patient, stamp_of, talking_to, until
+from talk import Talker, patient, stamp_of, talking_to
+from waiting import until
 
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import HEARTBEAT
@@ -38,8 +39,8 @@ def test_an_emergency_stop_is_answered_when_the_motors_have_no_power(talker: Tal
     stop(talker, hold=True)
     answer = talker.call("get_control_mode", srv.GetControlMode)
     assert set(answer.modes) == {"hwfa"}
-    told = talker.wait("faults", lambda f: len(f.faults) == len(names))
-    assert {(fault.code, fault.text) for fault in told.faults} == {
+    message = talker.wait("faults", lambda f: len(f.faults) == len(names))
+    assert {(fault.code, fault.text) for fault in message.faults} == {
         (24, "emergency stop, requested")
     }
     assert not talker.set_mode(names, "pos").success
@@ -58,7 +59,7 @@ def test_an_emergency_stop_is_answered_when_the_motors_have_no_power(talker: Tal
     assert talker.set_mode(names, "pos").success
 
 
-def test_a_program_that_goes_on_commanding_changes_nothing(talker: Talker) -> None:
+def test_continued_commands_change_nothing(talker: Talker) -> None:
     """E2: it streams references, and asks for its mode again and again."""
     name, other = talker.names[:2]
     assert talker.set_mode([name], "posd").success
@@ -164,7 +165,7 @@ def test_the_silence_of_a_heartbeat_over_ros() -> None:
 
         until(recovered)
         talker.wait("faults", lambda f: not f.faults)
-        told = talker.wait("faults", lambda f: len(f.faults) == len(talker.names))
-        assert told.faults[0].text == "emergency stop, no heartbeat for 0.5 s"
+        message = talker.wait("faults", lambda f: len(f.faults) == len(talker.names))
+        assert message.faults[0].text == "emergency stop, no heartbeat for 0.5 s"
         assert set(talker.call("recover", srv.Recover).codes) == {"emergency_stop"}
         until(recovered)

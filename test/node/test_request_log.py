@@ -32,7 +32,7 @@ from control_board_ros.testing import board_process
 HISTORY = REQUEST_LOG.qos
 
 
-class Told:
+class KeptLog:
     """A log whose messages are kept."""
 
     def __init__(self, joints: int = 2) -> None:
@@ -46,7 +46,7 @@ class Told:
 
     def answered(self, endpoint: Any, request: Any, response: Any) -> Any:
         self.log.answered(endpoint, request, response, time.perf_counter())
-        assert self.messages == []  # who answers does not wait for it
+        assert self.messages == []  # an answer does not wait for it
         self.log.publish()
         return self.messages.pop()
 
@@ -61,48 +61,48 @@ def test_an_answer_holds_all_of_request_and_response() -> None:
         answers=["accepted", "refused"],
         reasons=["", "no"],
     )
-    told = Told().answered(SET_CONTROL_MODE, request, response)
-    assert (told.kind, told.name, told.event) == ("service", "set_control_mode", "answered")
-    assert list(told.names) == ["a", "b"]
-    assert json.loads(told.request) == {"modes": ["pos", "vel"]}
-    assert (told.success, told.message) == (False, "b: no")
-    assert list(told.answers) == ["accepted", "refused"]
-    assert list(told.reasons) == ["", "no"]
-    assert json.loads(told.response) == {"modes": ["pos", "pos"]}
-    assert (told.header.stamp.sec, told.header.stamp.nanosec) == (12, 34)
-    assert 0.0 <= told.duration < 60.0
+    record = KeptLog().answered(SET_CONTROL_MODE, request, response)
+    assert (record.kind, record.name, record.event) == ("service", "set_control_mode", "answered")
+    assert list(record.names) == ["a", "b"]
+    assert json.loads(record.request) == {"modes": ["pos", "vel"]}
+    assert (record.success, record.message) == (False, "b: no")
+    assert list(record.answers) == ["accepted", "refused"]
+    assert list(record.reasons) == ["", "no"]
+    assert json.loads(record.response) == {"modes": ["pos", "pos"]}
+    assert (record.header.stamp.sec, record.header.stamp.nanosec) == (12, 34)
+    assert 0.0 <= record.duration < 60.0
 
 
-def test_what_only_reads_is_left_out() -> None:
+def test_read_only_calls_are_not_logged() -> None:
     out = {service.short for service in SERVICES if left_out(service)}
     assert out >= {GET_CONTROL_MODE.short, LIST_POSES.short, STEP.short}
     assert {"set_control_mode", "stop", "save_pose", "power_cycle"}.isdisjoint(out)
-    told = Told()
-    told.log.answered(GET_CONTROL_MODE, None, srv.GetControlMode.Response(), 0.0)
-    told.log.publish()
-    assert told.messages == []
+    kept = KeptLog()
+    kept.log.answered(GET_CONTROL_MODE, None, srv.GetControlMode.Response(), 0.0)
+    kept.log.publish()
+    assert kept.messages == []
 
 
 def test_numbers_that_json_has_not_are_texts() -> None:
     request = srv.SetImpedance.Request(stiffness=[math.nan, 1.5], damping=[math.inf])
-    told = Told().answered(SET_IMPEDANCE, request, srv.SetImpedance.Response())
-    assert json.loads(told.request) == {"stiffness": ["nan", 1.5], "damping": ["inf"]}
+    record = KeptLog().answered(SET_IMPEDANCE, request, srv.SetImpedance.Response())
+    assert json.loads(record.request) == {"stiffness": ["nan", 1.5], "damping": ["inf"]}
 
 
-def test_what_is_too_long_is_cut_and_says_so() -> None:
+def test_long_texts_are_truncated_and_marked() -> None:
     request = srv.SetControlMode.Request(names=["x" * 10_000] * 5000, modes=["y"] * 5000)
-    told = Told().answered(SET_CONTROL_MODE, request, srv.SetControlMode.Response())
-    assert len(told.names) == 33
-    assert told.names[-1] == "… 4968 more"
-    assert len(told.names[0]) == CHARACTERS + 1
-    assert json.loads(told.request)["modes"][-1] == "… 4968 more"
+    record = KeptLog().answered(SET_CONTROL_MODE, request, srv.SetControlMode.Response())
+    assert len(record.names) == 33
+    assert record.names[-1] == "… 4968 more"
+    assert len(record.names[0]) == CHARACTERS + 1
+    assert json.loads(record.request)["modes"][-1] == "… 4968 more"
 
 
 def test_the_robot_of_many_joints_shows_all_of_them() -> None:
     names = [f"joint_{k}" for k in range(40)]
     request = srv.SetControlMode.Request(names=names, modes=["pos"])
-    told = Told(joints=40).answered(SET_CONTROL_MODE, request, srv.SetControlMode.Response())
-    assert list(told.names) == names
+    record = KeptLog(joints=40).answered(SET_CONTROL_MODE, request, srv.SetControlMode.Response())
+    assert list(record.names) == names
 
 
 def test_a_goal_of_a_trajectory_names_its_joints() -> None:
@@ -110,13 +110,13 @@ def test_a_goal_of_a_trajectory_names_its_joints() -> None:
     goal = FollowJointTrajectory.Goal()
     goal.trajectory.joint_names, goal.trajectory.points = ["a", "b"], [point] * 100
     handle = SimpleNamespace(request=goal, goal_id=SimpleNamespace(uuid=bytes(16)), status=6)
-    told = Told()
-    asked = GoalRecord(told.log, FOLLOW_JOINT_TRAJECTORY, handle)
+    kept = KeptLog()
+    asked = GoalRecord(kept.log, FOLLOW_JOINT_TRAJECTORY, handle)
     asked.accepted()
     result = FollowJointTrajectory.Result(error_code=-4, error_string="too far")
     assert asked.ended(result) is result
-    told.log.publish()
-    begun, ended = told.messages
+    kept.log.publish()
+    begun, ended = kept.messages
     assert (begun.event, begun.success, begun.goal) == ("accepted", True, "00" * 16)
     assert list(begun.names) == ["a", "b"]
     points = json.loads(begun.request)["trajectory"]["points"]
@@ -127,7 +127,7 @@ def test_a_goal_of_a_trajectory_names_its_joints() -> None:
 
 
 @pytest.mark.ros
-def test_each_node_of_a_robot_tells_what_it_was_asked_also_to_who_comes_late() -> None:
+def test_each_node_of_a_robot_publishes_its_requests_to_late_subscribers() -> None:
     names = ["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"]
     parts = {"one": names[:1], "two": names[1:]}
     params = {"robot": "iiwa", "robot_name": "pair", "parts": parts, "physics": "ideal"}
@@ -143,14 +143,14 @@ def test_each_node_of_a_robot_tells_what_it_was_asked_also_to_who_comes_late() -
             goal = robot.goal("move", action.Move, names=["no"], positions=[0.0])
             assert not robot.result(goal).result.success
             assert robot.call("stop", srv.Stop, names=names).success
-            part.hear("requests", msg.Request, f"{part.board}/requests", HISTORY.profile())
+            part.subscribe("requests", msg.Request, f"{part.board}/requests", HISTORY.profile())
             part.wait("requests", lambda m: m.name == "power_cycle")
         with talking_to(board, "late") as late:
-            late.hear("requests", msg.Request, f"{board.name}/requests", HISTORY.profile())
+            late.subscribe("requests", msg.Request, f"{board.name}/requests", HISTORY.profile())
             late.wait("requests", lambda m: m.name == "stop")
             events = late.seen["requests"]
-    told = [(m.name, m.event, m.success) for m in events]
-    assert told == [
+    found = [(m.name, m.event, m.success) for m in events]
+    assert found == [
         ("set_control_mode", "answered", True),
         ("set_control_mode", "answered", False),
         ("move", "accepted", True),

@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 import pytest
-from talk import TIMEOUT, Talker, minimum_jerk, until
+from talk import Talker
 from topic_based_hardware import INTERFACES, Component, TopicBasedHardware
+from waiting import GUARD, until
 
+from control_board_ros.conformance.motion import minimum_jerk
 from control_board_ros.interface import JOINT_COMMANDS, JOINT_STATES
 
 pytestmark = pytest.mark.ros
@@ -32,17 +35,18 @@ def test_a_trajectory_of_positions_arrives(talker: Talker, component: Component)
     assert talker.set_mode([], "posd").success
     hardware, name = component.hardware, talker.names[3]
     starts = {joint: hardware.states[f"{joint}/position"] for joint in talker.names}
-    target = starts[name] + 0.3
+    way, duration = 0.3, 1.0  # rad, s
+    target = starts[name] + way
 
     begun = time.monotonic()
     while abs(hardware.states[f"{name}/position"] - target) > 2e-3:
         now = time.monotonic() - begun
-        assert now < TIMEOUT, hardware.states
+        assert now < GUARD, hardware.states
         component.read()
         for joint, start in starts.items():
             hardware.commands[f"{joint}/position"] = start
-        at = minimum_jerk(starts[name], target, 0.3, now)
-        hardware.commands[f"{name}/position"] = float(at)
+        reference = starts[name] + way * minimum_jerk(np.array(now / duration))
+        hardware.commands[f"{name}/position"] = float(reference)
         component.write()
         time.sleep(PERIOD)
     assert not any(talker.state().rejected_commands)

@@ -96,7 +96,7 @@ def rejected(board: InProcess) -> list[int]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_does_what_its_topic_does(board: InProcess, kind: str) -> None:
+def test_each_kind_acts_as_its_topic(board: InProcess, kind: str) -> None:
     """P1 to P9, M3, M4, M11: bounded, in force, or ignored and counted, joint by joint."""
     mode, field, beyond = KINDS[kind]
     first, second, third, *rest = board.names
@@ -182,7 +182,7 @@ def test_a_request_that_is_wrong_in_itself(
     assert all(board.state().motion_done)
 
 
-def test_what_comes_along(board: InProcess) -> None:
+def test_values_along_with_references(board: InProcess) -> None:
     """P1, P2, P5: speeds of moves, accelerations of velocities; torques take nothing along."""
     first, second = board.names[:2]
     reply = send(board, "position", [first, second], [0.1, 0.1], along=[0.2, 0.0])
@@ -199,7 +199,7 @@ def test_what_comes_along(board: InProcess) -> None:
     assert send(board, "velocity", [first], [0.1], along=[1.0]).success
 
 
-def test_what_comes_along_on_topics(board: InProcess) -> None:
+def test_values_along_with_references_on_topics(board: InProcess) -> None:
     """P1, P5: likewise; without it the set ones count."""
     first, second = board.names[:2]
     assert board.set_mode([second], "vel").success

@@ -63,7 +63,7 @@ def test_modes_of_some(board: InProcess) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "modes", "told"),
+    ("joints", "modes", "text"),
     [
         (["lbr_iiwa_joint_33"], ["pos"], "did you mean 'lbr_iiwa_joint_3'"),
         ([], ["pos", "vel"], "2 modes for 7 joints"),
@@ -76,7 +76,7 @@ def test_modes_of_some(board: InProcess) -> None:
 )
 @pytest.mark.parametrize("service", [SET_CONTROL_MODE, SET_INTERACTION_MODE])
 def test_refusals_change_nothing_and_say_why(
-    board: InProcess, service: Endpoint, joints: list[str], modes: list[str], told: str
+    board: InProcess, service: Endpoint, joints: list[str], modes: list[str], text: str
 ) -> None:
     """M6, M7, I1: a wrong request is refused whole, in one line that says why."""
     if service is SET_INTERACTION_MODE:
@@ -84,7 +84,7 @@ def test_refusals_change_nothing_and_say_why(
     before = board.rig.modes()
     answer = board.call(service, names=joints, modes=modes)
     assert not answer.success
-    assert told in answer.message
+    assert text in answer.message
     assert "\n" not in answer.message
     assert len(answer.message) < 600
     assert board.rig.modes() == before

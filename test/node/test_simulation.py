@@ -8,14 +8,12 @@ from typing import Any
 import pytest
 from control_board_msgs import msg, srv
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from qos import BEST_EFFORT
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of
 
 pytestmark = pytest.mark.ros
-
-BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 @pytest.fixture(scope="module")
@@ -33,14 +31,14 @@ def still(talker: Talker) -> Any:
 
 def test_stamps_and_clock_are_simulated_time(talker: Talker) -> None:
     """/clock runs where simulated and real time differ, and stamps go by it."""
-    talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+    talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
     clock = talker.wait("clock", lambda _: True, fresh=True).clock
     state = talker.state()
     assert clock.sec < 10_000
     assert abs(stamp_of(state) - clock.sec - 1e-9 * clock.nanosec) < 1e3  # not the system's
 
 
-def test_step_runs_exactly_so_many_cycles(talker: Talker) -> None:
+def test_step_runs_exactly_the_requested_cycles(talker: Talker) -> None:
     """~/step answers after its cycles ran, and the time has then moved by just these."""
     assert talker.call("pause", SetBool, data=True).success
     before = stamp_of(still(talker))
@@ -53,7 +51,7 @@ def test_step_runs_exactly_so_many_cycles(talker: Talker) -> None:
 
 def test_diagnostics_follow_rep_107(talker: Talker) -> None:
     """Once a second, one status for the loop and one per joint."""
-    talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+    talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
     array = talker.wait("diagnostics", lambda _: True)
     assert [status.name for status in array.status] == [
         f"control_board: {name}" for name in ("loop", *talker.names)

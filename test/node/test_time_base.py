@@ -14,7 +14,7 @@ PERIOD = 0.001
 
 
 def run(base: TimeBase, begin: float, cycles: int, system: int) -> list[int]:
-    """Stamps of so many cycles at real time, corrected in every tenth."""
+    """Stamps of some cycles at real time, corrected in every tenth."""
     stamps = []
     for k in range(cycles):
         now = begin + k * PERIOD
@@ -44,7 +44,7 @@ def test_the_first_reading_sets_the_offset() -> None:
     assert {b - a for a, b in itertools.pairwise(stamps)} == {1_000_000}
 
 
-def test_what_was_lost_is_made_up_smoothly() -> None:
+def test_lost_time_is_made_up_smoothly() -> None:
     """Skipped periods: the offset grows by a tenth of the time that passes, until it is right."""
     base = made()
     run(base, 0.0, 100, START)
@@ -75,7 +75,7 @@ def test_a_clock_far_ahead_is_followed_at_once(ahead: int) -> None:
 
 @pytest.mark.parametrize("ahead", [500_000_000, 60 * NANOSECONDS])
 def test_after_a_pause_stamps_jump_to_the_clock(ahead: int) -> None:
-    """What stands still has no speed that a jump could falsify; once, and never backwards."""
+    """A joint at rest has no speed that a jump could falsify; once, and never backwards."""
     base = made()
     run(base, 0.0, 100, START)
     base.resume()
@@ -85,7 +85,7 @@ def test_after_a_pause_stamps_jump_to_the_clock(ahead: int) -> None:
     assert run(base, 0.101, 1, START)[0] > before
 
 
-def test_a_free_time_base_goes_on_alone() -> None:
+def test_a_free_time_base_continues_by_itself() -> None:
     """Once simulated and real time have parted, only simulated time counts."""
     base = made()
     run(base, 0.0, 100, START)
@@ -99,7 +99,7 @@ def test_a_free_time_base_goes_on_alone() -> None:
     ("rate", "control_rate"), [(333.0, 1000.0), (300.0, 1000.0), (99.9, 1000.0), (1000.0, 1000.0)]
 )
 def test_a_divider_keeps_the_average(rate: float, control_rate: float) -> None:
-    """So many of ten thousand cycles, each at most one away from its even place."""
+    """The corrections in ten thousand cycles, each at most one away from its even place."""
     divider = Divider(rate, control_rate)
     picked = [k for k in range(10_000) if divider.pick()]
     assert picked[0] == 0

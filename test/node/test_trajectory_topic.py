@@ -80,7 +80,7 @@ def test_rates_make_it_smooth(rig: Following, more: list[str], share: float) -> 
     assert speeds.max() == pytest.approx(share * 0.4, rel=0.02)
 
 
-def test_a_stamp_says_when_it_begins(rig: Following) -> None:
+def test_the_stamp_sets_the_start_time(rig: Following) -> None:
     """T1: one of the past is joined where it is, one that is over refused, one ahead waits."""
     begin = rig.board.time + 0.2
     rig.send("a", point(0.0, 0.0), point(0.4, 0.2), begin=begin)
@@ -95,7 +95,7 @@ def test_a_stamp_says_when_it_begins(rig: Following) -> None:
 
 
 @pytest.mark.parametrize("request_", [False, True])
-def test_what_ends_it(rig: Following, request_: bool) -> None:
+def test_events_that_end_a_trajectory(rig: Following, request_: bool) -> None:
     """T1, M2: a message without points, or another mode, for no cycle; nothing goes on then."""
     rig.send("a", point(20.0, 1.0))
     rig.run(0.5)
@@ -120,7 +120,7 @@ def test_what_ends_it(rig: Following, request_: bool) -> None:
         ("c", [point(0.5, 0.1)], "for c ignored: mode is IDLE", [0, 0, 1]),
     ],
 )
-def test_what_is_wrong_moves_nothing_and_is_told(
+def test_wrong_messages_move_nothing_and_are_reported(
     rig: Following, names: str, points: list[Any], text: str, counted: list[int]
 ) -> None:
     """M4, P13: ignored, counted, and the reason is logged."""

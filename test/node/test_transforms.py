@@ -10,8 +10,8 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from talk import until
 from tf2_msgs.msg import TFMessage
+from waiting import until
 
 from control_board_ros.frames import POSE, Edge, tf_message
 from control_board_ros.node.wiring import prepared
@@ -39,7 +39,7 @@ def test_the_bytes_read_as_the_message(count: int, prefix: str) -> None:
         assert all(one.header.frame_id.startswith(prefix + "b") for one in meant.transforms)
 
 
-def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_complete_messages_where_the_layout_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
     """Slower, and the same."""
     real = prepared.serialize_message
     monkeypatch.setattr(prepared, "serialize_message", lambda m: real(m) + real(m))
@@ -51,13 +51,13 @@ def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.Monkey
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_a_board_tells_the_frames_of_its_joint_states() -> None:
+def test_a_board_publishes_the_frames_of_its_joint_states() -> None:
     """Every link but the base, once: moving ones with each reading's stamp, fixed ones latched."""
     settings = load("panda")
     frames = frames_of(settings.urdf, settings.board.names)
     states: dict[tuple[int, int], Any] = {}
     moving: list[Any] = []
-    standing: list[Any] = []
+    static: list[Any] = []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
     def time_of(message: Any) -> tuple[int, int]:
@@ -76,12 +76,12 @@ def test_a_board_tells_the_frames_of_its_joint_states() -> None:
     ):
         node.create_subscription(JointState, "joint_states", keep, 10)
         node.create_subscription(TFMessage, "/tf", moving.append, 100)
-        node.create_subscription(TFMessage, "/tf_static", standing.append, latched)
-        until(lambda: len(pairs()) > 5 and bool(standing))
+        node.create_subscription(TFMessage, "/tf_static", static.append, latched)
+        until(lambda: len(pairs()) > 5 and bool(static))
     state, message = pairs()[-1]
     assert tuple(state.name) == settings.board.names
     poses = frames.poses(np.array(state.position))
     assert message == tf_message(frames.moving, poses, state.header.stamp)
-    (fixed,) = standing
-    told = [one.child_frame_id for one in [*message.transforms, *fixed.transforms]]
-    assert sorted(told) == sorted(set(settings.urdf.tree.links) - {settings.urdf.tree.base})
+    (fixed,) = static
+    children = [one.child_frame_id for one in [*message.transforms, *fixed.transforms]]
+    assert sorted(children) == sorted(set(settings.urdf.tree.links) - {settings.urdf.tree.base})

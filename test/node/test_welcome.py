@@ -47,14 +47,14 @@ def test_the_target_is_within_the_limits(lower: float, upper: float, kind: str) 
         (M.NOT_CONFIGURED, "Try", "configure"),
     ],
 )
-def test_the_mode_takes_what_is_suggested(mode: ControlMode, when: str, first: str) -> None:
+def test_the_mode_accepts_the_suggested_command(mode: ControlMode, when: str, first: str) -> None:
     """K2, M3: a move is suggested where the joint takes one, and when."""
     found, words = suggestions(joint("a"), mode)
     assert (found, words[0]) == (when, first)
     assert words[-1] == "move a=30deg"
 
 
-def test_a_managed_node_says_how_it_goes_on() -> None:
+def test_a_managed_node_reports_its_next_step() -> None:
     """N2: cbctl configure does not configure it; its transitions do."""
     config = board_config(joint("a"))
     alone = welcome("/control_board", config, [M.NOT_CONFIGURED])
@@ -95,7 +95,7 @@ def test_the_table_has_degrees_both_limits_and_no_endless_number() -> None:
 
 
 def test_the_table_is_no_wider_than_it_must() -> None:
-    """Stops stand only where they differ, and modes that all joints have below."""
+    """Stops are listed only where they differ, and modes that all joints have below."""
     limits = TURNING | {"hard_lower": -2.0, "hard_upper": 2.0}
     names = ["a_joint_with_a_long_name", "and_another_one_that_is_longer"]
     lines = table([joint(name, limits=limits) for name in names])

@@ -16,7 +16,8 @@ from interface_table import (
     YARP_SUBSCRIBED,
 )
 from std_msgs.msg import Int8MultiArray, Int32MultiArray
-from talk import TIMEOUT, Talker, until
+from talk import Talker
+from waiting import GUARD, until
 from yarp_control_msgs import msg, srv
 
 from control_board_ros.recording.topics import topics_for_yarp
@@ -54,7 +55,7 @@ class YarpClient:
 
     def call(self, name: str, **request: Any) -> Any:
         client = self._clients[name]
-        assert client.wait_for_service(TIMEOUT), f"no service {name}"
+        assert client.wait_for_service(GUARD), f"no service {name}"
         return self._talker.answer(client.call_async(KINDS[name].Request(**request)))
 
     def send(self, name: str, message: Any) -> None:
@@ -76,10 +77,10 @@ def at_rest(talker: Talker) -> None:
 
 
 def near(yarp: YarpClient, names: list[str], target: list[float]) -> bool:
-    """Whether joints are where they shall be, as get_position tells."""
-    told = yarp.call("get_position", names=names)
-    assert told.response == "OK"
-    pairs = zip(told.positions, target, strict=True)
+    """Whether joints have reached their targets, by get_position."""
+    found = yarp.call("get_position", names=names)
+    assert found.response == "OK"
+    pairs = zip(found.positions, target, strict=True)
     return all(abs(position - wanted) < ARRIVED for position, wanted in pairs)
 
 
@@ -157,10 +158,10 @@ def test_direct_positions_and_velocities(yarp: YarpClient, talker: Talker) -> No
 
 def test_modes_are_published_with_the_states(yarp: YarpClient, talker: Talker) -> None:
     """First letters, as there, and whole vocabs beside them."""
-    talker.hear("letters", Int8MultiArray, "/joint_states/controlModes")
-    talker.hear("vocabs", Int32MultiArray, "/joint_states/controlModeVocabs")
+    talker.subscribe("letters", Int8MultiArray, "/joint_states/controlModes")
+    talker.subscribe("vocabs", Int32MultiArray, "/joint_states/controlModeVocabs")
     answer = yarp.call("set_modes", names=talker.names[:1], modes=["VELOCITY"])
     assert answer.response == "OK"
     for key, velocity, position in (("letters", ord("v"), ord("p")), ("vocabs", 7103862, 7565168)):
-        told = talker.wait(key, lambda m, v=velocity: m.data[0] == v)
-        assert list(told.data[1:]) == [position] * 6
+        message = talker.wait(key, lambda m, v=velocity: m.data[0] == v)
+        assert list(message.data[1:]) == [position] * 6

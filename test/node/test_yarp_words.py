@@ -103,7 +103,7 @@ def test_every_mode_that_a_joint_is_in_has_a_name() -> None:
 
 
 @pytest.mark.parametrize("mode", ["HW_FAULT", "CALIBRATING", "position", "", "🤖", "x" * 10_000])
-def test_what_cannot_be_set_is_reported(mode: str) -> None:
+def test_unsettable_modes_are_reported(mode: str) -> None:
     """M6: a status and an unknown mode; the text lists what can be set."""
     with pytest.raises(RefusedError) as refused:
         wanted(["POSITION", mode], 2)
@@ -121,7 +121,7 @@ def test_one_mode_per_joint(modes: list[str], count: int) -> None:
 
 
 def test_modes_that_all_joints_implement(rig: Asked) -> None:
-    """The others are told with the joints that do; setting a listed one faults nobody (M5)."""
+    """The others are listed with the joints that do; setting a listed one faults no joint (M5)."""
     modes, text = available(rig.board.config.joints)
     assert modes == ["FORCE_IDLE", "IDLE", "MIXED", "POSITION"]
     assert text.startswith("some joints only: IMPEDANCE_POS (a); IMPEDANCE_VEL (a); OPENLOOP (a)")
@@ -134,14 +134,14 @@ def test_modes_that_all_joints_implement(rig: Asked) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "request_", "word", "told"),
+    ("name", "kind", "request_", "word", "text"),
     [
         ("get_modes", srv.GetControlModes, {"names": ["c"]}, "NAMES_ERROR", "joint 'c' unknown"),
         ("get_position", srv.GetPosition, {"names": ["c"]}, "NAMES_ERROR", "joint 'c' unknown"),
         ("get_velocity", srv.GetVelocity, {"names": ["c"] * 60_000}, "NAMES_ERROR", "'c' unknown"),
         *(
-            ("get_joints_names", srv.GetJointsNames, {"joint_indexes": indices}, word, told)
-            for indices, word, told in (
+            ("get_joints_names", srv.GetJointsNames, {"joint_indexes": indices}, word, text)
+            for indices, word, text in (
                 ([-1], "GET_NAME_ERROR", "joints are 0 to 1"),
                 ([2], "GET_NAME_ERROR", "index 2 out of range"),
                 ([0] * 3, "SIZE_ERROR", "3 indices for 2 joints"),
@@ -150,11 +150,11 @@ def test_modes_that_all_joints_implement(rig: Asked) -> None:
     ],
 )
 def test_every_refusal_of_a_reading_has_its_word_and_its_reason(
-    rig: Asked, name: str, kind: Any, request_: dict[str, Any], word: str, told: str
+    rig: Asked, name: str, kind: Any, request_: dict[str, Any], word: str, text: str
 ) -> None:
     answer = rig.call(name, kind, **request_)
     assert answer.response == word
-    assert told in answer.opt_descr
+    assert text in answer.opt_descr
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_every_refusal_of_a_reading_has_its_word_and_its_reason(
         ("icub/head", "/icub/head"),
     ],
 )
-def test_what_the_names_are_below(msgs_name: str, base: str) -> None:
+def test_namespace_of_the_yarp_names(msgs_name: str, base: str) -> None:
     """As msgs_name there: a slash comes first; and as ROS has it, ~ is the node."""
     assert base_name(msgs_name, "/left/board") == base
 
@@ -261,7 +261,7 @@ def test_a_stream_of_one_target_is_one_move(rig: Asked) -> None:
 
 
 def test_a_stream_of_small_steps_is_followed_without_a_word(rig: Asked) -> None:
-    """As of a trajectory controller; a target that a limit bounds is told."""
+    """As of a trajectory controller; a target that a limit bounds is reported."""
     reference = 0.0
     for k in range(100):
         reference = 0.02 * (1.0 - math.cos(0.02 * math.pi * k))
@@ -297,7 +297,7 @@ def test_a_repeat_in_mixed_begins_anew(rig: Asked) -> None:
         (msg.Position(names=["a"], positions=[0.1], ref_velocities=[math.inf]), [1, 0]),
     ],
 )
-def test_what_is_wrong_is_ignored_counted_and_reported(
+def test_wrong_messages_are_ignored_counted_and_reported(
     rig: Asked, message: Any, counted: list[int]
 ) -> None:
     """M4, P13: as of the board's own commands."""
@@ -342,23 +342,23 @@ def test_kinds_of_commands() -> None:
         ({"yarp_interface": True, "yarp_msgs_name": "~"}, "/left/board", {"get_available_modes"}),
     ],
 )
-def test_what_is_offered(
+def test_offered_endpoints(
     rig: Asked,
     capfd: pytest.CaptureFixture[str],
     values: dict[str, Any],
     below: str | None,
     missing: set[str],
 ) -> None:
-    """Nothing by default; without a name the modes only; a name that the board has is told."""
+    """Nothing by default; without a name the modes only; a name that the board has is reported."""
     with free_domain() as domain, ros_node(domain, "board", namespace="/left", spin=False) as node:
         before = {service.srv_name for service in node.services}
         states: Any = SimpleNamespace(also=[])
-        heard = offer_yarp(node, rig, values, states, Reporter(node), rig.requests)
+        received = offer_yarp(node, rig, values, states, Reporter(node), rig.requests)
         services = {service.srv_name for service in node.services} - before
         commands = {subscription.topic_name for subscription in node.subscriptions}
         topics = {publisher.topic_name for publisher in node.publishers}
-    told = {"/left/joint_states/controlModes", "/left/joint_states/controlModeVocabs"}
-    assert topics & told == (set() if below is None else told)
+    yarp_topics = {"/left/joint_states/controlModes", "/left/joint_states/controlModeVocabs"}
+    assert topics & yarp_topics == (set() if below is None else yarp_topics)
     assert len(states.also) == (below is not None)
     expected: dict[str, set[str]] = {
         kind: {f"{below}/{name}" for name, row in ROW.items() if row.kind == kind}
@@ -368,7 +368,7 @@ def test_what_is_offered(
     }
     clash = {f"{below}/{name}" for name in missing} if below else set()
     assert commands == expected["command"]
-    assert len(heard) == len(commands)
+    assert len(received) == len(commands)
     assert services == expected["service"] - clash
     warned = capfd.readouterr().err
     assert all(name in warned for name in clash)

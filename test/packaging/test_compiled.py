@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What runs in every cycle runs compiled and as plain Python, and it can be told which."""
+"""What runs in every cycle runs compiled and as plain Python, and reports which."""
 
 from __future__ import annotations
 
@@ -139,8 +139,8 @@ def test_a_changed_source_runs_in_the_place_of_the_compiled_module(copy: Path) -
     assert run(TELL, copy.parent) == "compiled"
     with (copy / "core/laws/laws.py").open("a", encoding="utf-8") as file:
         file.write("\nCHANGED = 42\n")
-    told = run(TELL, copy.parent)
-    assert told == "uncompiled (laws.py changed since; install it again)"
+    text = run(TELL, copy.parent)
+    assert text == "uncompiled (laws.py changed since; install it again)"
     code = "import control_board_ros.core.laws.laws as laws"
     assert run(f"{code}; print(laws.CHANGED, laws.__file__)", copy.parent) == (
         f"42 {copy / 'core/laws/laws.py'}"
@@ -172,7 +172,7 @@ super(type(build), build).run()  # the messages aside
 
 
 @pytest.mark.soak
-def test_a_build_without_a_compiler_goes_on_and_says_so_in_one_line(tmp_path: Path) -> None:
+def test_a_build_without_a_compiler_continues_with_one_warning(tmp_path: Path) -> None:
     """What an earlier build has left behind does not go into this one."""
     leftover = tmp_path / f"lib/control_board_ros/core/laws/laws{SUFFIX}"
     leftover.parent.mkdir(parents=True)
@@ -209,13 +209,13 @@ assert key != setup["made_of"](definitions, prefixes)
 """
 
 
-def test_messages_are_built_again_only_where_what_they_are_made_of_changed(tmp_path: Path) -> None:
+def test_messages_are_rebuilt_only_if_their_sources_changed(tmp_path: Path) -> None:
     """Each build of pip has the tools of ROS in a new folder."""
     shutil.copytree(ROOT / "msg_defs", tmp_path / "defs")
     python(REUSE, tmp_path, cwd=ROOT)
 
 
-def test_version_says_which_laws_run() -> None:
+def test_version_reports_which_laws_run() -> None:
     done = ended(sys.executable, "-m", "control_board_ros.node.main", "--version")
     version, laws = done.stdout.splitlines()
     assert version == f"control_board_ros {control_board_ros.__version__}"

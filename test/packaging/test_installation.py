@@ -16,7 +16,7 @@ from control_board_ros.testing import installation
 REQUIRES = ["numpy>=1.26", "starlette>=1.0; extra == 'panel'", "numpy>=2; extra == 'test'"]
 
 
-def test_what_only_extras_ask_for() -> None:
+def test_requirements_of_extras_alone() -> None:
     assert installation.extras(REQUIRES) == {"starlette": "panel"}
 
 
@@ -43,17 +43,17 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[types.M
         del sys.modules[name]
 
 
-def test_a_module_may_miss_what_an_extra_brings(package: types.ModuleType) -> None:
-    told = installation.modules(package, ["not-there-at-all>=1; extra == 'some'"])
-    assert told == "0 modules; optional, not installed: not-there-at-all"
+def test_a_module_may_miss_packages_of_an_extra(package: types.ModuleType) -> None:
+    text = installation.modules(package, ["not-there-at-all>=1; extra == 'some'"])
+    assert text == "0 modules; optional, not installed: not-there-at-all"
 
 
-def test_a_module_may_not_miss_what_the_base_needs(package: types.ModuleType) -> None:
+def test_a_module_may_not_miss_required_packages(package: types.ModuleType) -> None:
     with pytest.raises(ModuleNotFoundError, match="not_there_at_all"):
         installation.modules(package, ["not-there-at-all>=1"])
 
 
-def test_what_fails_is_one_line_and_the_exit_code(
+def test_a_failure_is_one_line_and_the_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken() -> str:

@@ -46,7 +46,7 @@ def test_all_packages_are_in_the_ament_index() -> None:
         assert (Path(get_package_share_directory(package)) / "package.xml").is_file()
 
 
-def test_package_says_that_it_is_typed() -> None:
+def test_package_is_marked_as_typed() -> None:
     assert (Path(control_board_ros.__file__).parent / "py.typed").is_file()
     assert (Path(control_board_ros.__file__).parent / "discovery.xml").is_file()
 
@@ -59,7 +59,7 @@ def test_command_has_something_to_call(command: str, module: str) -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_ros2_run_and_shells_find_a_command(command: str) -> None:
-    """In lib/control_board_ros for `ros2 run`, in bin for shells, whoever installed it."""
+    """In lib/control_board_ros for `ros2 run`, in bin for shells, however it was installed."""
     prefix = Path(get_package_prefix("control_board_ros"))
     for place in (f"lib/control_board_ros/{command}", f"bin/{command}"):
         assert (prefix / place).exists(), f"{place} is not installed; run `make setup`"
@@ -118,7 +118,7 @@ def find_python(
         ([], "Python 3.11 or 3.12", "python3.11"),
     ],
 )
-def test_what_is_missing_is_said_in_one_line(
+def test_missing_packages_are_reported_in_one_line(
     tmp_path: Path, without: list[str], missing: str, package: str
 ) -> None:
     done = find_python(tmp_path, *without)

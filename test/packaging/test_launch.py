@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch file: what it declares is there, and what it starts is what was requested.
 
-The ROS wheels have no `launch`: here stands a record of what the file asks of it. Where ROS 2 has
+The ROS wheels have no `launch`: a record of what the file asks of it replaces it. Where ROS 2 has
 the real one, that reads the file, too.
 """
 
@@ -151,7 +151,7 @@ def test_rviz_shows_the_robot_with_the_boards_frames(launch_file: ModuleType) ->
 
 
 def test_robot_state_publisher_in_place_of_the_board(launch_file: ModuleType) -> None:
-    """Frames are told once; it gets the URDF that the board publishes."""
+    """Frames are published once; it gets the URDF that the board publishes."""
     board, publisher, _ = started(launch_file, rviz="true", robot_state_publisher="True")
     assert board.parameters == [{}]
     (given,) = publisher.parameters
@@ -165,7 +165,7 @@ def test_a_switch_is_true_or_false(launch_file: ModuleType, wrong: dict[str, str
         started(launch_file, **wrong)
 
 
-def test_a_wrong_robot_is_told_by_the_board(launch_file: ModuleType, tmp_path: Path) -> None:
+def test_a_wrong_robot_is_reported_by_the_board(launch_file: ModuleType, tmp_path: Path) -> None:
     (node,) = started(launch_file, robot="pandaa")
     with pytest.raises(SettingsError, match="did you mean 'panda'"):
         settings_of(node, tmp_path)

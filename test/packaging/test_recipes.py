@@ -61,7 +61,7 @@ def test_the_dockerfile_is_short_and_clean() -> None:
     assert lint(DOCKERFILE) == set()
 
 
-def test_what_hadolint_would_say_is_said() -> None:
+def test_rules_of_hadolint_are_kept() -> None:
     bad = [
         "FROM debian",
         "RUN apt-get install cmake | tee log",

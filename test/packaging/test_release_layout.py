@@ -36,7 +36,7 @@ def layout(module: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path
     return folder
 
 
-def test_a_distribution_takes_it(module: ModuleType, layout: Path) -> None:
+def test_a_distribution_accepts_the_layout(module: ModuleType, layout: Path) -> None:
     assert module.problems(layout) == []
     assert sorted(path.name for path in layout.iterdir()) == NAMES
     assert (layout / "control_board_msgs" / "msg" / "BoardState.msg").is_file()
@@ -53,7 +53,7 @@ def test_the_messages_are_built_once(layout: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("<version>", "<version>7", "different version numbers"),
         ("@noreply.example.org", "@example.org", "is no maintainer to write to"),
@@ -61,21 +61,21 @@ def test_the_messages_are_built_once(layout: Path) -> None:
         ('file="LICENSE"', 'file="COPYING"', "no license file COPYING"),
     ],
 )
-def test_what_a_distribution_refuses_is_told(
-    module: ModuleType, layout: Path, tmp_path: Path, old: str, new: str, told: str
+def test_layouts_that_a_distribution_refuses_are_reported(
+    module: ModuleType, layout: Path, tmp_path: Path, old: str, new: str, expected: str
 ) -> None:
     copy = shutil.copytree(layout, tmp_path / "copy")
     package = copy / "control_board_ros" / "package.xml"
     text = package.read_text("utf-8")
     assert old in text
     package.write_text(text.replace(old, new, 1), "utf-8")
-    assert told in " ".join(module.problems(copy))
+    assert expected in " ".join(module.problems(copy))
 
 
-def test_what_is_not_released_is_forthcoming(module: ModuleType) -> None:
+def test_unreleased_changes_are_forthcoming(module: ModuleType) -> None:
     new = "- A [link](x.md) to `name_`, *b*.\n"
     text = f"# Changelog\n\n## Unreleased\n\n{new}\n## 0.1.0\n\n- Old.\n"
-    told = module.changelog(text, "0.1.0", "2026-01-31")
-    assert "Forthcoming\n-----------\n\n* A link to ``name_``, \\*b\\*.\n" in told
-    assert "0.1.0 (2026-01-31)\n" in told
+    page = module.changelog(text, "0.1.0", "2026-01-31")
+    assert "Forthcoming\n-----------\n\n* A link to ``name_``, \\*b\\*.\n" in page
+    assert "0.1.0 (2026-01-31)\n" in page
     assert "1.0.0 (2026-01-31)\n" in module.changelog(text, "1.0.0", "2026-01-31")

@@ -53,7 +53,7 @@ TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 #: As Jazzy has it.
 TF_MESSAGE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 YARP = ROOT / "vendor/yarp_control_msgs"
-#: Field by field as in yarp-devices-ros2; no published build tells their hashes.
+#: Field by field as in yarp-devices-ros2; no published build lists their hashes.
 YARP_FIELDS = {
     "msg/Position": "string[] names, float64[] positions, float64[] ref_velocities",
     "msg/PositionDirect": "string[] names, float64[] positions",
@@ -93,13 +93,13 @@ def in_installation(name: str) -> str:
     package, kind, short = name.split("/")
     path = Path(get_package_share_directory(package)) / kind / f"{short.partition('_')[0]}.json"
     made = json.loads(path.read_text(encoding="utf-8"))
-    told = {one["type_name"]: str(one["hash_string"]) for one in made["type_hashes"]}
+    hashes = {one["type_name"]: str(one["hash_string"]) for one in made["type_hashes"]}
     whole = made["type_description_msg"]
     if whole["type_description"]["type_name"] == name:
         others = [without_defaults(one) for one in whole["referenced_type_descriptions"]]
         computed = hash_of_whole(without_defaults(whole["type_description"]), others)
-        assert told[name] == computed
-    return told[name]
+        assert hashes[name] == computed
+    return hashes[name]
 
 
 def test_the_hash_of_a_published_build_is_computed() -> None:
@@ -156,7 +156,7 @@ def test_the_core_s_codes_are_those_of_the_action() -> None:
 
 
 def test_tf_is_jazzy_s() -> None:
-    """``/tf`` is heard by the RViz and the Foxglove of a distribution."""
+    """``/tf`` is received by the RViz and the Foxglove of a distribution."""
     assert in_source(TF_MESSAGE) == in_installation(TF_MESSAGE) == TF_MESSAGE_HASH
 
 
@@ -179,7 +179,7 @@ def test_yarp_s_installed_types_have_their_hashes(name: str) -> None:
     assert in_source(name) == in_installation(name)
 
 
-def test_what_is_vendored_has_its_licence() -> None:
+def test_vendored_files_have_their_licence() -> None:
     for package in (ROOT / "vendor").iterdir():
         text = (package / "LICENSE").read_text(encoding="utf-8")
         assert "Redistribution and use in source and binary forms" in text
@@ -201,7 +201,7 @@ def built_with(*prefixes: Path) -> list[str]:
     return python(TO_BUILD, *prefixes, cwd=ROOT).stdout.split()
 
 
-def test_what_the_ros_at_hand_has_is_not_built(tmp_path: Path) -> None:
+def test_packages_of_the_installed_ros_are_not_built(tmp_path: Path) -> None:
     """An earlier installation of ours is no reason to leave it out."""
     theirs, ours = tmp_path / "theirs", tmp_path / "ours"
     for prefix, text in (

@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 from browsing import context_of, operate, panel_beside
-from cbctl_process import interrupted, until
+from cbctl_process import interrupted
 from standins import Panel, StandIn, panel_of
 from talk import patient
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.panel import robot
@@ -119,7 +120,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def page(browser: Any, address: str) -> Iterator[Any]:
-    """The panel on a desk, of the one who operates."""
+    """The panel on a desk, of the operator."""
     size = {"width": 1440, "height": 900}
     with context_of(browser, viewport=size, color_scheme="dark") as context:
         yield from operated(context, address)

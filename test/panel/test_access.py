@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""For everybody: axe-core's rules in both themes, the keyboard alone, the system's theme."""
+"""Accessibility: axe-core's rules in both themes, the keyboard alone, the system's theme."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of, operate
-from cbctl_process import until
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 
@@ -71,7 +71,7 @@ def test_axe_finds_nothing(page: Any, busy: None, theme: str) -> None:
 
 
 def test_axe_finds_nothing_on_a_phone(page: Any, browser: Any, address: str) -> None:
-    """Of one who watches."""
+    """Of a spectator."""
     with context_of(browser, **PHONE) as context:
         phone = context.new_page()
         phone.goto(address)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel is attacked: token, Host, Origin, sizes, rates, paths, and who may do what."""
+"""The panel is attacked: token, Host, Origin, sizes, rates, paths, and permissions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import re
 from pathlib import Path
 
 import pytest
-from standins import GUARD, REQUESTS, TOKEN, Panel, StandIn, panel_of
+from standins import REQUESTS, TOKEN, Panel, StandIn, panel_of
+from waiting import GUARD
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from control_board_ros.panel import robot, security
@@ -137,7 +138,7 @@ def test_a_flood_ends_the_connection(panel: Panel) -> None:
     assert other.ask("watch", boards=["/b"])["ok"]
 
 
-def test_so_many_browsers_and_no_more(panel: Panel) -> None:
+def test_the_number_of_browsers_is_limited(panel: Panel) -> None:
     for _ in range(security.MAX_BROWSERS):
         panel.browser().read("hello")
     with pytest.raises(InvalidStatus), panel.connect():
@@ -170,7 +171,7 @@ def test_so_many_browsers_and_no_more(panel: Panel) -> None:
         '{"id": 1, "do": "gains", "board": "/b", "joint": "a", "controller": "x", "gains": {}}',
     ],
 )
-def test_what_is_no_request(panel: Panel, message: str) -> None:
+def test_invalid_requests(panel: Panel, message: str) -> None:
     """The answer is one line, and nothing reaches the board."""
     browser = panel.browser()
     browser.socket.send(message)
@@ -187,7 +188,7 @@ def test_bytes_are_no_request(panel: Panel) -> None:
     assert browser.read("answer")["ok"] is False
 
 
-def test_who_watches_commands_nothing(panel: Panel) -> None:
+def test_spectators_command_nothing(panel: Panel) -> None:
     """Every request that may change something is refused, STOP aside."""
     panel.browser().read("hello")
     watcher = panel.browser()
@@ -245,7 +246,7 @@ def test_a_report_is_served_apart(panel: Panel) -> None:
     assert panel.get("/report/mine")[0] == 404  # its file is gone
 
 
-def test_nothing_is_recorded_of_a_board_that_is_none(panel: Panel) -> None:
+def test_nothing_is_recorded_of_an_unknown_board(panel: Panel) -> None:
     browser = panel.browser()
     for boards in (["/none"], ["--output"], []):
         answer = browser.ask("record", on=True, boards=boards)

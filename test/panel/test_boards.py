@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from control_board_msgs.msg import PositionCommand
-from talk import until
 from trajectory_msgs.msg import JointTrajectory
+from waiting import until
 
 from control_board_ros.interface import STATE
 from control_board_ros.panel import boards

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of
-from cbctl_process import GUARD, until
+from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
 
@@ -465,7 +465,7 @@ def test_recording(page: Any, client: ControlBoardClient, recordings: Path) -> N
     )
 
 
-def test_lines_to_copy_and_what_others_do(page: Any, client: ControlBoardClient) -> None:
+def test_lines_to_copy_and_requests_of_others(page: Any, client: ControlBoardClient) -> None:
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     choose_world = {"ros2": "ros2 service call", "Python": "board.", "cbctl": "cbctl "}
     send(page, "joint_1", 3.0)

@@ -22,7 +22,7 @@ from control_board_ros.panel.requests import KINDS, Request
 CBCTL_ONLY = {"step", "chirp"}
 
 
-def test_every_request_that_a_board_takes_has_lines() -> None:
+def test_every_request_of_a_board_has_lines() -> None:
     without = {"release", "cancel", "record", "note"}
     assert {do for do, kind in KINDS.items() if kind.commands} - without == set(WRITERS)
     assert set(REQUESTS) == set(WRITERS)

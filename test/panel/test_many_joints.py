@@ -4,16 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from typing import Any
 
 import pytest
 from browsing import context_of
-from cbctl_process import until
+from marks import needs_icub
+from waiting import until
 
 from control_board_ros.testing import BoardProcess, board_process
 
-needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 pytestmark = [pytest.mark.slow, pytest.mark.ros, needs_icub]
 PARTS = ["head", "torso", "left_arm", "right_arm", "left_leg", "right_leg"]
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from standins import GUARD, Air, Panel, StandIn, panel_of
+from standins import Air, Panel, StandIn, panel_of
+from waiting import GUARD
 
 from control_board_ros.panel import lease, panels
 from control_board_ros.panel.doing import PATIENCE, Hold, Holds
@@ -74,8 +75,8 @@ def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None
         assert first.read("operator", holder=None)  # the other panel has reported its end
 
 
-def test_what_is_held_ends_with_the_operator(panel: Panel) -> None:
-    """The one who takes over gets joints that stand."""
+def test_holds_end_with_the_operator(panel: Panel) -> None:
+    """An operator who takes over gets joints at rest."""
     first, second = panel.browser(), panel.browser()
     first.read("hello")
     two = second.read("hello")["you"]
@@ -90,7 +91,7 @@ def test_what_is_held_ends_with_the_operator(panel: Panel) -> None:
     assert first.read("answer", id=moving)["ok"] is False
 
 
-def test_a_hold_ends_when_nobody_confirms_it(panel: Panel) -> None:
+def test_an_unconfirmed_hold_ends(panel: Panel) -> None:
     """Without a word more from the browser: the reference is repeated, then 0."""
     browser = panel.browser()
     assert browser.ask("hold", **HOLD)["ok"]
@@ -102,7 +103,7 @@ def test_a_hold_ends_when_nobody_confirms_it(panel: Panel) -> None:
     assert not panel.hub.operating.holds
 
 
-def test_what_is_held_ends_with_its_connection(panel: Panel) -> None:
+def test_holds_end_with_their_connection(panel: Panel) -> None:
     browser = panel.browser()
     assert browser.ask("hold", **HOLD)["ok"]
     browser.send("move", board="/b", joints=["a"], positions=[1.0])
@@ -128,7 +129,7 @@ def test_letting_go_has_the_last_word(panel: Panel, how: str) -> None:
     assert sent[-1] == ("velocity_move", "b", 0.0)
 
 
-def test_torque_goes_back_to_what_held_the_load(panel: Panel) -> None:
+def test_torque_returns_to_the_value_holding_the_load(panel: Panel) -> None:
     browser = panel.browser()
     held = {"board": "/b", "joint": "c", "kind": "torque"}
     assert browser.ask("hold", **held, value=9.0)["ok"]
@@ -161,7 +162,7 @@ def test_stop_stops_everything(panel: Panel) -> None:
     assert operator.read("log", what="stop")["by"] != operator.kept[0]["you"]
 
 
-def test_what_others_command_is_told(panel: Panel) -> None:
+def test_commands_of_others_are_reported(panel: Panel) -> None:
     browser = panel.browser()
     browser.read("hello")
     panel.board().foreign.append("command/position: a 0.5")
@@ -190,7 +191,7 @@ def test_silence_hands_the_lease_over() -> None:
     assert lease_.asking is None
 
 
-def test_who_asks_gets_what_the_operator_leaves() -> None:
+def test_the_first_in_the_queue_becomes_operator() -> None:
     lease_ = lease.Lease()
     lease_.ask(1, 0.0)
     lease_.ask(2, 0.0)

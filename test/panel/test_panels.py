@@ -90,7 +90,7 @@ def domain() -> Domain:
     return domain
 
 
-def test_who_asks_at_another_panel_waits_for_the_operator(domain: Domain) -> None:
+def test_requests_at_another_panel_wait_for_the_operator(domain: Domain) -> None:
     assert "asked" in domain["b"].lease.ask(1, domain.now)
     domain.run(0.2)
     assert domain["a"].lease.asking == "b"
@@ -137,11 +137,11 @@ def test_a_dead_panels_lease_expires(domain: Domain) -> None:
     domain.run(EXPIRY - PERIOD - 2 * TICK)
     assert domain["b"].lease.holder == "a"
     domain.run(PERIOD + 0.2)
-    assert domain.operators() == ["c"]  # who has asked gets it
+    assert domain.operators() == ["c"]  # the panel that asked gets it
     assert domain["b"].lease.holder == "c"
 
 
-def test_a_lease_given_to_a_dead_panel_is_nobodys(domain: Domain) -> None:
+def test_a_lease_given_to_a_dead_panel_is_free(domain: Domain) -> None:
     domain["b"].lease.ask(1, domain.now)
     domain.run(0.2)
     domain["b"].alive = False
@@ -172,7 +172,7 @@ def test_a_panel_that_stood_still_is_not_sure_and_gives_way(domain: Domain) -> N
     assert panel.lease.holder == "a"
 
 
-def test_who_was_faster_operates() -> None:
+def test_the_first_panel_operates() -> None:
     """A claim in transit counts more than one not sent yet."""
     domain = Domain("b", "a")  # b receives it with its next tick
     domain["a"].lease.ask(1, 0.0)
@@ -250,7 +250,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_what_is_no_beat(text: str) -> None:
+def test_invalid_beats(text: str) -> None:
     assert Beat.read(text) is None
 
 

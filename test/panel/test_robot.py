@@ -58,7 +58,7 @@ def test_only_meshes_are_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         assert mesh_file(name) is None, name
 
 
-def test_so_many_meshes_and_no_more(tmp_path: Path) -> None:
+def test_the_number_of_meshes_is_limited(tmp_path: Path) -> None:
     for k in range(MAX_MESHES + 2):
         (tmp_path / f"{k}.stl").touch()
     names = [f"file://{tmp_path}/{k}.stl" for k in range(MAX_MESHES + 2)]

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 from browsing import context_of, panel_beside
-from cbctl_process import GUARD, interrupted, until
+from cbctl_process import interrupted
+from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess
@@ -43,7 +44,7 @@ def stranger(process: BoardProcess, request: pytest.FixtureRequest) -> Iterator[
     running.wait(GUARD)
 
 
-def test_the_good_board_goes_on(
+def test_the_good_board_keeps_running(
     browser: Any, address: str, client: ControlBoardClient, request: pytest.FixtureRequest
 ) -> None:
     """The stranger's board is listed, the page draws on, and a slider of the good one moves it."""

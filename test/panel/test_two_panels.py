@@ -12,7 +12,8 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from browsing import panel_beside
-from standins import GUARD, Browser
+from standins import Browser
+from waiting import GUARD
 from websockets.sync.client import connect
 
 from control_board_ros.testing.domains import child_environment, free_domain

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of, operate, panel_beside
-from cbctl_process import until
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process
@@ -108,7 +108,7 @@ def test_the_slider_shows_where_the_joint_is(
     stays(page, client, joint, held)
 
 
-def test_what_was_begun_before_stop_is_void(page: Any, client: ControlBoardClient) -> None:
+def test_requests_begun_before_stop_are_void(page: Any, client: ControlBoardClient) -> None:
     """Drag, Esc, on with the drag, release."""
     held = degrees(client, "joint_5")
     slider = slider_of(page, "joint_5")
@@ -293,7 +293,7 @@ def test_a_finger_that_scrolls_from_a_button_moves_nothing(
     phone.evaluate("scrollTo(0, 0)")
 
 
-def test_who_asks_to_take_over_is_seen(
+def test_requests_to_take_over_are_shown(
     page: Any, client: ControlBoardClient, browser: Any, address: str
 ) -> None:
     """Also on a page that is scrolled down, with the consequence of no answer.
@@ -332,7 +332,7 @@ def test_who_asks_to_take_over_is_seen(
         asked.wait_for(state="detached")
 
 
-def test_a_board_that_stands_still_is_said_to(
+def test_a_paused_board_is_shown_as_paused(
     page: Any, client: ControlBoardClient, process: BoardProcess
 ) -> None:
     """A process that was stopped: words on every card, and controls that are dead."""
@@ -348,7 +348,7 @@ def test_a_board_that_stands_still_is_said_to(
     until(lambda: page.evaluate("panel.cards.every((card) => !card.mode.disabled)"))
 
 
-def test_a_stop_that_is_not_sent_is_said_to_be(browser: Any, tmp_path: Any) -> None:
+def test_an_unsent_stop_is_reported(browser: Any, tmp_path: Any) -> None:
     """With the panel's own server gone, STOP looks dead and says so."""
     with (
         board_process({}, env={"XDG_CONFIG_HOME": str(tmp_path)}) as board,

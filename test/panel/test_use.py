@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of, operate
-from cbctl_process import until
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 

@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cbctl_process import until
+from iiwa import JOINTS
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
-JOINTS = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
 #: Whose client the tests ask.
 BOARD = "/pair/lower"
 PARTS = {
-    "upper": {"joints": JOINTS[:4]},
-    "lower": {"joints": JOINTS[4:]},
+    "upper": {"joints": [*JOINTS[:4]]},
+    "lower": {"joints": [*JOINTS[4:]]},
 }
 
 
@@ -35,7 +35,7 @@ def shown(page: Any, joint: str, what: str) -> Any:
     return page.evaluate(f"panel.cards.find((c) => c.joint.name === '{joint}').joint.{what}")
 
 
-def test_parts_are_heard_together(page: Any) -> None:
+def test_parts_are_received_together(page: Any) -> None:
     """One message brings the state of all parts; a tab brings that of its board."""
     until(lambda: page.evaluate("panel.cards.length") == 7)
     until(lambda: page.evaluate("panel.watched") == "/pair/robot")
@@ -76,7 +76,7 @@ def test_a_part_is_driven_and_the_whole_stops(page: Any, client: ControlBoardCli
     until(lambda: client.check_motion_done(joint)[0])
 
 
-def test_torque_held_in_a_part_goes_back(page: Any, client: ControlBoardClient) -> None:
+def test_torque_held_in_a_part_returns(page: Any, client: ControlBoardClient) -> None:
     """To the holding torque, known here from the robot's state only."""
     joint = JOINTS[5]
     page.get_by_label("Control mode of joint_6", exact=True).select_option("torq")
@@ -93,7 +93,7 @@ def test_torque_held_in_a_part_goes_back(page: Any, client: ControlBoardClient) 
     until(lambda: client.get_control_mode(joint)[0].code == "pos")
 
 
-def test_what_the_panel_does_is_no_news_from_elsewhere(page: Any) -> None:
+def test_the_panels_own_requests_are_not_shown_as_others(page: Any) -> None:
     """The robot's board shows the changes that the panel asks of a part."""
     entries = page.locator("#log .entry .from").all_inner_texts()
     assert "another program" not in entries

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from control_board_msgs import msg, srv
-from levers import IIWA, Levers, offer, path_with
-from talk import talking_to, until
+from iiwa import JOINTS
+from levers import Levers, offer, path_with
+from talk import talking_to
+from waiting import until
 
 from control_board_ros.core.terms.measurement import Actuation
 from control_board_ros.plants import Readings, SetPoints, Setup
@@ -60,7 +62,7 @@ def test_it_is_driven_and_read(apart: PlantApart) -> None:
     assert apart.process.pid != os.getpid()
 
 
-def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
+def test_silence_switches_the_power_off(apart: PlantApart, offered: Path) -> None:
     """B5: without requests; later set-points are void until the board knows."""
     driven(apart)
     until(lambda: offered.read_text().splitlines()[-1] == "0 0")
@@ -71,7 +73,7 @@ def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
     driven(apart)
 
 
-def test_a_board_that_is_gone_takes_the_power_off(offered: Path) -> None:
+def test_the_end_of_a_board_switches_the_power_off(offered: Path) -> None:
     plant = PlantApart("levers", ["a", "b"], [f"log={offered}"], silence=NEVER)
     driven(plant)
     plant.close()
@@ -97,15 +99,15 @@ def test_signals_that_end_a_board_do_not_end_it(apart: PlantApart) -> None:
     assert isinstance(apart.exchange(output(0.0, 0.0)), Readings)
 
 
-def test_what_the_plant_raises_is_reported_in_its_words(apart: PlantApart) -> None:
+def test_exceptions_of_the_plant_are_reported_verbatim(apart: PlantApart) -> None:
     with pytest.raises(RuntimeError, match="index out of range") as caught:
         apart.clear_fault(7)
     assert type(caught.value).__name__ == "IndexError"
 
 
-def test_what_cannot_be_had_is_one_line(offered: Path) -> None:
-    for name, told in (("lever", "'lever' unknown; did you mean"), ("levers", "cannot be made")):
-        with pytest.raises(PlantSettingsError, match=told) as caught:
+def test_impossible_configurations_are_one_line(offered: Path) -> None:
+    for name, text in (("lever", "'lever' unknown; did you mean"), ("levers", "cannot be made")):
+        with pytest.raises(PlantSettingsError, match=text) as caught:
             PlantApart(name, ["a"], [], NEVER)
         assert "\n" not in str(caught.value)
 
@@ -131,9 +133,9 @@ def test_a_stopped_board_with_its_plant_has_no_power_once_it_continues(tmp_path:
         "joint_defaults.startup_mode": "idl",
     }
     path = path_with(tmp_path, "levers:make_logged")
-    output = msg.OutputCommand(names=[IIWA[0]], outputs=[20.0])
+    output = msg.OutputCommand(names=[JOINTS[0]], outputs=[20.0])
     with board_process(params, env=path) as board, talking_to(board) as talker:
-        assert talker.set_mode([IIWA[0]], "open").success
+        assert talker.set_mode([JOINTS[0]], "open").success
         talker.until_state(
             lambda: talker.command("command/output", output), lambda state: state.output[0] > 19.0
         )
@@ -145,9 +147,9 @@ def test_a_stopped_board_with_its_plant_has_no_power_once_it_continues(tmp_path:
         finally:
             os.kill(board.process.pid, signal.SIGCONT)
         talker.wait("modes", lambda modes: modes.control_modes[0] == "hwfa")
-        fault = talker.call("get_faults", srv.GetFaults, names=[IIWA[0]]).faults[0]
+        fault = talker.call("get_faults", srv.GetFaults, names=[JOINTS[0]]).faults[0]
         assert "the control loop was silent for" in fault.text
-        until(lambda: talker.set_mode([IIWA[0]], "fidl").success)
+        until(lambda: talker.set_mode([JOINTS[0]], "fidl").success)
         after = log.read_text().splitlines()[before:]
         powered = [line for line in after if line.startswith("1")]
         assert len(powered) <= 1, "an exchange that was under way ends"

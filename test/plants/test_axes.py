@@ -19,7 +19,7 @@ def parsed(**arguments: str) -> Options:
     return Options.parse(JOINTS, given, bus="here", whole={"speed": 1.0}, each={"kt": 0.5})
 
 
-def test_what_is_left_out_has_a_default() -> None:
+def test_omitted_values_have_a_default() -> None:
     found = parsed()
     assert (found.bus, found.own) == ("here", {"speed": 1.0})
     assert [axis.id for axis in found.axes] == [1, 2]
@@ -42,7 +42,7 @@ def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "text"),
     [
         ({"ids": "1"}, "ids=1: 2 are required"),
         ({"ids": "3,3"}, "elbow.id=3: shoulder has it"),
@@ -54,10 +54,10 @@ def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
         ({"wrist__id": "1"}, "wrist.id=1: unknown"),
     ],
 )
-def test_an_invalid_option_is_reported_in_one_line(arguments: dict[str, str], told: str) -> None:
+def test_an_invalid_option_is_reported_in_one_line(arguments: dict[str, str], text: str) -> None:
     with pytest.raises(PlantSettingsError) as caught:
         parsed(**arguments)
-    assert told in str(caught.value)
+    assert text in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

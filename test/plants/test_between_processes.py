@@ -12,7 +12,8 @@ from importlib import import_module
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES
-from levers import IIWA
+from iiwa import JOINTS
+from waiting import GUARD
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.can_line import open_bus
@@ -20,15 +21,13 @@ from control_board_ros.plants.interface import Setup
 from control_board_ros.testing.plant_contract import set_points
 
 can = pytest.importorskip("can")
-#: Timeout of a frame, s.
-GUARD = 30.0
 GROUP = "239.74.163.2"
 DRIVERS = ("moteus", "mit_can", "cia402", "odrive_can")
 
 
 @pytest.fixture
 def address() -> str:
-    """A bus that nobody else is on."""
+    """A bus of its own."""
     port = random.SystemRandom().randrange(20_000, 60_000)
     try:
         can.Bus(interface="udp_multicast", channel=GROUP, port=port).shutdown()
@@ -56,10 +55,12 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
     driver: str, address: str
 ) -> None:
     """S1: every CAN driver, remote frames and CAN FD included."""
-    plant = import_module(f"control_board_ros.plants.{driver}.driver").make(IIWA, {"bus": address})
+    plant = import_module(f"control_board_ros.plants.{driver}.driver").make(
+        JOINTS, {"bus": address}
+    )
     takes = plant.driver.traits.set_points
     kind = SetPoint.POSITION if SetPoint.POSITION in takes else SetPoint.IMPEDANCE
-    n = len(IIWA)
+    n = len(JOINTS)
     rows = {
         "position": np.full(n, 0.2),
         "stiffness": np.full(n, 400.0),
@@ -77,7 +78,7 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
         plant.close()
 
 
-def test_two_buses_of_one_computer_do_not_hear_each_other(address: str) -> None:
+def test_two_buses_of_one_computer_are_separate(address: str) -> None:
     """By their ports: each group of multicast reaches every socket of its port."""
     group, _, port = address.rpartition(":")
     with open_bus(address) as one, open_bus(f"{group}:{int(port) + 1}") as other:

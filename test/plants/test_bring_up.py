@@ -128,9 +128,7 @@ def test_a_drive_that_does_not_follow_is_reported_and_one_that_fails_ends_it(ben
         (-4.0, {"elbow.direction": "1", "elbow.ratio": "1.5"}),
     ],
 )
-def test_what_turned_otherwise_than_the_drive_read_corrects_direction_and_ratio(
-    turned: float, found: dict[str, str]
-) -> None:
+def test_measured_turns_correct_direction_and_ratio(turned: float, found: dict[str, str]) -> None:
     axis = Axis(name="elbow", id=4, direction=-1, ratio=3.0)
     moved = Moved("elbow", JointKind.REVOLUTE, math.radians(2.0), math.radians(2.0))
     assert corrections(axis, moved, math.radians(turned)) == found
@@ -142,7 +140,7 @@ def test_a_joint_that_does_not_move_is_reported() -> None:
         corrections(Axis(name="elbow", id=4), moved, 0.0)
 
 
-def test_corrections_leave_the_rest_of_the_file_alone(tmp_path: Path) -> None:
+def test_corrections_keep_the_rest_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT)
     assert write(path, {"lbr_iiwa_joint_7.direction": "1", "a.ratio": "2"})
@@ -183,18 +181,18 @@ def test_nothing_is_moved_without_a_yes(
 def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT.replace("virtual/moteus", "''"))
-    for words, told in (
+    for words, text in (
         (["try", str(path), "--yes"], "is no driver in the box; known: moteus"),
         (["try", str(tmp_path / "none.yaml")], "none.yaml"),
         (["scan", "moteus", "--bus", "nonsense:1"], "use INTERFACE:CHANNEL"),
     ):
         assert main(words) == 1
         error = capsys.readouterr().err
-        assert told in error
+        assert text in error
         assert error.count("\n") == 1
 
 
-def test_a_scan_prints_what_answers(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scan_prints_answering_drives(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.drives[1].fail(38)
     assert main(["scan", "moteus", "--bus", bench.bus.address]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -213,7 +211,7 @@ def test_a_scan_prints_what_answers(bench: Bench, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.slow
-def test_ctrl_c_takes_the_power_off(tmp_path: Path) -> None:
+def test_ctrl_c_switches_the_power_off(tmp_path: Path) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT)
     command = [sys.executable, "-m", "control_board_ros.plants", "try", str(path), "--yes"]

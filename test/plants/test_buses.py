@@ -91,7 +91,7 @@ def test_all_buses_have_their_own_joints(three) -> None:
     assert found.ages.tolist() == [0.0] * 6
 
 
-def test_what_one_bus_measures_of_motors_is_not_lost(three) -> None:
+def test_motor_readings_of_one_bus_are_kept(three) -> None:
     """Y5: the joints of the others have NaN there."""
     servos, buses = three
     assert buses.exchange(at(*[0.0] * 6)).voltage is None
@@ -132,7 +132,7 @@ def test_faults_belong_to_the_joints_of_their_bus(three) -> None:
     assert (servos[0].cleared, servos[1].cleared, servos[2].cleared) == (-1, -1, 1)
 
 
-def test_what_a_bus_raises_is_raised_and_all_are_let_go(three) -> None:
+def test_exceptions_of_a_bus_propagate_and_release_all_drives(three) -> None:
     """B3, B5."""
     servos, buses = three
     servos[0].trouble = OSError("bus off")

@@ -228,7 +228,7 @@ def test_every_driver_is_tested_documented_and_an_extra() -> None:
         assert f"`{name}`" in install
 
 
-def test_connecting_gives_no_power_and_tells_type_and_firmware(bench: Bench) -> None:
+def test_connecting_gives_no_power_and_reports_type_and_firmware(bench: Bench) -> None:
     """S4, N1."""
     found = bench.follow(OFF, 20)
     assert healthy(found)
@@ -332,7 +332,7 @@ def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -
     assert healthy(bench.follow(bench.accepts[0]))
 
 
-def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> None:
+def test_a_drive_without_frames_stops_by_its_own_watchdog(bench: Bench) -> None:
     """S5: reported when it answers again; only without power can the joint recover."""
     if not watched(bench):
         pytest.skip("it has no watchdog")
@@ -348,7 +348,7 @@ def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> N
     recover(bench)
 
 
-def test_what_a_watchdog_did_before_the_start_is_over_with_it(bench: Bench) -> None:
+def test_a_watchdog_trip_before_the_start_is_cleared(bench: Bench) -> None:
     """S5: a program that was killed is started again; nothing is left to clear."""
     bench.follow(bench.accepts[0], 20)
     bench.pass_time(25 * TIMEOUT)
@@ -384,7 +384,7 @@ def test_a_drive_that_comes_back_with_other_limits_says_so(bench: Bench) -> None
     assert after[1].limits != before[1].limits
 
 
-def test_a_silent_drive_is_named_and_the_other_goes_on(make: Make) -> None:
+def test_a_silent_drive_is_named_and_the_other_continues(make: Make) -> None:
     """B3: its last reading, with its age; then a fault; FORCE_IDLE works when it is back."""
     bench = make(patience=0.02)
     bench.connect()
@@ -443,7 +443,7 @@ def test_a_drive_that_answers_for_another_is_reported(make: Make, request: Any) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["dynamixel", "feetech"])
-def test_a_late_answer_is_none_to_the_next_question(name: str) -> None:
+def test_a_late_answer_does_not_answer_the_next_request(name: str) -> None:
     """Packets of serial drives do not say what they answer: limits would be those of others."""
     driver, options = DRIVERS[name]
     pytest.importorskip(LIBRARIES[driver])
@@ -526,7 +526,7 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
     recover(bench)
 
 
-def test_a_scan_lists_what_answers(make: Make) -> None:
+def test_a_scan_lists_the_drives_that_answer(make: Make) -> None:
     """Type, id, firmware, voltage, faults."""
     bench = make()
     bench.drives[1].fail(bench.drives[1].SOME_FAULT)
@@ -538,7 +538,7 @@ def test_a_scan_lists_what_answers(make: Make) -> None:
     assert found[1].fault is not None
 
 
-def test_letting_go_takes_the_power_where_silence_is_free(bench: Bench) -> None:
+def test_release_removes_power_where_silence_is_free(bench: Bench) -> None:
     """S5, B5."""
     kind = bench.accepts[0]
     bench.follow(kind, 30)
@@ -565,7 +565,7 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "text"),
     [
         ({"model": "rs02"}, "left: no MIT frame sets the watchdog .* canTimeout .* unwatched=1"),
         ({"right.model": "rs99"}, "right.model=rs99: unknown; known: damiao, rs00, .*"),
@@ -573,9 +573,9 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
         ({"ids": "1,16"}, "right.id=16: 1 to 15 is required"),
     ],
 )
-def test_mit_motors_that_cannot_be_are_refused(options: dict[str, str], told: str) -> None:
+def test_mit_motors_that_cannot_be_are_refused(options: dict[str, str], text: str) -> None:
     """S5: what the frames of a make cannot do, the user confirms."""
-    with pytest.raises(PlantSettingsError, match=told):
+    with pytest.raises(PlantSettingsError, match=text):
         Bench("mit_can", options=options)
 
 
@@ -603,12 +603,12 @@ def test_an_odrive_of_another_firmware_needs_its_own_table_of_parameters(tmp_pat
     file.write_text(json.dumps(about))
     version = f.Version(2, "4.4", "0.6.11")
     assert f.endpoints(version, str(file)) == f.KNOWN["0.6.11", "4.4"]
-    for other, given, told in (
+    for other, given, text in (
         (version._replace(firmware="0.6.8"), "", "of firmware 0.6.8 .* endpoints=FILE"),
         (version._replace(firmware="0.6.8"), str(file), "is of firmware 0.6.11 .* has 0.6.8"),
         (version, str(tmp_path), "flat_endpoints.json of the drives' firmware is required"),
     ):
-        with pytest.raises(PlantSettingsError, match=told):
+        with pytest.raises(PlantSettingsError, match=text):
             f.endpoints(other, given)
 
 

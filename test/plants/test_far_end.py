@@ -16,15 +16,16 @@ from pathlib import Path
 
 import pytest
 from control_board_msgs import msg, srv
-from levers import IIWA
-from talk import Talker, talking_to, until
+from iiwa import JOINTS
+from talk import Talker, talking_to
+from waiting import until
 
 from control_board_ros.testing import BoardProcess, board_process
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 SUPPORT = Path(__file__).parents[1] / "support"
-JOINT = IIWA[1]  # it carries the arm: held, it needs torque
+JOINT = JOINTS[1]  # it carries the arm: held, it needs torque
 TIMEOUT = 0.5  # s, plant_timeout
 BURNERS = 6
 

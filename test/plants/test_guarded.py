@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from levers import Levers, OwnClock
-from talk import until
+from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.faults import FaultCode
@@ -92,7 +92,7 @@ def recovers(bench: Bench) -> None:
     driven(bench)
 
 
-def test_a_plant_is_powered_driven_and_let_go(bench: Bench) -> None:
+def test_a_plant_is_powered_driven_and_released(bench: Bench) -> None:
     """B1, M10: power follows the modes; what was applied is known."""
     driven(bench)
     assert bench.plant.on == [True, True]
@@ -133,7 +133,7 @@ def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench:
 
 
 @pytest.mark.parametrize(
-    ("answer", "told"),
+    ("answer", "text"),
     [
         (42, "a reading is int; Readings is required"),
         (Readings(position=np.zeros(3)), r"position has shape (3,); (2,) is required"),
@@ -143,17 +143,17 @@ def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench:
     ],
 )
 def test_a_plant_that_returns_nonsense_is_a_fault_that_says_which(
-    bench: Bench, answer: object, told: str
+    bench: Bench, answer: object, text: str
 ) -> None:
     """B3."""
     bench.plant.answer = answer
     bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2)
-    assert told in bench.text(0)
+    assert text in bench.text(0)
     bench.plant.answer = None
     recovers(bench)
 
 
-def test_a_reading_that_is_no_number_faults_its_joint_alone(bench: Bench) -> None:
+def test_a_non_finite_reading_faults_its_joint_only(bench: Bench) -> None:
     """B3, F1: the other joint continues."""
     driven(bench)
     bench.plant.answer = Readings(
@@ -164,7 +164,7 @@ def test_a_reading_that_is_no_number_faults_its_joint_alone(bench: Bench) -> Non
     assert bench.modes()[1] is M.OPENLOOP
 
 
-def test_motors_are_what_the_plant_measures_of_them(bench: Bench) -> None:
+def test_motor_readings_are_those_of_the_plant(bench: Bench) -> None:
     """Y5: shaft and supply; a velocity that is not read is that of the position; else NaN."""
     driven(bench)
     assert np.isnan(bench.board.get_motors().positions).all()
@@ -275,7 +275,7 @@ def test_a_silent_loop_leaves_no_power_on_a_slow_plant(bench: Bench) -> None:
     until(lambda: bench.plant.on == [False, False])
 
 
-def test_what_a_loop_says_after_its_silence_does_not_count(bench: Bench) -> None:
+def test_actuations_after_a_silence_do_not_count(bench: Bench) -> None:
     """B5: a hook that stalls between reading and writing leaves outputs of long ago."""
     driven(bench)
     before = bench.board.tick(bench.guarded.read())
@@ -403,7 +403,7 @@ def test_a_plant_that_is_not_there_at_start_is_a_fault_and_no_end() -> None:
 
 
 class Telling(Levers):
-    """Its drives tell their limits when they are connected."""
+    """Its drives report their limits when they are connected."""
 
     allowed = iter((None, 1.0, 1.0, 0.5))
 

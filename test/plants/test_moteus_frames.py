@@ -50,8 +50,8 @@ def test_an_answer_is_read_by_the_library() -> None:
             int(Register.Q_CURRENT): 1.5, int(Register.TEMPERATURE): 30.0}  # fmt: skip
     query = bytes(moteus.Controller(id=1).make_query().data)
     reads = virtual_frames.read(query).reads
-    told = parse_reply(virtual_frames.answer(reads, said))
-    assert {int(register) for register in told} == {register for register, _ in reads}
-    assert {register: told[register] for register in told} == {
-        register: pytest.approx(said[int(register)]) for register in told
+    values = parse_reply(virtual_frames.answer(reads, said))
+    assert {int(register) for register in values} == {register for register, _ in reads}
+    assert {register: values[register] for register in values} == {
+        register: pytest.approx(said[int(register)]) for register in values
     }

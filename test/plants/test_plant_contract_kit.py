@@ -156,8 +156,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_breaks_the_contract_is_reported_in_one_line(name: str, quick: None) -> None:
-    make, told = WRONG[name]
+def test_contract_violations_are_reported_in_one_line(name: str, quick: None) -> None:
+    make, text = WRONG[name]
     made: list[Servos] = []
     Locked.taken = False
 
@@ -170,17 +170,17 @@ def test_what_breaks_the_contract_is_reported_in_one_line(name: str, quick: None
 
     (found,) = check(one, [BY_NAME[name]], fail=fail)
     assert (found.check, found.outcome) == (name, Outcome.BROKEN), found
-    assert told in found.text
+    assert text in found.text
     assert "\n" not in found.text
 
 
-def test_what_changes_on_connecting_is_broken(quick: None) -> None:
+def test_a_description_that_changes_on_connecting_breaks_the_contract(quick: None) -> None:
     """S4: the board reads the set-points of a joint before it opens anything."""
     (found,) = check(Growing, [BY_NAME["its limits and rates make sense"]])
     assert found.text.startswith("left: set_points is (<SetPoint.PWM: 1>,) once connected")
 
 
-def test_what_cannot_be_seen_says_what_would_show_it(quick: None) -> None:
+def test_unobservable_checks_name_what_they_need(quick: None) -> None:
     found = {each.check: each for each in check(Servos)}
     assert {each.outcome for each in found.values()} == {Outcome.KEPT, Outcome.UNSEEN}
     assert "give fail=" in found["it names the fault of a drive"].text
@@ -194,7 +194,7 @@ def test_drives_of_one_set_point_keep_it(kind: SetPoint, quick: None) -> None:
     assert not found
 
 
-def test_what_a_plant_has_not_is_reported() -> None:
+def test_missing_capabilities_of_a_plant_are_reported() -> None:
     lines = lacks(Servos().describe())
     assert any("no TORQUE and no COMPLIANT" in line for line in lines)
     assert all(line.startswith("left, right: no ") for line in lines)

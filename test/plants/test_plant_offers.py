@@ -7,7 +7,8 @@ import math
 from pathlib import Path
 
 import pytest
-from levers import IIWA, Levers, offer
+from iiwa import JOINTS
+from levers import Levers, offer
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -42,7 +43,7 @@ def test_a_plant_is_made_of_its_name_joints_and_arguments(levers: None) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "arguments", "told"),
+    ("name", "arguments", "text"),
     [
         ("lever", [], r"'lever' unknown; did you mean 'levers'\?; known: .*levers"),
         ("levers", ["speed"], r"plant_arguments: 'speed' is not allowed; use name=value"),
@@ -50,10 +51,10 @@ def test_a_plant_is_made_of_its_name_joints_and_arguments(levers: None) -> None:
         ("levers", ["colour=red"], r"cannot be made \(ValueError: arguments \['colour'\] are"),
     ],
 )
-def test_what_cannot_be_had_is_one_line(
-    levers: None, name: str, arguments: list[str], told: str
+def test_impossible_configurations_are_one_line(
+    levers: None, name: str, arguments: list[str], text: str
 ) -> None:
-    with pytest.raises(PlantSettingsError, match=told) as caught:
+    with pytest.raises(PlantSettingsError, match=text) as caught:
         make(name, ["a"], arguments)
     assert "\n" not in str(caught.value)
 
@@ -69,8 +70,8 @@ def test_a_module_that_cannot_be_imported_is_one_line(
 
 def test_the_board_offers_no_more_than_the_plant_has() -> None:
     """B2, M5, I7: what is missing faults as with any joint that lacks it."""
-    poor = JointDescription(name=IIWA[0], control_modes=(M.POSITION, M.IDLE), torque_sensor=True)
-    blind = [JointDescription(name=name) for name in IIWA[1:]]
+    poor = JointDescription(name=JOINTS[0], control_modes=(M.POSITION, M.IDLE), torque_sensor=True)
+    blind = [JointDescription(name=name) for name in JOINTS[1:]]
     settings = cut(poor, *blind)
     first, second = settings.board.joints[:2]
     assert set(first.control_modes) == {M.POSITION, M.IDLE}
@@ -78,53 +79,57 @@ def test_the_board_offers_no_more_than_the_plant_has() -> None:
     assert not second.torque_sensor
     assert M.TORQUE not in second.control_modes
     assert [mode.code for mode in second.interaction_modes] == ["stif"]
-    assert settings.values[f"{IIWA[0]}.control_modes"] == ["pos", "idl"]
-    assert settings.values[f"{IIWA[1]}.torque_sensor"] is False
+    assert settings.values[f"{JOINTS[0]}.control_modes"] == ["pos", "idl"]
+    assert settings.values[f"{JOINTS[1]}.torque_sensor"] is False
     assert first.max_travel_error == math.inf  # no current sensor: nothing to check it against
-    changed = settings.changed({f"{IIWA[1]}.position_pid.kp": 50.0})  # what is cut stays cut
+    changed = settings.changed({f"{JOINTS[1]}.position_pid.kp": 50.0})  # what is cut stays cut
     assert not changed.board.joints[1].torque_sensor
     board = Board(settings.board)
     board.configure()
-    reply = board.set_control_mode(IIWA[1], "torq")
+    reply = board.set_control_mode(JOINTS[1], "torq")
     assert not reply
 
 
 def test_a_sensor_behind_a_bus_may_be_as_silent_as_the_plant() -> None:
     """B3: unless the user gave a limit; in the values, too."""
-    given = {f"{IIWA[1]}.timeouts.encoder": 0.03, "plant_timeout": 0.2}
+    given = {f"{JOINTS[1]}.timeouts.encoder": 0.03, "plant_timeout": 0.2}
     made = drives(load("iiwa", given))
     timeouts = [joint.timeouts for joint in made.board.joints[:2]]
     assert [(one.encoder, one.torque_sensor) for one in timeouts] == [(0.2, 0.2), (0.03, 0.2)]
-    assert made.values[f"{IIWA[0]}.timeouts.encoder"] == 0.2
-    assert made.values[f"{IIWA[1]}.timeouts.encoder"] == 0.03
+    assert made.values[f"{JOINTS[0]}.timeouts.encoder"] == 0.2
+    assert made.values[f"{JOINTS[1]}.timeouts.encoder"] == 0.03
     assert drives(load("iiwa", {"joint_defaults.timeouts.encoder": 0.01})).board.joints[
         0
     ].timeouts.encoder == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize(
-    ("joints", "rest", "told"),
+    ("joints", "rest", "text"),
     [
-        (IIWA[1:], {}, "joints: 'lbr_iiwa_joint_1' is not allowed; plant 'levers' has lbr"),
-        (IIWA, {"rate": 500.0}, "control_rate: 1000 is not allowed; .* accepts 500 Hz at most"),
+        (JOINTS[1:], {}, "joints: 'lbr_iiwa_joint_1' is not allowed; plant 'levers' has lbr"),
+        (
+            JOINTS,
+            {"rate": 500.0},
+            "control_rate: 1000 is not allowed; .* accepts 500 Hz at most",
+        ),
     ],
 )
 def test_a_plant_that_does_not_fit_is_one_line(
-    joints: tuple[str, ...], rest: dict[str, float], told: str
+    joints: tuple[str, ...], rest: dict[str, float], text: str
 ) -> None:
-    with pytest.raises(PlantSettingsError, match=told):
+    with pytest.raises(PlantSettingsError, match=text):
         cut(*(JointDescription(name=name) for name in joints), **rest)
 
 
 def test_a_joint_must_have_the_mode_that_it_starts_in() -> None:
-    lacking = [JointDescription(name=name, control_modes=(M.OPENLOOP,)) for name in IIWA]
+    lacking = [JointDescription(name=name, control_modes=(M.OPENLOOP,)) for name in JOINTS]
     with pytest.raises(PlantSettingsError, match=r"lacks what is configured: .*startup_mode"):
         cut(*lacking)
 
 
 def test_a_plant_has_real_time() -> None:
     faster = load("iiwa", {"real_time_factor": 0.0})
-    description = Description(joints=tuple(JointDescription(name=name) for name in IIWA))
+    description = Description(joints=tuple(JointDescription(name=name) for name in JOINTS))
     with pytest.raises(PlantSettingsError, match="real_time_factor: 0 is not allowed"):
         within(faster, "levers", description)
 
@@ -134,7 +139,7 @@ def test_a_plant_has_real_time() -> None:
 
 def drives(settings: Settings | None = None, **rest) -> Settings:
     """The iiwa on such drives."""
-    joints = tuple(JointDescription(name=name, **rest) for name in IIWA)
+    joints = tuple(JointDescription(name=name, **rest) for name in JOINTS)
     return within(settings or load("iiwa"), "levers", Description(joints=joints))
 
 
@@ -148,7 +153,7 @@ def test_a_board_has_the_modes_that_the_drives_reach() -> None:
     assert M.TORQUE in made.board.joints[0].control_modes
     made = drives(set_points=(SetPoint.POSITION, SetPoint.CURRENT), torque_estimate=True)
     assert M.TORQUE not in made.board.joints[0].control_modes
-    assert made.values[f"{IIWA[0]}.drive"] == ["position", "current"]
+    assert made.values[f"{JOINTS[0]}.drive"] == ["position", "current"]
 
 
 def test_a_user_narrows_what_is_used() -> None:
@@ -168,16 +173,16 @@ def test_limits_of_board_and_drive_are_compared() -> None:
     limits = made.board.joints[0].limits
     assert limits.velocity == pytest.approx(0.5 * before.velocity)
     assert limits.torque == before.torque
-    told = [note for note in made.notes if note.startswith(f"{IIWA[0]}: its drive allows")]
-    assert len(told) == 1
-    assert "velocity" in told[0]
-    assert "less than" in told[0]
-    assert "torque" in told[0]
-    assert "more than" in told[0]
+    notes = [note for note in made.notes if note.startswith(f"{JOINTS[0]}: its drive allows")]
+    assert len(notes) == 1
+    assert "velocity" in notes[0]
+    assert "less than" in notes[0]
+    assert "torque" in notes[0]
+    assert "more than" in notes[0]
     assert drives().notes == load("iiwa").notes
 
 
-def test_what_a_motor_does_in_silence_is_what_its_drive_can() -> None:
+def test_behaviour_in_silence_is_one_the_drive_supports() -> None:
     """S5."""
     asked = load("iiwa", {"joint_defaults.on_silence": "braked"})
     made = drives(asked, on_silence=(OnSilence.FREE, OnSilence.BRAKED))

@@ -14,11 +14,13 @@ from typing import Any
 import pytest
 from cbctl_process import Cbctl
 from control_board_msgs import msg, srv
-from levers import IIWA, path_with
+from iiwa import JOINTS
+from levers import path_with
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
-from talk import Talker, patient, talking_to, until
+from talk import Talker, patient, talking_to
+from waiting import until
 
 from control_board_ros.testing import (
     BoardProcess,
@@ -37,7 +39,11 @@ PLANT = {
     "allow_fault_injection": True,
     "joint_defaults.startup_mode": "idl",
 }
-PARTS = {"robot_name": "pair", "parts.upper": [*IIWA[:4]], "parts.lower": [*IIWA[4:]]}
+PARTS = {
+    "robot_name": "pair",
+    "parts.upper": [*JOINTS[:4]],
+    "parts.lower": [*JOINTS[4:]],
+}
 
 
 @pytest.fixture(scope="module", params=["board", "robot", "part"])
@@ -64,15 +70,15 @@ def talker(board: BoardProcess) -> Iterator[Talker]:
 
 def still_moves(talker: Talker) -> None:
     """Nothing has changed: the loop runs, and a joint that is driven moves."""
-    assert talker.set_mode([IIWA[0]], "open").success
+    assert talker.set_mode([JOINTS[0]], "open").success
     start = talker.state().position[0]
     talker.until_state(
         lambda: talker.command(
-            "command/output", msg.OutputCommand(names=[IIWA[0]], outputs=[20.0])
+            "command/output", msg.OutputCommand(names=[JOINTS[0]], outputs=[20.0])
         ),
         lambda state: state.position[0] > start + 0.02,
     )
-    assert talker.set_mode([IIWA[0]], "idl").success
+    assert talker.set_mode([JOINTS[0]], "idl").success
 
 
 REQUESTS: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -97,7 +103,7 @@ def test_a_service_is_refused_and_changes_nothing(talker: Talker, name: str) -> 
 
 def test_the_board_offers_no_more_than_the_plant_has(talker: Talker) -> None:
     """B2, M5: levers have no torque sensor."""
-    refused = talker.set_mode([IIWA[1]], "torq")
+    refused = talker.set_mode([JOINTS[1]], "torq")
     assert not refused.success
     assert "torq" in refused.message
 
@@ -106,14 +112,14 @@ def test_a_pause_that_is_taken_back_is_refused_too(talker: Talker) -> None:
     assert REASON in talker.call("pause", SetBool, data=False).message
 
 
-def test_an_external_torque_is_ignored_and_told(talker: Talker, board: BoardProcess) -> None:
+def test_an_external_torque_is_ignored_and_reported(talker: Talker, board: BoardProcess) -> None:
     """B4: with the reason in the log."""
 
-    def told() -> bool:
-        talker.command("external_torque", msg.TorqueCommand(names=[IIWA[0]], torques=[1.0]))
+    def reported() -> bool:
+        talker.command("external_torque", msg.TorqueCommand(names=[JOINTS[0]], torques=[1.0]))
         return f"external_torque ignored: this board {REASON}" in board.output
 
-    until(told)
+    until(reported)
     still_moves(talker)
 
 

@@ -34,10 +34,10 @@ def settings(needed: dict[str, float | str]) -> Settings:
 def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None:
     """S1, B2: read at home, then moved; the board offers what the drives take."""
     pytest.importorskip(LIBRARIES[driver])
-    told = settings(NEEDED.get(driver, {}))
-    plant = make_virtual(f"virtual/{driver}", told, [])
+    chosen = settings(NEEDED.get(driver, {}))
+    plant = make_virtual(f"virtual/{driver}", chosen, [])
     try:
-        offered = within(told, f"virtual/{driver}", plant.describe())
+        offered = within(chosen, f"virtual/{driver}", plant.describe())
         n = len(offered.board.joints)
         kind = offered.board.joints[0].drive[0]
         plant.connect(Setup(period=0.5, timeout=5.0, joints=offered.board.joints))
@@ -54,13 +54,13 @@ def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None
         plant.close()
 
 
-def test_drives_that_only_hold_on_want_a_board_that_says_so() -> None:
+def test_drives_that_only_hold_require_a_board_configured_for_it() -> None:
     """S5."""
     pytest.importorskip("scservo_sdk")
-    told = settings({})
-    plant = make_virtual("virtual/feetech", told, [])
+    chosen = settings({})
+    plant = make_virtual("virtual/feetech", chosen, [])
     try:
         with pytest.raises(PlantSettingsError, match=r"on_silence: .* one of braked"):
-            within(told, "virtual/feetech", plant.describe())
+            within(chosen, "virtual/feetech", plant.describe())
     finally:
         plant.close()

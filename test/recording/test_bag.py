@@ -115,7 +115,7 @@ def test_the_metadata_are_those_of_rosbag2_in_jazzy(tmp_path: Path) -> None:
     assert [entry["message_count"] for entry in topics] == [1, 3]
 
 
-def test_every_file_begins_with_what_is_latched(tmp_path: Path) -> None:
+def test_every_file_begins_with_latched_messages(tmp_path: Path) -> None:
     """Split by time: each file can be read alone, with the modes in force as it begins."""
     bag = Bag(tmp_path / "bag", split_time=2.0)
     bag.begin({topic(MODES): modes("pos")})
@@ -155,7 +155,7 @@ def test_a_full_disk_ends_it_cleanly(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_a_disk_that_refuses_keeps_the_files_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where writing itself fails, the finished files stand, and the error names the other."""
+    """Where writing itself fails, the finished files remain, and the error names the other."""
     bag = Bag(tmp_path / "bag", split_time=2.0)
     write_states(bag, 3)
 
@@ -168,7 +168,7 @@ def test_a_disk_that_refuses_keeps_the_files_before(
     assert len(contents(tmp_path / "bag")) == 2
 
 
-def test_a_folder_that_exists_is_left_alone(tmp_path: Path) -> None:
+def test_an_existing_folder_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="exists already"):
         Bag(tmp_path)
 
@@ -217,7 +217,7 @@ def black_box(folder: Path) -> BlackBox:
     return BlackBox(folder, 3.0, 2.0, lambda path, _: Bag(path))
 
 
-def test_the_black_box_writes_what_led_to_a_fault(tmp_path: Path) -> None:
+def test_the_black_box_writes_the_time_before_a_fault(tmp_path: Path) -> None:
     """From seconds before it until seconds after, once, with the modes in force at its start."""
     box = black_box(tmp_path)
     box.begin({topic(FAULTS): fault("old"), topic(MODES): modes("pos")})

@@ -63,7 +63,7 @@ def test_a_coarse_grid_costs_little(control: Any) -> None:
     assert figures[1].settling == pytest.approx(figures[0].settling, abs=1e-3)
 
 
-def test_what_never_arrives_has_no_figures() -> None:
+def test_moves_that_never_arrive_have_no_figures() -> None:
     time = np.linspace(0.0, 1.0, 101)
     found = step_figures(time, 0.5 * time, 0.0, 1.0)
     assert np.isnan([found.rise, found.settling]).all()

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cbctl_process import Cbctl, interrupted, until
+from cbctl_process import Cbctl, interrupted
+from waiting import until
 
 from control_board_ros.recording.page import page
 from control_board_ros.recording.reading import read
@@ -153,7 +154,7 @@ def test_a_sweep_is_measured(cbctl: Cbctl) -> None:
     assert np.all(coherence > 0.9)
 
 
-def test_what_is_not_measured(cbctl: Cbctl) -> None:
+def test_unmeasured_figures(cbctl: Cbctl) -> None:
     """Nothing moves that would leave its limits, does not hold, or has no size."""
     assert "outside its limits, -118.0° to 118.0°" in cbctl("step", "1", "--size", "200deg").err
     assert "give its size, e.g. cbctl step joint_1 --size 5deg" in cbctl("step", "joint_1").err

@@ -16,7 +16,8 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
-from talk import state_of, until
+from talk import state_of
+from waiting import until
 
 from control_board_ros.cli.board.experiments import await_states
 from control_board_ros.cli.line.words import Refused

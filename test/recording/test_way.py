@@ -30,7 +30,7 @@ def swing(size: float) -> np.ndarray:
     return size * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
-def test_the_way_is_what_was_guided_without_the_rest_around_it() -> None:
+def test_the_path_is_the_guided_motion_without_pauses() -> None:
     """G2: same places, same speeds, at rest at both ends."""
     way = way_of(recorded(swing(1.0)), ["a"], [WIDE], 1.0)
     assert way.stretched == 1.0
@@ -40,7 +40,7 @@ def test_the_way_is_what_was_guided_without_the_rest_around_it() -> None:
     assert way.velocities.max() == pytest.approx(1.875 / 2.0, rel=0.03)
 
 
-def test_half_the_speed_takes_twice_as_long() -> None:
+def test_half_the_speed_lasts_twice_as_long() -> None:
     whole = way_of(recorded(swing(1.0)), ["a"], [WIDE], 1.0)
     slow = way_of(recorded(swing(1.0)), ["a"], [WIDE], 0.5)
     assert slow.duration == pytest.approx(2.0 * whole.duration)
@@ -59,7 +59,7 @@ def test_limits_make_it_slower(speed: float, acceleration: float) -> None:
     assert way.positions.max() == 0.8
 
 
-def test_what_does_not_move_is_no_way() -> None:
+def test_recordings_without_motion_have_no_path() -> None:
     with pytest.raises(RecordingError, match="no joint moves"):
         way_of(recorded(swing(0.0)), ["a"], [WIDE], 1.0)
     with pytest.raises(RecordingError, match="b: not in the recording"):

@@ -6,15 +6,16 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Iterator
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import pytest
 from control_board_msgs import action, msg, srv
+from marks import needs_icub
 from rclpy.context import Context
 from std_srvs.srv import Trigger
-from talk import Talker, talking_to, until
+from talk import Talker, talking_to
+from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.node.process.boards import Boards
@@ -27,7 +28,7 @@ pytestmark = [
     pytest.mark.ros,
     pytest.mark.physics,
     pytest.mark.slow,
-    pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub"),
+    needs_icub,
 ]
 #: Messages on their way at most, half of what the subscription keeps.
 QUEUE = 5
@@ -35,7 +36,7 @@ QUEUE = 5
 
 @pytest.fixture(scope="module")
 def board() -> Iterator[BoardProcess]:
-    """The iCub, torso first; configured when somebody listens, and watches its left arm."""
+    """The iCub, torso first; configured once there is a subscriber, and watches its left arm."""
     params = {
         "robot": "icub",
         "startup_levels": ["torso", "head,left_arm,right_arm"],

@@ -132,7 +132,7 @@ def test_a_part_is_a_board_of_its_own(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_stages_lead_all_parts_as_they_would_each(seed: int) -> None:
+def test_stages_of_a_robot_equal_those_of_its_parts(seed: int) -> None:
     """Of a managed board: any order of stages and power cycles, with requests in between."""
     dice = random.Random(seed)
     both = Beside()
@@ -189,7 +189,7 @@ def inside(board: Board, j: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_power_cycle_makes_a_part_as_new(seed: int) -> None:
+def test_a_power_cycle_restarts_a_part(seed: int) -> None:
     """N1: nothing of what was asked of it, or happened to it, is left in any of its joints."""
     dice = random.Random(seed)
     rig = RobotRig(parts(), home=[0.3, 0.0, 0.1, -0.3, 0.0, 0.2, 0.0, 0.1])

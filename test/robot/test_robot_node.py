@@ -12,14 +12,16 @@ from cbctl_process import Cbctl
 from control_board_msgs import action, msg, srv
 from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
+from qos import LATCHED
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from robots import LOWER, UPPER
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, stamp_of, until
+from talk import Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import until
 
 from control_board_ros.interface import ACTIONS, COMMAND_TOPICS, SERVICES
 from control_board_ros.settings.loading import load
@@ -45,8 +47,8 @@ def test_every_node_has_its_names(talkers: Talkers) -> None:
         for e in ACTIONS
         for n in ("robot", "upper", "lower")
     }
-    heard = {e.of(f"/pair/{n}") for e in COMMAND_TOPICS for n in ("robot", "upper", "lower")}
-    until(lambda: wanted <= offered()[0] and heard <= offered()[1])
+    subscribed = {e.of(f"/pair/{n}") for e in COMMAND_TOPICS for n in ("robot", "upper", "lower")}
+    until(lambda: wanted <= offered()[0] and subscribed <= offered()[1])
     assert node.count_publishers("/pair/robot_description") == 1
     assert node.count_publishers("/pair/upper/robot_description") == 0
 
@@ -55,8 +57,8 @@ def test_readings_of_the_robot_and_of_each_part(talkers: Talkers) -> None:
     """Merged in the order of the parts; a part's below its own name; the URDF once."""
     robot = talkers["robot"]
     for key, topic in (("all", "/pair/joint_states"), ("own", "/pair/lower/joint_states")):
-        robot.hear(key, JointState, topic)
-    robot.hear("urdf", String, "/pair/robot_description", LATCHED)
+        robot.subscribe(key, JointState, topic)
+    robot.subscribe("urdf", String, "/pair/robot_description", LATCHED)
     assert list(robot.wait("all", lambda _: True).name) == NAMES
     assert list(robot.wait("own", lambda _: True).name) == LOWER
     assert "lbr_iiwa_joint_1" in robot.wait("urdf", lambda _: True).data
@@ -65,9 +67,9 @@ def test_readings_of_the_robot_and_of_each_part(talkers: Talkers) -> None:
 
 
 def test_diagnostics_once_for_the_robot(talkers: Talkers) -> None:
-    """One status for the loop, one per part, which tells of the worst joint."""
+    """One status for the loop, one per part, which reports the worst joint."""
     robot = talkers["robot"]
-    robot.hear("diagnostics", DiagnosticArray, "/diagnostics")
+    robot.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
     found = robot.wait("diagnostics", lambda d: d.status[1].message == "3 POSITION")
     assert [s.name for s in found.status] == ["pair: loop", "pair: upper", "pair: lower"]
     talkers["upper"].call("inject_fault", srv.InjectFault, names=UPPER[:1], fault="overheating")
@@ -124,11 +126,11 @@ def test_a_trajectory_over_parts(talkers: Talkers) -> None:
     robot.set_mode([], "posd")
     point = JointTrajectoryPoint(positions=[0.4, -0.3], time_from_start=Duration(sec=1))
     path = JointTrajectory(joint_names=names, points=[point])
-    heard: list[Any] = []
-    goal = robot.goal("follow_joint_trajectory", FollowJointTrajectory, heard, trajectory=path)
+    feedback: list[Any] = []
+    goal = robot.goal("follow_joint_trajectory", FollowJointTrajectory, feedback, trajectory=path)
     result = robot.result(goal).result
     assert (result.error_code, result.error_string) == (0, "goal reached")
-    assert list(heard[0].joint_names) == NAMES
+    assert list(feedback[0].joint_names) == NAMES
     state = robot.state()
     found = dict(zip(state.names, state.position, strict=True))
     assert [found[name] for name in names] == pytest.approx([0.4, -0.3], abs=0.01)
@@ -144,7 +146,7 @@ def test_a_trajectory_over_parts(talkers: Talkers) -> None:
     assert LOWER[0] in refused.error_string
 
 
-def test_a_stop_of_the_robot_ends_what_a_part_follows(talkers: Talkers) -> None:
+def test_a_stop_of_the_robot_ends_trajectories_of_parts(talkers: Talkers) -> None:
     """T1, P3: also where that is no trajectory of the robot's own."""
     robot, upper = talkers["robot"], talkers["upper"]
     upper.set_mode([], "posd")

@@ -37,7 +37,7 @@ def rig(**changes: Any) -> RobotRig:
 
 
 def phases(robot: RobotRig) -> list[str]:
-    """How the calibrations stand, the phases of all joints."""
+    """Status of the calibrations: the phases of all joints."""
     return [status.phase for status in robot.robot.get_calibration()]
 
 
@@ -97,7 +97,7 @@ def test_a_part_that_fails_stops_those_that_follow() -> None:
     assert "not started: head;" in event.text
 
 
-def test_it_goes_on_when_the_cause_is_gone() -> None:
+def test_start_up_continues_when_the_cause_is_gone() -> None:
     """R4, N2: configure of the robot goes on where the start-up stopped."""
     robot = rig()
     robot.until("torso", "cal")
@@ -178,7 +178,7 @@ def test_a_managed_robot_starts_level_after_level_when_it_is_activated() -> None
     assert robot.robot.snapshot().calibrated.all()
 
 
-def test_a_managed_robot_goes_on_where_its_start_stopped() -> None:
+def test_a_managed_robot_resumes_its_start_up() -> None:
     """R4: by configure of the robot, or activated again."""
     robot = rig()
     for stage in Stage:
@@ -218,8 +218,8 @@ def test_a_level_is_done_when_all_its_parts_are() -> None:
     robot.until("head", "idl")
 
 
-def test_a_part_that_fails_in_the_last_level_stops_nobody() -> None:
-    """R4: nobody waits for it, so the log says no more than its fault."""
+def test_a_part_that_fails_in_the_last_level_delays_no_part() -> None:
+    """R4: no part waits for it, so the log has its fault only."""
     robot = rig()
     robot.until("right", "pos")
     robot.robot.take_events()
@@ -229,7 +229,7 @@ def test_a_part_that_fails_in_the_last_level_stops_nobody() -> None:
     assert not [event for event in robot.robot.take_events() if event.key == "start-up"]
 
 
-def test_what_stops_a_start_up_is_told_once() -> None:
+def test_the_cause_of_a_stopped_start_up_is_reported_once() -> None:
     """R4: in the very first cycles, too."""
     robot = rig()
     robot.plant.inject("yaw", "overcurrent")

@@ -54,7 +54,7 @@ def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "wishes", "code", "told"),
+    ("joints", "wishes", "code", "text"),
     [
         (["l_elbow", "nose"], {}, Code.INVALID_JOINTS, "nose"),
         (["l_elbow", "l_elbow"], {}, Code.INVALID_JOINTS, "twice"),
@@ -67,17 +67,17 @@ def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
         (["l_elbow", "r_elbow", "thumb"], {}, Code.INVALID_GOAL, "3"),
     ],
 )
-def test_what_is_wrong_starts_nothing(
-    rig: Following, joints: list[str], wishes: dict[str, Any], code: Code, told: str
+def test_wrong_goals_start_nothing(
+    rig: Following, joints: list[str], wishes: dict[str, Any], code: Code, text: str
 ) -> None:
     """R3, M7: the whole goal is refused; nothing moves in any part."""
-    with pytest.raises(GoalError, match=told) as refused:
+    with pytest.raises(GoalError, match=text) as refused:
         rig.send(points([0.1, 0.2]), joints, **wishes)
     assert refused.value.code is code
     assert not rig.follower.busy
 
 
-def test_a_part_that_takes_whole_goals_only(rig: Following) -> None:
+def test_a_part_that_accepts_whole_goals_only(rig: Following) -> None:
     """Its joints are named together or not at all; parts that are not named do not matter."""
     left = rig.board.parts["left"]
     left.reconfigure(replace(left.config, allow_partial_joints_goal=False))
@@ -87,7 +87,7 @@ def test_a_part_that_takes_whole_goals_only(rig: Following) -> None:
     rig.send(points([0.1, 0.2, 0.3]), ARMS)
 
 
-def test_a_part_that_takes_whole_trajectories_only(rig: Following) -> None:
+def test_a_part_that_accepts_whole_trajectories_only(rig: Following) -> None:
     """T1: of a trajectory on the topic, too: refused whole, and counted."""
     left = rig.board.parts["left"]
     left.reconfigure(replace(left.config, allow_partial_joints_goal=False))
@@ -118,7 +118,7 @@ def test_where_a_part_fails_the_others_stop(rig: Following) -> None:
     np.testing.assert_allclose(rig.board.get_encoder(ARMS[1:]), still, atol=1e-3)
 
 
-def test_a_parts_own_goal_takes_its_joints(rig: Following) -> None:
+def test_a_goal_of_a_part_preempts_its_joints(rig: Following) -> None:
     """T1: the newest goal of a joint wins; the robot's ends whole, with the reason."""
     whole = rig.send(points([1.0, 1.0, 1.0]), ARMS)
     rig.cycle(20)

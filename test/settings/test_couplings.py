@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from marks import needs_icub
 from parameter_files import refusal, written
 
 from control_board_ros.description.robots import SHIPPED
@@ -172,7 +172,7 @@ def test_axes_of_one_coupling_are_on_one_board(tmp_path: Path) -> None:
     assert "all axes of the coupling index, or none; b is missing" in refused
 
 
-@pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
+@needs_icub
 def test_the_whole_icub_with_hands() -> None:
     """Y3: 53 axes, 75 physical joints, and the three motors of each shoulder."""
     made = load("icub_hands")
@@ -195,7 +195,7 @@ def test_the_whole_icub_with_hands() -> None:
     assert "couplings.r_pinky.axes" not in arm.values
 
 
-@pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
+@needs_icub
 def test_the_mk3_hand_has_the_ranges_of_its_joints() -> None:
     """Y3: 7 axes and 11 joints; a finger's axis goes as far as both of its joints together."""
     made = load("icub_hand_mk3")

@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
+from marks import needs_icub
 from parameter_files import refusal, written
 
 from control_board_ros.settings.loading import load
@@ -120,7 +120,7 @@ def test_names_for_nodes() -> None:
     ]
 
 
-@pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
+@needs_icub
 def test_the_icub() -> None:
     """Six parts, 32 joints; the parts as on the robot."""
     made = load("icub")

@@ -7,6 +7,7 @@ import fcntl
 from pathlib import Path
 
 import pytest
+from iiwa import JOINTS
 
 from control_board_ros.core.goals.pose import HOME, PARK, Pose
 from control_board_ros.core.selection import RequestError
@@ -14,7 +15,6 @@ from control_board_ros.settings.loading import load
 from control_board_ros.settings.params_file import SettingsError
 from control_board_ros.settings.poses import MOST, UserPoses, pose_file
 
-J = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
 ROBOTS = ("iiwa", "panda", "panda_pair", "iiwa_gripper", "icub_left_arm", "icub_right_arm", "icub")
 ARM = str(Path(__file__).parents[1] / "support" / "arm.urdf")
 
@@ -46,27 +46,27 @@ def test_a_foreign_robot_has_both_of_its_homes() -> None:
 
 def test_poses_of_files() -> None:
     """A later layer adds poses and changes single joints; parameters show what is in force."""
-    settings = load("iiwa", {f"poses.wave.{J[3]}": -1, f"poses.park.{J[0]}": 0.5})
+    settings = load("iiwa", {f"poses.wave.{JOINTS[3]}": -1, f"poses.park.{JOINTS[0]}": 0.5})
     assert list(settings.poses) == [HOME, PARK, "wave"]
-    assert settings.poses["wave"] == Pose("wave", (J[3],), (-1.0,))
+    assert settings.poses["wave"] == Pose("wave", (JOINTS[3],), (-1.0,))
     assert settings.poses[PARK].positions == (0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert settings.values[f"poses.wave.{J[3]}"] == -1.0
+    assert settings.values[f"poses.wave.{JOINTS[3]}"] == -1.0
     assert settings.values["poses.park.speed"] == 0.35
 
 
 def test_a_board_of_some_joints_has_the_poses_of_these() -> None:
     """Positions of joints that the board does not have are ignored."""
-    settings = load("iiwa", {"joints": J[2:4], f"poses.other.{J[0]}": 0.1})
-    assert settings.poses[PARK].joints == (J[2], J[3])
+    settings = load("iiwa", {"joints": [*JOINTS[2:4]], f"poses.other.{JOINTS[0]}": 0.1})
+    assert settings.poses[PARK].joints == (JOINTS[2], JOINTS[3])
     assert list(settings.poses) == [HOME, PARK]
 
 
 def test_a_pose_beyond_the_limits_is_cut_with_a_warning() -> None:
     """Limits may be narrower than where the pose was made for: the board starts."""
-    settings = load("iiwa", {f"{J[1]}.limits.lower": 0.2})
+    settings = load("iiwa", {f"{JOINTS[1]}.limits.lower": 0.2})
     assert settings.poses[PARK].positions[1] == 0.2
     (warning,) = settings.warnings
-    assert f"poses.park.{J[1]}: 0 is outside the limits of the joint; 0.2 is used" in warning
+    assert f"poses.park.{JOINTS[1]}: 0 is outside the limits of the joint; 0.2 is used" in warning
 
 
 @pytest.mark.parametrize(
@@ -74,13 +74,13 @@ def test_a_pose_beyond_the_limits_is_cut_with_a_warning() -> None:
     [
         ("poses.park.elbow", 0.0, r"no such parameter"),
         ("poses.park.lbr_iiwa_joint_9", 0.0, r"did you mean 'poses\.park\.lbr_iiwa_joint_\d'"),
-        (f"poses.park.{J[0]}", "up", "use a number"),
+        (f"poses.park.{JOINTS[0]}", "up", "use a number"),
         ("poses.park.speed", -1.0, "use a number of at least 0"),
         ("poses.a-b.speed", 1.0, "no such parameter"),
         ("poses.wave.speed", 1.0, r"poses\.wave: names no joint; add poses\.wave\.<joint>"),
     ],
 )
-def test_what_is_wrong_ends_the_start_with_one_line(name: str, value: object, text: str) -> None:
+def test_wrong_poses_end_the_start_with_one_line(name: str, value: object, text: str) -> None:
     with pytest.raises(SettingsError, match=text) as caught:
         load("iiwa", {name: value})
     assert "\n" not in str(caught.value)
@@ -166,7 +166,7 @@ def test_a_file_that_cannot_be_written_is_reported(user: UserPoses) -> None:
         user.save(Pose("p", ("a",), (0.0,)))
 
 
-def test_so_many_poses_are_enough(user: UserPoses) -> None:
+def test_the_number_of_poses_is_limited(user: UserPoses) -> None:
     """A flood of requests makes no file that cannot be read again."""
     text = "".join(f"p{k}: {{positions: {{a: 0.0}}}}\n" for k in range(MOST))
     user.path.parent.mkdir(parents=True)

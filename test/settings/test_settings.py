@@ -12,6 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from iiwa import JOINTS
+from marks import needs_icub
 from parameter_files import refusal, written
 
 from control_board_ros.core.config.parts import DEGREE
@@ -24,7 +26,6 @@ from control_board_ros.settings.params_file import Entry, convert
 
 J2 = "lbr_iiwa_joint_2"
 ARM = Path(__file__).parents[1] / "support" / "arm.urdf"
-needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def iiwa() -> Settings:
 
 def test_the_default_is_the_iiwa(iiwa: Settings) -> None:
     assert iiwa.values["robot"] == "iiwa"
-    assert iiwa.board.names == tuple(f"lbr_iiwa_joint_{i}" for i in range(1, 8))
+    assert iiwa.board.names == JOINTS
     assert iiwa.simulation.names == iiwa.board.names
     assert iiwa.values["state_rate"] == 100.0
     assert iiwa.board.joints[0].startup_mode is ControlMode.POSITION
@@ -376,8 +377,8 @@ def test_broken_files_are_refused(data: bytes, words: str, tmp_path: Path) -> No
 )
 def test_bottomless_brackets_are_refused(bracket: str, words: str, tmp_path: Path) -> None:
     """By the parser where it counts them (PyYAML 6.0.4), else at the first that is too deep."""
-    told = refusal(written(tmp_path, bracket.encode() * 100_000))
-    assert words in told or "not YAML (exceeded maximum nesting depth)" in told
+    text = refusal(written(tmp_path, bracket.encode() * 100_000))
+    assert words in text or "not YAML (exceeded maximum nesting depth)" in text
 
 
 def test_files_that_are_not_there_or_not_files(tmp_path: Path) -> None:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from iiwa import JOINTS
 from plants import (
     ENGINES,
     GRIPPER,
     IIWA,
-    IIWA_JOINTS,
     MOTOR,
     PENDULUM,
     SLIDER,
@@ -277,7 +277,7 @@ def test_a_picture_shows_the_arm(physics):
 
 
 def test_the_terminal_stays_clean(physics, tmp_path):
-    """What engines print on import, on loading and on NaN reaches nobody, nor does a log file."""
+    """What engines print on import, on loading and on NaN is suppressed, as is a log file."""
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]); from plants import arm_plant, drive; "
         "plant = arm_plant(sys.argv[2]); plant.inject(0, 'diverged'); drive(plant, 0.0, cycles=9)"
@@ -297,7 +297,7 @@ def test_the_terminal_stays_clean(physics, tmp_path):
 
 def test_only_the_joints_of_the_board_move(physics):
     """A board of two joints of seven: the others are fixed."""
-    config = board(IIWA_JOINTS[1], IIWA_JOINTS[3])
+    config = board(JOINTS[1], JOINTS[3])
     plant = SimulatedPlant(config, simulation(config, urdf=IIWA, home=1.0, physics=physics))
     values = drive(plant, 0.0, 0.0, cycles=100)
     assert values.shape == (8, 2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only pybullet cannot do is told in one line."""
+"""What only pybullet cannot do is reported in one line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_description_that_pybullet_refuses_is_one_line():
     assert "\n" not in str(caught.value)
 
 
-def test_a_longer_chain_than_pybullet_takes_is_one_line():
+def test_a_chain_too_long_for_pybullet_is_one_line():
     urdf, names = chain(128)
     config = board(*names)
     with pytest.raises(PlantError, match=r"128 joints move.* at most 127; name those") as caught:

@@ -158,8 +158,8 @@ def test_a_delay_is_whole_cycles_between_set_point_and_motor() -> None:
 
 
 @pytest.mark.parametrize("silence", list(OnSilence))
-def test_a_drive_that_hears_nothing_does_what_it_is_set_to(silence: OnSilence) -> None:
-    """S5, S7: within its watchdog's time, and tells it as a fault until it hears again."""
+def test_a_drive_without_set_points_does_what_it_is_configured_to(silence: OnSilence) -> None:
+    """S5, S7: within its watchdog's time, and reports a fault until set-points return."""
     rest = {
         "joint_defaults__drive_model__watchdog": 0.05,
         "joint_defaults__on_silence": str(silence),
@@ -180,7 +180,7 @@ def test_a_drive_that_hears_nothing_does_what_it_is_set_to(silence: OnSilence) -
         simulation.run(1.0)
         speed = abs(float(board.get_encoder_speed()[0]))
         assert speed < {"free": 0.5, "damped": 0.05, "braked": 1e-3}[silence]
-        assert not board.set_control_mode(0, M.FORCE_IDLE), "F3: it still hears nothing"
+        assert not board.set_control_mode(0, M.FORCE_IDLE), "F3: it still receives nothing"
         simulation.plant.clear_injected()
         simulation.run(0.01)
         assert board.set_control_mode(0, M.FORCE_IDLE)
@@ -190,6 +190,6 @@ def test_a_drive_that_hears_nothing_does_what_it_is_set_to(silence: OnSilence) -
 
 
 def test_a_motor_of_pwm_has_no_drive_that_could_be_deaf() -> None:
-    told = pytest.raises(ValueError, match="no drive that closes loops of its own")
-    with arm(S.PWM, physics="ideal") as simulation, told:
+    refused = pytest.raises(ValueError, match="no drive that closes loops of its own")
+    with arm(S.PWM, physics="ideal") as simulation, refused:
         simulation.plant.inject(0, "drive_deaf")

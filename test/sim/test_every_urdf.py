@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import re
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pybullet_data
 import pytest
+from marks import needs_icub
 
 from control_board_ros.description.meshes import share_folders
 from control_board_ros.settings.loading import SettingsError, load
@@ -71,19 +71,19 @@ def hold_and_move(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(DATA)))
 def test_a_urdf_of_pybullet_data_moves_or_is_refused(path: Path) -> None:
-    told, name = refusal(path), str(path.relative_to(DATA))
-    if told is None:
+    text, name = refusal(path), str(path.relative_to(DATA))
+    if text is None:
         assert name not in REFUSED
         hold_and_move(path)
         return
-    assert "\n" not in told
-    assert str(path) in told
+    assert "\n" not in text
+    assert str(path) in text
     if name not in REFUSED:  # furniture and other things
         assert MOVES.search(path.read_text(errors="replace")) is None
-    assert REFUSED.get(name, "no joint moves") in told
+    assert REFUSED.get(name, "no joint moves") in text
 
 
-@pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
+@needs_icub
 @pytest.mark.parametrize("path", ICUBS, ids=lambda path: path.parent.name)
 def test_a_whole_icub_moves(path: Path) -> None:
     """More joints than pybullet takes, but for the fixed ones."""

@@ -93,7 +93,7 @@ def test_a_robot_from_elsewhere_moves_at_speed_without_a_fault(name: str, tmp_pa
 @pytest.mark.parametrize("rate", [200.0, 300.0, 1000.0, 4000.0])
 @pytest.mark.parametrize("name", ["iiwa", "panda", "kuka"])
 def test_gains_hold_from_200_to_4000_hz(name: str, rate: float, output: str) -> None:
-    """P10: an arm moves half its speed limit, stands still afterwards, and nothing faults."""
+    """P10: an arm moves at half its speed limit, is at rest afterwards, and nothing faults."""
     robot_name = path_of(name, Path()) if name in ROBOTS else name
     with Simulation.load(None, robot=robot_name, control_rate=rate, output=output) as simulation:
         board = simulation.board

@@ -21,8 +21,8 @@ STRETCHED = {
 
 
 @pytest.mark.parametrize("name", STRETCHED, ids=["panda", "iiwa", "kuka"])
-def test_an_arm_stretched_out_holds_for_ever(name: str) -> None:
-    """F6: neither fault nor warning; windings made quick, so that seconds tell the end."""
+def test_an_arm_stretched_out_holds_indefinitely(name: str) -> None:
+    """F6: neither fault nor warning; windings made quick, so that seconds are enough."""
     quick = {"joint_defaults__motor__thermal_capacitance": 2.0}
     with Simulation.load(None, robot=name, **quick) as simulation:
         board = simulation.board

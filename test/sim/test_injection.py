@@ -225,7 +225,7 @@ def test_a_passing_silence_outlasts_the_timeout(pair):
         assert rig.board.set_control_mode("a", "fidl")
 
 
-def test_a_reset_mends_and_lets_go(pair):
+def test_a_reset_removes_defects_and_pushes(pair):
     """A reset removes persistent faults and pushes."""
     plant, sound = pair
     plant.inject(JOINT, "overheating", persistent=True)

@@ -127,7 +127,7 @@ def test_two_plants_in_one_process_do_not_touch(make):
         np.testing.assert_array_equal(one.read().values, expected)
 
 
-def test_reset_brings_pose_and_motors_back_and_lets_time_go_on(make):
+def test_reset_restores_pose_and_motors_and_time_continues(make):
     plant = make(home=0.3)
     fresh = plant.read().values.copy()
     first = random_run(plant, 200)
@@ -258,7 +258,7 @@ def test_ideal_physics_of_a_robot_needs_no_engine(monkeypatch):
     np.testing.assert_array_equal(values[Row.POSITION], 0.0)  # no gravity
 
 
-def test_an_actuation_of_another_kind_is_taken_as_numpy_does_or_refused(make):
+def test_other_array_types_of_actuations_are_converted_or_refused(make):
     """Flags close bridges as numbers do; too few joints are no actuation."""
     plant = make()
     on = np.ones(7, dtype=bool)

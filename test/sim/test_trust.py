@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion that an engineer trusts: what once ran away, sagged, struck stops or told tales."""
+"""Motion that an engineer trusts: what once ran away, sagged, struck stops or misreported."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_full_direct_step_keeps_the_speed_limit(name: str) -> None:
             board.set_control_mode(j, "pos")
 
 
-def test_a_joint_that_was_blocked_goes_on_at_its_speed(iiwa: Simulation) -> None:
+def test_a_formerly_blocked_joint_resumes_its_speed(iiwa: Simulation) -> None:
     """P14: held back for 2 s and freed, it once shot off at 2.5 times its limit."""
     board, j = iiwa.board, 0
     limits = board.config.joints[j].limits
@@ -149,7 +149,7 @@ def test_a_move_of_a_milliradian_keeps_the_acceleration_limit(iiwa: Simulation) 
     assert board.get_encoder(j)[0] == pytest.approx(here + 1e-3, abs=1e-4)
 
 
-def test_a_target_beyond_a_limit_is_accepted_and_told(iiwa: Simulation) -> None:
+def test_a_target_beyond_a_limit_is_accepted_and_reported(iiwa: Simulation) -> None:
     """P1, P9: what a limit cuts is said in degrees, with what was requested."""
     board = iiwa.board
     reply = board.position_move("lbr_iiwa_joint_1", 30.0)
@@ -294,7 +294,7 @@ def test_a_feedforward_gain_that_changes_does_not_move_a_joint(iiwa: Simulation)
     assert abs(float(board.get_encoder(1)[0]) - at) < 1e-3
 
 
-def test_a_timeout_that_is_taken_away_does_not_fault(iiwa: Simulation) -> None:
+def test_a_removed_timeout_does_not_fault(iiwa: Simulation) -> None:
     """P12: a deadline that ran already once faulted the joint all the same."""
     board = iiwa.board
 

@@ -8,12 +8,12 @@ link, and joints further in feel the latter. Hard stops are moved away.
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from marks import needs_icub
 from plants import PENDULUM
 from plants import board as make_board
 from plants import described as parsed
@@ -30,16 +30,15 @@ from control_board_ros.sim.config import SimulationConfig
 
 pytestmark = pytest.mark.physics
 DATA = package_folder("pybullet_data") or Path()
-ICUB = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 MODEL = "iCub/robots/iCubGazeboV2_7/model.urdf"
 WHOLE_ICUB = next((share / MODEL for share in share_folders() if (share / MODEL).is_file()), "")
 OTHERS = ("xarm/xarm6_robot.urdf", "a1/a1.urdf", "cartpole.urdf", "mini_cheetah/mini_cheetah.urdf")
 ROBOTS = [
     "iiwa",
     "panda",
-    pytest.param("icub_left_arm", marks=ICUB),
-    pytest.param("icub_right_arm", marks=ICUB),
-    pytest.param(str(WHOLE_ICUB), marks=ICUB, id="whole icub"),
+    pytest.param("icub_left_arm", marks=needs_icub),
+    pytest.param("icub_right_arm", marks=needs_icub),
+    pytest.param(str(WHOLE_ICUB), marks=needs_icub, id="whole icub"),
     *(pytest.param(str(DATA / path), id=Path(path).stem) for path in OTHERS),
 ]
 

@@ -15,10 +15,10 @@ those that survived are tried again; when the code of a module changes, all of t
 "--anew", all.
 
 All tests that reach a mutant may take minutes, those that kill it take seconds mostly: with
-"--budget 60" only the first ones are run, up to so many seconds as recorded. What they do not kill
+"--budget 60" only the first ones are run, up to 60 s as recorded. What they do not kill
 counts as a survivor.
 
-Those that no test can tell apart from the original are in survivors.txt, each with its reason.
+Those that no test can distinguish from the original are in survivors.txt, each with its reason.
 Ends with 1 when another one survives, when one of the list is killed after all (with --all) or
 is no mutant any more, or when less than 95 % are killed.
 """
@@ -155,7 +155,7 @@ def arguments(words: list[str]) -> Any:
 
 
 def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list[Mutant]:
-    """Try mutants and tell of each; those that survive. Listed ones run only with --all."""
+    """Try mutants and report each; those that survive. Listed ones run only with --all."""
     record = Record(RECORD, anew=wanted.anew, again=wanted.again)
     skipped = set() if wanted.all else set(known)
     left = [one for one in tried if str(one) not in {*record.fates, *skipped}]
@@ -164,9 +164,9 @@ def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list
     with tempfile.TemporaryDirectory(prefix="control_board_ros_mutants.") as folder:
         reach = reach_of(Path(folder) / "recorded", REACH)
         for mutant, fate in attempts(left, reach, wanted.jobs, wanted.budget, Path(folder)):
-            told = {"passed": "SURVIVED", "failed": "killed", "endless": "killed (time)"}[fate]
-            told = "listed" if fate == "passed" and str(mutant) in known else told
-            print(f"{told:<15}{mutant}", flush=True)
+            result = {"passed": "SURVIVED", "failed": "killed", "endless": "killed (time)"}[fate]
+            result = "listed" if fate == "passed" and str(mutant) in known else result
+            print(f"{result:<15}{mutant}", flush=True)
             record.add(mutant, fate)
     return [one for one in tried if record.fates.get(str(one), "passed") == "passed"]
 
@@ -193,23 +193,23 @@ def problems(
     tried: list[Mutant], alive: list[Mutant], known: dict[str, str], names: Iterable[str]
 ) -> list[str]:
     """What makes the run fail, a line each."""
-    living, told = {str(mutant) for mutant in alive}, []
-    told += [
+    living, lines = {str(mutant) for mutant in alive}, []
+    lines += [
         f"survived: {mutant} (line {mutant.line}): add a test, or a line to {SURVIVORS.name}"
         for mutant in alive
         if str(mutant) not in known
     ]
-    told += [
+    lines += [
         f"killed now: {mutant}: take its line out of {SURVIVORS.name}"
         for mutant in tried
         if str(mutant) in known and str(mutant) not in living
     ]
     gone = set(known) - set(names)
-    told += [f"no mutant any more: {name}: take it out of {SURVIVORS.name}" for name in gone]
+    lines += [f"no mutant any more: {name}: take it out of {SURVIVORS.name}" for name in gone]
     rate = 1.0 - len(alive) / len(tried) if tried else 1.0
     if rate < LEAST:
-        told.append(f"{100 * rate:.1f} % killed; at least {100 * LEAST:.0f} % must be")
-    return told
+        lines.append(f"{100 * rate:.1f} % killed; at least {100 * LEAST:.0f} % must be")
+    return lines
 
 
 def main(words: list[str]) -> int:

@@ -27,7 +27,7 @@ def test_the_page_is_fresh() -> None:
 
 
 def test_every_row_is_drawn() -> None:
-    """Each transition has its arrow, with its trigger at it; each state stands in the table."""
+    """Each transition has its arrow, with its trigger at it; each state is in the table."""
     diagram = load()
     page = diagram.page()
     for (mode, trigger), target in TRANSITIONS.items():

@@ -71,7 +71,7 @@ def test_a_function_that_others_have_imported(module: ModuleType):
     assert above([1, 2, 3]) == [1, 2]
 
 
-def test_what_it_remembers_is_forgotten(module: ModuleType):
+def test_caches_are_cleared(module: ModuleType):
     assert module.known(1) == 2
     assert changed(module, "x + 1\n\ndef above", "x - 1\n\ndef above")
     assert module.known(1) == 0
@@ -101,7 +101,7 @@ def test_a_method_with_functions_inside(module: ModuleType):
     ("old", "new"),
     [("LIMIT = 3", "LIMIT = 4"), ("least=2", "least=3"), ("counter(1)", "counter(2)")],
 )
-def test_what_importing_does_is_not_exchanged(module: ModuleType, old: str, new: str):
+def test_import_time_code_is_not_exchanged(module: ModuleType, old: str, new: str):
     assert not changed(module, old, new)
 
 

@@ -69,7 +69,7 @@ def recorded(
     return code, name
 
 
-def test_a_run_records_what_its_tests_reach(
+def test_a_run_records_the_functions_its_tests_reach(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Lines by test; those of a fixture for its file, those of an import for all tests."""
@@ -121,7 +121,7 @@ def test_the_interval_of_a_rate() -> None:
     assert interval(0, 0) == (0.0, 1.0)
 
 
-def test_what_is_recorded_anew_replaces_what_was() -> None:
+def test_new_records_replace_old_ones() -> None:
     """Of files that have changed, or are gone; of the others what was recorded stays."""
     old = {
         "seconds": {"a.py::one": 1.0, "b.py::two": 2.0, "c.py::three": 3.0},

@@ -60,7 +60,7 @@ def test_the_brake_is_open_before_power_acts_and_nothing_sags(mode: ControlMode)
 
 @pytest.mark.parametrize("mode", [M.POSITION, M.TORQUE, M.VELOCITY])
 @pytest.mark.parametrize("end", [M.IDLE, M.FORCE_IDLE])
-def test_the_brake_is_closed_before_power_goes(mode: ControlMode, end: ControlMode) -> None:
+def test_the_brake_is_closed_before_power_is_off(mode: ControlMode, end: ControlMode) -> None:
     """Y4: the joint reads idle at once, is held until the brake has closed, and stays there."""
     rig = braked()
     rig.enter(mode, "left")
@@ -77,7 +77,7 @@ def test_the_brake_is_closed_before_power_goes(mode: ControlMode, end: ControlMo
 
 
 @pytest.mark.parametrize("kind", ["overcurrent", "encoder", "external", "torque_sensor"])
-def test_a_fault_takes_the_power_at_once_and_loses_little(kind: str) -> None:
+def test_a_fault_removes_power_at_once_with_little_droop(kind: str) -> None:
     """Y4, F1: the joint is without power in the cycle of the fault; the brake then holds it."""
     rig = braked()
     rig.enter(M.POSITION, "left")
@@ -144,7 +144,7 @@ def test_a_current_asked_for_while_the_brake_opens_acts_when_it_is_open() -> Non
     assert rig.board.state.current[0] == pytest.approx(2.0, abs=0.3)
 
 
-def test_asked_back_before_it_is_closed_the_joint_goes_on() -> None:
+def test_a_mode_set_while_the_brake_closes_keeps_power() -> None:
     """Y4, M9: from idle back into a mode while the brake closes: no power is lost."""
     rig = braked()
     rig.enter(M.POSITION, "left")
@@ -159,7 +159,7 @@ def test_asked_back_before_it_is_closed_the_joint_goes_on() -> None:
     assert abs(truth(rig) - before) < 0.05 * DEGREE
 
 
-def test_taken_back_while_it_opens_the_brake_stays_closed() -> None:
+def test_idle_set_while_the_brake_opens_keeps_it_closed() -> None:
     """Y4: a mode and idle again within the release time: there was never power."""
     rig = braked()
     before = truth(rig)
@@ -288,7 +288,7 @@ def test_yarps_names() -> None:
 
 
 @pytest.mark.parametrize("modes", ["half", [], ["open", "closed"]])
-def test_a_request_that_is_wrong_as_a_whole_changes_nothing(modes: Any) -> None:
+def test_a_request_refused_as_a_whole_changes_nothing(modes: Any) -> None:
     """Y4, M7: an unknown way to work a brake, or too few or many of them."""
     rig = braked()
     reply = rig.board.set_brake("left", modes)
@@ -309,7 +309,7 @@ def test_a_joint_without_a_brake_has_none_to_set() -> None:
 
 
 def test_a_brake_that_does_not_open_is_a_fault() -> None:
-    """Y4, F3: no power acts against it; FORCE_IDLE tells, and the next mode tries again."""
+    """Y4, F3: no power acts against it; FORCE_IDLE reports it, and the next mode tries again."""
     rig = braked()
     rig.plant.inject("left", "brake_stuck")
     assert rig.board.set_control_mode("left", "pos")
@@ -337,9 +337,9 @@ def test_a_brake_that_slips_is_warned_of_once() -> None:
     rig.board.take_events()
     rig.plant.inject("left", "brake_worn")
     rig.run(2.0)
-    told = [text for text in rig.warnings() if "brake" in text]
-    assert len(told) == 1
-    assert told[0].startswith("left: its brake slips")
+    texts = [text for text in rig.warnings() if "brake" in text]
+    assert len(texts) == 1
+    assert texts[0].startswith("left: its brake slips")
     assert rig.board.snapshot().brake_slips.tolist() == [True, False]
 
 

@@ -209,7 +209,7 @@ def uncalibrated(calibration: Calibration = OFFSET, **changes: Any) -> Rig:
 
 
 @pytest.mark.parametrize("wanted", ["pos", "posd", "vel", "mix", "torq", "open", "icur", "veld"])
-def test_who_lacks_its_calibration_takes_no_mode(wanted: str) -> None:
+def test_uncalibrated_joint_refuses_modes(wanted: str) -> None:
     """K7: refused with the reason and the next step; it faults nothing and moves nothing."""
     rig = uncalibrated()
     reply = rig.board.set_control_mode("left", wanted)
@@ -224,7 +224,7 @@ def test_who_lacks_its_calibration_takes_no_mode(wanted: str) -> None:
     assert rig.board.snapshot().output[0] == 0.0
 
 
-def test_what_a_joint_without_its_calibration_takes() -> None:
+def test_requests_accepted_by_an_uncalibrated_joint() -> None:
     """K7, I2: IDLE, FORCE_IDLE, calibration, and an interaction mode, stored as in IDLE."""
     rig = uncalibrated()
     assert rig.board.set_control_mode("left", "idl")
@@ -239,7 +239,7 @@ def test_what_a_joint_without_its_calibration_takes() -> None:
 
 
 def test_the_others_of_a_request_are_served() -> None:
-    """K7, M7: a joint without its calibration refuses for itself; the answers say who."""
+    """K7, M7: a joint without its calibration refuses for itself; the answers name it."""
     one, two = joint("left", calibration=OFFSET), joint("right")
     rig = Rig(board_config(one, two), home=[0.5, 0.5], zero=[0.7, 0.0])
     rig.run(0.2)
@@ -251,7 +251,7 @@ def test_the_others_of_a_request_are_served() -> None:
 
 @pytest.mark.parametrize("how", ["aborted", "failed", "power cycle"])
 def test_a_calibration_that_is_lost_is_shown(how: str) -> None:
-    """K7: the snapshot, get_calibration and requests agree on who is calibrated."""
+    """K7: the snapshot, get_calibration and requests agree on the calibrated joints."""
     rig = calibrating(OFFSET)
     rig.run(12.0)
     assert rig.board.snapshot().calibrated.tolist() == [True]
@@ -273,7 +273,7 @@ def test_a_calibration_that_is_lost_is_shown(how: str) -> None:
 
 @pytest.mark.parametrize("how", ["aborted", "failed"])
 @pytest.mark.parametrize("calibration", ALL[1:], ids=NAMES[1:])
-def test_who_needs_no_calibration_has_its_angle_and_limits_back(
+def test_joints_without_required_calibration_recover_angle_and_limits(
     calibration: Calibration, how: str
 ) -> None:
     """K2, K4, P9: what an aborted or failed calibration changed is taken back, limits stay."""
@@ -332,7 +332,7 @@ def test_a_fault_while_calibrating() -> None:
     assert rig.board.snapshot().output[0] == 0.0
 
 
-def test_a_joint_that_seems_to_stand_while_its_motor_runs_has_not_stalled() -> None:
+def test_a_joint_at_rest_with_a_running_motor_has_not_stalled() -> None:
     """K5, K4: with no check of the encoder either, a frozen one is no stop to begin with."""
     near = replace(STOP, stop=-1.9, start=-1.895, timeout=0.7)
     rig = calibrating(near, max_travel_error=float("inf"))
@@ -347,7 +347,7 @@ def test_a_joint_that_seems_to_stand_while_its_motor_runs_has_not_stalled() -> N
 
 @pytest.mark.parametrize("cause", ["encoder_frozen", "encoder"])
 def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
-    """K5, K4: a stall needs the motor to stand still too: a frozen encoder is a fault."""
+    """K5, K4: a stall needs the motor to be at rest too: a frozen encoder is a fault."""
     rig = calibrating(STOP)
     rig.run(0.3)
     rig.plant.inject("left", cause, persistent=True)
@@ -357,7 +357,7 @@ def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
 
 
 def test_groups_calibrate_one_after_the_other() -> None:
-    """K1, K5: joints of a group together, group after group; who waits holds still."""
+    """K1, K5: joints of a group together, group after group; waiting joints are at rest."""
     joints = [joint(n, calibration=replace(OFFSET, start=0.2)) for n in ("a", "b", "c")]
     config = board_config(*joints, calibration_groups=(("c",), ("a", "b")))
     rig = Rig(config, home=[0.5, 0.5, 0.5], zero=[0.7, 0.7, 0.7])
@@ -386,7 +386,7 @@ def phases(rig: Rig) -> list[str]:
     return [one.phase for one in rig.board.get_calibration()]
 
 
-def test_who_has_begun_goes_on_and_who_is_new_waits() -> None:
+def test_running_calibrations_continue() -> None:
     """K1: a calibrator that drives is not suspended by a joint of an earlier group."""
     rig = in_turn()
     assert rig.board.calibrate("second")
@@ -401,8 +401,8 @@ def test_who_has_begun_goes_on_and_who_is_new_waits() -> None:
     assert rig.modes() == [M.POSITION, M.POSITION]
 
 
-def test_what_watches_a_calibrator_goes_on_when_another_is_asked() -> None:
-    """K4: the timeout of a joint that drives runs, whoever calibrates beside it."""
+def test_monitoring_of_a_calibrator_continues_when_another_is_requested() -> None:
+    """K4: the timeout of a joint that drives runs, also while others calibrate."""
     rig = in_turn(replace(STOP, timeout=0.7))
     assert rig.board.calibrate("second")
     rig.run(0.1)
@@ -413,8 +413,8 @@ def test_what_watches_a_calibrator_goes_on_when_another_is_asked() -> None:
     assert phases(rig)[0] == "driving to the hard stop"
 
 
-def test_the_group_that_drives_takes_nobody_in_before_an_earlier_one() -> None:
-    """K1: joints of the driving group that are asked later come after those who wait."""
+def test_joints_added_later_wait_for_earlier_groups() -> None:
+    """K1: joints of the driving group that are requested later come after waiting ones."""
     names = ("first", "second", "third")
     joints = [joint(n, calibration=replace(STOP, required=False)) for n in names]
     rig = Rig(board_config(*joints, calibration_groups=(("first",), ("second", "third"))))
@@ -559,7 +559,7 @@ def test_power_cycle() -> None:
 
 @pytest.mark.parametrize("start", [*STANDARD, *STATUSES], ids=str)
 def test_power_cycle_from_everywhere(start: ControlMode) -> None:
-    """N1: whatever a joint is in, power-on is NOT_CONFIGURED and without power; ~/modes tells."""
+    """N1: after power-on a joint is NOT_CONFIGURED and without power, also on ~/modes."""
     rig = in_status(start if start in STATUSES else M.IDLE)
     if start in STANDARD:
         rig.enter(start)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Torques that another program tells (SPEC Y5, I7)."""
+"""Torques that another program measures (SPEC Y5, I7)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ SILENCE = 0.1
 
 @pytest.fixture
 def rig() -> Rig:
-    told = joint("left", external_torque=True, timeouts=Timeouts(torque_sensor=SILENCE))
-    return ready(board_config(told, joint("right")))
+    measured = joint("left", external_torque=True, timeouts=Timeouts(torque_sensor=SILENCE))
+    return ready(board_config(measured, joint("right")))
 
 
-def tell(rig: Rig, torque: float, seconds: float = 0.05) -> Any:
+def send_torque(rig: Rig, torque: float, seconds: float = 0.05) -> Any:
     """Tell a torque cycle by cycle."""
     shown = rig.board.snapshot()
     for _ in range(round(seconds / rig.period)):
@@ -44,37 +44,37 @@ def test_without_torques_there_is_no_sensor(rig: Rig) -> None:
     assert rig.board.set_interaction_mode("left", "comp").codes == (Reason.UNSUPPORTED,)
 
 
-def test_what_is_told_is_the_torque(rig: Rig) -> None:
+def test_external_torque_replaces_the_sensor(rig: Rig) -> None:
     """Y5: whatever the joint's own sensor says."""
-    assert tell(rig, 3.5).torque[0] == 3.5
+    assert send_torque(rig, 3.5).torque[0] == 3.5
     assert M.TORQUE in rig.board.get_available_modes("left")[0][0]
     assert rig.board.set_interaction_mode("left", COMPLIANT)
     assert rig.board.set_control_mode("left", "torq")
-    assert tell(rig, 3.5).torque[0] == rig.board.get_torque("left")[0] == 3.5
+    assert send_torque(rig, 3.5).torque[0] == rig.board.get_torque("left")[0] == 3.5
     assert rig.modes()[0] is M.TORQUE
 
 
 @pytest.mark.parametrize("mode", ["torq", "pos"])
 def test_silence_is_a_fault_where_a_torque_is_followed(rig: Rig, mode: str) -> None:
     """Y5: in TORQUE, and in COMPLIANT."""
-    tell(rig, 0.0)
+    send_torque(rig, 0.0)
     assert rig.board.set_interaction_mode("left", COMPLIANT)
     assert rig.board.set_control_mode("left", mode)
-    tell(rig, 0.0)
+    send_torque(rig, 0.0)
     rig.run(SILENCE + 0.02)
     assert rig.modes()[0] is M.HW_FAULT
     assert "torque sensor" in rig.board.get_faults("left")[0].text
     assert not rig.board.set_control_mode("left", M.FORCE_IDLE) or rig.modes()[0] is M.IDLE
-    tell(rig, 0.0)
+    send_torque(rig, 0.0)
     assert rig.board.set_control_mode("left", M.FORCE_IDLE)
 
 
 def test_silence_is_no_fault_in_stiff_modes(rig: Rig) -> None:
     """Y5, I7: the joint holds as one without a sensor, and takes over its load (M9)."""
     assert rig.board.set_control_mode("left", "pos")
-    tell(rig, 6.0)
+    send_torque(rig, 6.0)
     rig.plant.push("left", 6.0)
-    tell(rig, -6.0, 0.8)
+    send_torque(rig, -6.0, 0.8)
     before = rig.run(SILENCE + 0.5)
     assert rig.modes()[0] is M.POSITION
     assert math.isnan(before.torque[0])
@@ -83,8 +83,8 @@ def test_silence_is_no_fault_in_stiff_modes(rig: Rig) -> None:
     assert abs(float(after.position[0] - before.position[0])) < 2e-3
 
 
-def test_what_is_no_torque_is_ignored(rig: Rig) -> None:
-    """P13, M4: counted, and the reason told."""
+def test_invalid_external_torques_are_ignored(rig: Rig) -> None:
+    """P13, M4: counted, and the reason reported."""
     assert rig.board.update_torque_sensor("left", math.nan).codes == (Reason.NOT_FINITE,)
     assert rig.board.update_torque_sensor("right", 1.0).codes == (Reason.UNSUPPORTED,)
     assert not rig.board.update_torque_sensor("left", [1.0, 2.0])

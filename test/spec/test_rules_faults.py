@@ -12,6 +12,7 @@ import pytest
 from rig import (
     COMMANDS,
     COMPLIANT,
+    HEATED,
     RATE,
     STANDARD,
     M,
@@ -54,7 +55,7 @@ def test_the_causes_are_all() -> None:
 
 
 @pytest.mark.parametrize("mode", STANDARD, ids=str)
-def test_a_fault_takes_the_power_in_its_cycle(mode: ControlMode) -> None:
+def test_a_fault_removes_power_in_its_cycle(mode: ControlMode) -> None:
     """F1, M2: from every mode; in the very cycle that shows it bridge and PWM are off."""
     rig = ready(board_config(joint("left"), joint("right")))
     rig.enter(mode)
@@ -92,8 +93,8 @@ def test_causes(cause: str) -> None:
     code, title, words, most = (CAUSES | IN_MOTION)[cause]
     assert cycles <= most
     assert rig.board.state.powered[0] == rig.board.snapshot().output[0] == 0.0
-    everybody = cause == "diverged"  # which concerns the whole simulation
-    assert rig.modes()[1] is (M.HW_FAULT if everybody else M.POSITION)
+    everywhere = cause == "diverged"  # which concerns the whole simulation
+    assert rig.modes()[1] is (M.HW_FAULT if everywhere else M.POSITION)
     fault = rig.board.get_faults("left")[0]
     assert (fault.active, fault.code, fault.stamp) == (True, code, rig.board.time)
     assert fault.text.startswith(title)
@@ -108,7 +109,7 @@ def test_causes(cause: str) -> None:
 
 @pytest.mark.parametrize("cause", IN_MOTION)
 def test_an_encoder_that_lies_is_found_again_when_the_motor_runs(cause: str) -> None:
-    """F3: at rest nobody can tell; the next motion does."""
+    """F3: at rest it cannot be detected; the next motion shows it."""
     rig, _ = faulted_by(cause)
     rig.run(0.5)
     rig.enter("open", ["left"])
@@ -119,7 +120,7 @@ def test_an_encoder_that_lies_is_found_again_when_the_motor_runs(cause: str) -> 
 
 
 @pytest.mark.parametrize("cause", [cause for cause in CAUSES if cause != "diverged"])
-def test_a_cause_that_is_there_at_power_on_lets_no_power_through(cause: str) -> None:
+def test_a_cause_present_at_power_on_prevents_power(cause: str) -> None:
     """F1, N1, N2: found in the cycle that configures the joint; afterwards it is as before."""
     rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
     rig.plant.inject("left", cause, persistent=True)
@@ -139,7 +140,7 @@ def test_a_cause_that_is_there_at_power_on_lets_no_power_through(cause: str) -> 
     assert abs(rig.board.get_encoder()[0]) < 1e-3
 
 
-def test_a_joint_configured_on_what_is_no_number() -> None:
+def test_a_joint_configured_on_non_finite_readings() -> None:
     """F1: no other fault follows from it."""
     rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
     rig.plant.inject("left", "encoder_nan", persistent=True)
@@ -166,7 +167,7 @@ def test_a_wrong_current_leaves_no_wrong_encoder_behind(cycles: int) -> None:
 
 
 def test_the_first_reading_after_those_that_are_none_is_no_spike() -> None:
-    """F2: nobody knows how far the joint went meanwhile; FORCE_IDLE clears the fault at once."""
+    """F2: how far the joint went meanwhile is unknown; FORCE_IDLE clears the fault at once."""
     rig = ready(board_config(joint("left")))
     rig.plant.push("left", 10.0)
     rig.run(0.3)
@@ -239,9 +240,6 @@ def test_overrun_of_the_hard_stop() -> None:
             assert rig.board.get_faults("left")[0].code == 17
 
 
-HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
-
-
 def test_overload() -> None:
     """F1: I²t: at the peak current the overload time, at the nominal one forever."""
     rig = still(limits=HEATED)
@@ -256,8 +254,8 @@ def test_overload() -> None:
     assert rig.board.get_faults("left")[0].code == 2
 
 
-def told(reply: Reply) -> float:
-    """The time to wait that a refused FORCE_IDLE tells, s."""
+def waiting_time(reply: Reply) -> float:
+    """The time to wait that a refused FORCE_IDLE reports, s."""
     found = re.search(r"wait ([0-9.]+) s", reply.message)
     assert found is not None, reply.message
     return float(found[1])
@@ -273,7 +271,7 @@ def overloaded(current: float = 10.0) -> Rig:
     return rig
 
 
-def test_i2t_fades_without_power_whatever_the_sensor_says() -> None:
+def test_i2t_fades_without_power_regardless_of_the_sensor() -> None:
     """F6: FORCE_IDLE names the time to wait; before it is refused, after it accepted."""
     rig = overloaded()
     rig.tick(8)
@@ -281,10 +279,10 @@ def test_i2t_fades_without_power_whatever_the_sensor_says() -> None:
     assert not reply
     assert "without power it does not heat up, then send FORCE_IDLE again" in reply.message
     assert "remove it" not in reply.message
-    wait = told(reply)
+    wait = waiting_time(reply)
     assert wait == pytest.approx(0.2 * 75.0 / 25.0, abs=0.2)
     rig.run(wait - 0.3)
-    again = told(rig.board.set_control_mode("left", "fidl"))
+    again = waiting_time(rig.board.set_control_mode("left", "fidl"))
     assert again == pytest.approx(0.3, abs=0.11)
     rig.run(again)
     assert rig.board.set_control_mode("left", "fidl")
@@ -331,7 +329,7 @@ def test_over_temperature_has_a_hysteresis() -> None:
 
 
 def test_frozen_encoder_in_a_moving_joint_only(rig: Rig) -> None:
-    """F1: a joint that stands still, stiff or compliant, has no travel error."""
+    """F1: a joint at rest, stiff or compliant, has no travel error."""
     for interaction in ("stif", "comp"):
         rig.board.set_interaction_mode([0, 1], interaction)
         rig.enter("pos")

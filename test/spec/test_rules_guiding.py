@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scara import SCARA
 
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.settings.loading import SettingsError, load
@@ -21,7 +21,6 @@ ARMS = {
     "icub": ("l_shoulder", "l_elbow", "l_wrist"),
     "scara": "",
 }
-SCARA = Path(__file__).resolve().parents[2] / "benchmark" / "motion_measure" / "scara.urdf"
 PAUSES = (ControlMode.CALIBRATING, ControlMode.NOT_CONFIGURED)
 
 
@@ -51,7 +50,7 @@ class Guided:
         assert self.board.set_control_mode(self.names, ControlMode.POSITION)
 
     def go(self, seed: int) -> None:
-        """To a pose between its limits, and stand there."""
+        """To a pose between its limits, and rest there."""
         random = np.random.default_rng(seed)
         limits = [self.board.config.joints[j].limits for j in self.columns]
         low = np.maximum([one.lower for one in limits], -2.0)
@@ -104,7 +103,7 @@ def test_an_arm_stays_where_it_is_put(arm: Guided) -> None:
 
 @pytest.mark.slow
 def test_an_arm_is_pushed_away_and_stays_there(arm: Guided) -> None:
-    """G1: a tenth of the torque limit moves a joint; left alone it stands within half a second."""
+    """G1: a tenth of the torque limit moves a joint; left alone it rests within half a second."""
     arm.go(2)
     arm.release()
     for name, column in zip(arm.names, arm.columns, strict=True):

@@ -69,7 +69,7 @@ def calibrate(rig: Rig) -> str:
 
 
 def held_by(most: float, at: float) -> Load:
-    """A tight spot: beyond a place, what is not above so many N·m moves nothing."""
+    """A tight spot: beyond a place, a torque up to a threshold, N·m, moves nothing."""
 
     def load(torque: float, position: float, velocity: float) -> float:
         if position > at:

@@ -169,12 +169,12 @@ def test_getters(rig: Rig, getter: str) -> None:
 @pytest.mark.parametrize("joints", [0, ["left", "right"], "left"], ids=str)
 def test_old_methods(rig: Rig, name: str, joints: Any) -> None:
     """D1, I9: the old methods work for one joint and many, warn, and say what to use instead."""
-    with pytest.warns(DeprecationWarning, match=f"{name} belongs to the old interface") as told:
+    with pytest.warns(DeprecationWarning, match=f"{name} belongs to the old interface") as caught:
         assert getattr(rig.board, name)(joints)
-    assert len(told) == 1
-    assert told[0].filename == __file__
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
     mode, interaction = OLD[name]
-    assert f"set_control_mode(joints, ControlMode.{mode.name})" in str(told[0].message)
+    assert f"set_control_mode(joints, ControlMode.{mode.name})" in str(caught[0].message)
     chosen = [0] if joints in (0, "left") else [0, 1]
     for j in range(3):
         assert rig.modes()[j] is (mode if j in chosen else M.IDLE)

@@ -35,7 +35,7 @@ NEVER_SET = ("hwfa", "cal", "cald", "cfgn", "cfgy", "stif", "comp", "xyz", "", 0
 #: Texts that are no name, and what is no mode at all.
 TEXTS = ("", " pos", "x" * 10_000, "\ud800", "p\0", "🤖")
 ODD = (*TEXTS, None, 1.5, True, 2**70, object(), {}, [], [None], b"vel")
-#: What statuses tell those whom they refuse.
+#: Texts of requests that a status refuses.
 WAY_OUT = {
     M.HW_FAULT: "send FORCE_IDLE first",
     M.CALIBRATING: "abort it with FORCE_IDLE",
@@ -95,7 +95,7 @@ def test_every_request_in_every_mode(
 
 
 @pytest.mark.parametrize(("mode", "interaction", "sensed"), MODES_OF_A_JOINT, ids=str)
-def test_each_mode_takes_its_commands(
+def test_each_mode_accepts_its_commands(
     mode: ControlMode, interaction: InteractionMode, sensed: bool
 ) -> None:
     """M3, M4, M11, I3, N4: each mode and status, each interaction mode, each kind of reference.
@@ -124,9 +124,7 @@ def test_each_mode_takes_its_commands(
 
 @pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
 @pytest.mark.parametrize("mode", [*STANDARD, M.HW_FAULT], ids=str)
-def test_what_a_mode_ignores_is_never_kept(
-    mode: ControlMode, interaction: InteractionMode
-) -> None:
+def test_ignored_commands_are_never_kept(mode: ControlMode, interaction: InteractionMode) -> None:
     """M4, M2, M9, D2: it switches no mode; it moves nothing, now and in a mode that takes it."""
     rig = in_mode(mode, interaction)
     ignored = [kind for kind in COMMANDS if kind not in TAKES[mode]]
@@ -221,7 +219,7 @@ def test_the_same_mode_again(mode: ControlMode) -> None:
 
 
 def loaded() -> Rig:
-    """Joints that stand still at 0.3 rad and carry 4 N·m; the laws have their gains."""
+    """Joints at rest at 0.3 rad that carry 4 N·m; the laws have their gains."""
     rig = held(
         joint("left", position_pid=Pid(kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0)),
         joint("right"),
@@ -365,7 +363,7 @@ NO_JOINTS = [[True], 1.5, b"left", [[0]], [None], object(), {"x"}]
 
 @pytest.mark.parametrize("joints", [*TWICE_OR_UNKNOWN, *NO_JOINTS], ids=short)
 def test_wrong_joints_change_nothing(rig: Rig, joints: Any) -> None:
-    """M7: whatever stands for an unknown joint, or one twice, a request is refused whole."""
+    """M7: a request with any unknown joint, or one twice, is refused whole."""
     board = rig.board
     rig.enter("pos")
     before = rig.everything()

@@ -141,8 +141,8 @@ def test_bad_speeds(kind: str, bad: float) -> None:
     method, getter, good = COMMANDS[kind]
     reply = getattr(rig.board, method)(None, good, [bad, 0.5])
     assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
-    told = "must be above 0 and up to" if math.isfinite(bad) else "is not a finite number"
-    assert told in reply.message
+    text = "must be above 0 and up to" if math.isfinite(bad) else "is not a finite number"
+    assert text in reply.message
     assert getattr(rig.board, getter)().tolist() == pytest.approx([0.0, good], abs=1e-6)
     assert rig.board.snapshot().rejected_commands.tolist() == [1, 0]
     assert rig.board.snapshot().motion_done[0]
@@ -271,7 +271,7 @@ def test_mixed_is_the_sum() -> None:
     assert rig.board.get_target_position("left")[0] == pytest.approx(q0 + 0.6)
 
 
-def test_a_new_move_in_mixed_takes_the_velocity_part_along() -> None:
+def test_a_new_move_in_mixed_keeps_the_velocity_part() -> None:
     """P6: it starts where the reference is and ends on its target once the velocity is zero."""
     rig = moving("mix")
     rig.board.velocity_move("left", 0.5, 20.0)
@@ -559,7 +559,7 @@ def test_position_references_stay_inside(mode: ControlMode, interaction: Any, wa
     assert rig.modes() == [mode]
 
 
-def test_a_limit_ends_what_pushes_against_it() -> None:
+def test_a_limit_ends_motion_against_it() -> None:
     """P9, P5: held back by a limit, the velocity is zero; away from it the joint goes at once."""
     rig = moving("vel")
     rig.board.velocity_move("left", 3.0, 20.0)
@@ -625,7 +625,7 @@ GUARDED = [
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize(("room", "speed", "top"), GUARDED)
-def test_what_may_drive_towards_a_limit(way: float, room: float, speed: float, top: float) -> None:
+def test_torque_allowed_towards_a_limit(way: float, room: float, speed: float, top: float) -> None:
     """P9, P14: τ ≤ τ_last + J (v_top − q̇)/3 T, within the torque limit.
 
     J is 0.7 J_min where the torque may grow, four times as much at most where it is taken away.
@@ -657,7 +657,7 @@ def test_what_may_drive_towards_a_limit(way: float, room: float, speed: float, t
 
 
 @pytest.mark.parametrize("mode", ["torq", "open"])
-def test_far_from_its_limits_nothing_is_taken_away(mode: str) -> None:
+def test_far_from_its_limits_torque_is_not_reduced(mode: str) -> None:
     """P9, P14: slow and with room, the joint gets what its law asks for."""
     rig = held(joint("left", torque_pid=Pid(kp=0.0, kff=1.0), back_emf_compensation=0.0))
     rig.enter(mode)
@@ -879,7 +879,7 @@ def test_a_mode_change_ends_the_timeout() -> None:
 
 @pytest.mark.parametrize("kind", list(COMMANDS))
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_ignored(kind: str, value: float) -> None:
+def test_non_finite_references_are_ignored(kind: str, value: float) -> None:
     """P13, M4: with the reason, and counted; the other joints of the message are served."""
     rig = ready(board_config(joint("left"), joint("right")))
     rig.enter(MODE_OF[kind])
@@ -897,7 +897,7 @@ def test_what_is_not_finite_is_ignored(kind: str, value: float) -> None:
 
 LEFT, BOTH, ALL = [1, 0, 0], [1, 1, 0], [1, 1, 1]
 NAMES = ["left", "right"]
-#: Joints and values, words of the answer, and who counts it.
+#: Joints and values, words of the answer, and the joints that count it.
 MALFORMED = [
     (None, [1.0, 2.0], "2 .* for 3 joints", ALL),
     ((), [0.1] * 4, "4 .* for 3 joints", ALL),

@@ -226,7 +226,7 @@ def test_the_input_of_a_plant_is_a_stop() -> None:
 
 
 def test_the_silence_of_the_heartbeat_is_a_stop() -> None:
-    """E2: from the first reading on; heard again, the fault can be cleared."""
+    """E2: from the first reading on; when it is received again, the fault can be cleared."""
     rig = Rig(board_config(heartbeat_timeout=0.1))
     assert rig.run(0.09) is not None
     assert M.HW_FAULT not in rig.board.get_control_mode()
@@ -243,7 +243,7 @@ def test_the_silence_of_the_heartbeat_is_a_stop() -> None:
     assert rig.board.recover()
 
 
-def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
+def test_a_requested_stop_outlasts_the_heartbeat() -> None:
     """E2: each cause has its own end."""
     rig = Rig(board_config(heartbeat_timeout=0.1))
     rig.tick()
@@ -260,7 +260,7 @@ def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
 
 
 def test_the_stop_of_a_part_is_that_of_the_robot() -> None:
-    """E1, E2, R3: every joint, whoever asks; a part recovers its own, the robot the rest."""
+    """E1, E2, R3: every joint, for any caller; a part recovers its own, the robot the rest."""
     config = joined({n: board_config(joint(f"{n}_a"), joint(f"{n}_b")) for n in ("arm", "leg")})
     board = Board(config)
     plant = Held(config)

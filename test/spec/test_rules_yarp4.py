@@ -213,7 +213,7 @@ def test_stop_and_leaving(mode: M) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_what_is_no_number_is_ignored(value: float) -> None:
+def test_non_finite_commands_are_ignored(value: float) -> None:
     """P13: of a current, as of every other reference."""
     made = rig()
     made.enter(CURRENT, "left")

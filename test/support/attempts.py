@@ -40,7 +40,7 @@ LONG = 7200.0
 FOREVER = 1e7
 #: Where the tests of the core are.
 FOLDERS = ("test/core", "test/robot", "test/spec")
-#: What else does: the pages tell every default, bound and text.
+#: What else does: the pages list every default, bound and text.
 PAGES = "test/docs/test_generated.py"
 #: Tests that prove nothing of the core.
 ASIDE = ("test_conformance_table", "test_reach", "test_exchange")
@@ -213,8 +213,8 @@ class Exchanging:
                 pipe, self._pipe = os.pipe()
                 child = forked(functools.partial(self._attempt, trial), trial.seconds)
                 os.close(self._pipe)
-                with os.fdopen(pipe, encoding="utf-8") as told:
-                    killer = told.read()
+                with os.fdopen(pipe, encoding="utf-8") as pipe_end:
+                    killer = pipe_end.read()
                 _, status = os.waitpid(child, 0)
             if killer:
                 self._killers.add(trial.mutant, killer)
@@ -278,10 +278,16 @@ def reach_of(folder: Path, path: Path) -> Reach:
     Raises:
         SystemExit: the tests fail without any mutant.
     """
-    told: dict[str, Any] = {"files": {}, "seconds": {}, "lines": {}, "imported": {}, "often": {}}
+    recorded: dict[str, Any] = {
+        "files": {},
+        "seconds": {},
+        "lines": {},
+        "imported": {},
+        "often": {},
+    }
     if path.exists():
-        told = json.loads(path.read_text(encoding="utf-8"))
-    before, now = told["files"], {file: digest_of([ROOT / file]) for file in test_files()}
+        recorded = json.loads(path.read_text(encoding="utf-8"))
+    before, now = recorded["files"], {file: digest_of([ROOT / file]) for file in test_files()}
     anew = [file for file in now if before.get(file) != now[file]]
     if anew or before != now:
         print(f"recording which lines the tests of {len(anew)} files reach", flush=True)
@@ -294,8 +300,8 @@ def reach_of(folder: Path, path: Path) -> Reach:
                 part.unlink(missing_ok=True)
                 raise SystemExit(f"without any mutant {failed} fails: mend it first (make test)")
             gone = {*anew, *before} - (now.keys() - {*anew})
-            told = merged(told, json.loads(part.read_text(encoding="utf-8")), gone)
-        part.write_text(json.dumps(told | {"files": now}), encoding="utf-8")
+            recorded = merged(recorded, json.loads(part.read_text(encoding="utf-8")), gone)
+        part.write_text(json.dumps(recorded | {"files": now}), encoding="utf-8")
         part.replace(path)
     return Reach.read(path)
 
@@ -322,7 +328,7 @@ def code_of(module: Path) -> str:
 def attempts(
     tried: Iterable[Mutant], reach: Reach, jobs: int, budget: float, folder: Path
 ) -> Iterator[tuple[Mutant, str]]:
-    """Try mutants, so many at a time; each with its fate as soon as that is known.
+    """Try mutants, ``jobs`` at a time; each with its fate as soon as that is known.
 
     One that no test reaches has survived.
 
@@ -365,12 +371,12 @@ def by_exchange(trials: list[Trial], copies: list[Copy]) -> Iterator[tuple[Trial
     """Try mutants by processes that have all tests collected, one for each copy."""
     turn = multiprocessing.get_context("fork").Value("i", 0)
     files = sorted({test.partition("::")[0] for trial in trials for test in trial.tests})
-    results, told = os.pipe()
+    results, sending = os.pipe()
     children = []
     for copy in copies[: len(trials)]:
-        work = functools.partial(copy.run, files, Exchanging(copy, trials, turn, told))
+        work = functools.partial(copy.run, files, Exchanging(copy, trials, turn, sending))
         children.append(forked(work, FOREVER, group=True))
-    os.close(told)
+    os.close(sending)
     left = len(trials)
     try:
         with os.fdopen(results, encoding="utf-8") as lines:
@@ -400,13 +406,13 @@ class Running:
     @classmethod
     def start(cls, trial: Trial, copy: Copy, killers: list[str]) -> tuple[int, Running]:
         """Start it; with its id."""
-        tests, (pipe, told) = killers or trial.tests, os.pipe()
+        tests, (pipe, sending) = killers or trial.tests, os.pipe()
         files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
         breaking = contextlib.ExitStack()
         breaking.enter_context(copy.broken(trial.mutant))
-        work = functools.partial(copy.run, files, Order(tests, told))
+        work = functools.partial(copy.run, files, Order(tests, sending))
         child = forked(work, trial.seconds)
-        os.close(told)
+        os.close(sending)
         return child, cls(trial, copy, killers, breaking, pipe)
 
     def end(self) -> str:

@@ -8,7 +8,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from cbctl_process import GUARD, Cbctl
+from cbctl_process import Cbctl
+from waiting import GUARD
 
 #: A phone, for ``context_of``.
 PHONE: dict[str, Any] = {
@@ -42,7 +43,7 @@ def context_of(browser: Any, **how: Any) -> Iterator[Any]:
 
 
 def operate(page: Any) -> None:
-    """Have control, whoever had it: a busy machine may have taken the page for gone."""
+    """Have control, also if lost: a busy machine may have taken the page for gone."""
     button, asked = page.locator("#operator button"), page.get_by_text("You operate", exact=True)
     button.first.wait_for()
     if not asked.is_visible():

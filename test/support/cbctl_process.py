@@ -10,22 +10,19 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
+
+from waiting import GUARD
 
 from control_board_ros.cli import main
 from control_board_ros.cli.app import invoke
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import ROS_ARGUMENTS, hoist, read_options
 
-#: s; a guard against what hangs, on the busiest machine: no test is decided by it.
-GUARD = 120.0
-#: s between two looks: a poll without a pause takes the processor from what it waits for.
-POLL = 0.02
 EXECUTABLE = Path(sys.executable).with_name("cbctl")
 COMMAND = (
     [str(EXECUTABLE)]
@@ -156,11 +153,3 @@ class Asker:
     def mode(self, *words: str) -> None:
         """Set a mode."""
         assert self("mode", *words)["success"] is True
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait until a condition holds."""
-    deadline = time.monotonic() + GUARD
-    while not condition():
-        assert time.monotonic() < deadline, "it did not come to pass"
-        time.sleep(POLL)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl at a terminal of its own: what it shows, and the keys that somebody presses."""
+"""cbctl at a terminal of its own: what it shows, and key presses."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from cbctl_process import GUARD
 from rich.console import Console
+from waiting import GUARD, until
 
 
 class Terminal:
@@ -30,10 +30,11 @@ class Terminal:
 
     def see(self, text: str) -> None:
         """Read until this text is shown; what was shown before it is done with."""
-        deadline = time.monotonic() + GUARD
-        while text not in self.shown:
-            assert time.monotonic() < deadline, f"no {text!r} in {self.shown!r}"
-            self._read()
+        until(
+            lambda: text in self.shown or self._read(),
+            lambda: f"no {text!r} in {self.shown!r}",
+            period=0.0,
+        )
         self.shown = self.shown.partition(text)[2]
 
     def type(self, text: str) -> None:
@@ -42,11 +43,16 @@ class Terminal:
 
     def hold(self, key: str, seen: Callable[[str], bool]) -> None:
         """Press a key again and again, as a keyboard does, until what is shown fulfils this."""
-        deadline = time.monotonic() + GUARD
-        while not seen(self.shown):
-            assert time.monotonic() < deadline, f"not to be seen in {self.shown!r}"
+
+        def press() -> None:
             self.type(key)
             self._read()
+
+        until(
+            lambda: seen(self.shown) or press(),
+            lambda: f"not reached in {self.shown!r}",
+            period=0.0,
+        )
 
     def end(self) -> int:
         """Read until the process ends; its exit code."""

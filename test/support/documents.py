@@ -12,9 +12,9 @@ A comment before a block says what a test does with it:
     <!-- board -->             the line starts the board that the next blocks talk to
     <!-- board /icub/robot --> the same; the name of its node is this one
     <!-- file arm.yaml -->     the block is that file
-    <!-- not run: reason -->   nobody can run it in a test
+    <!-- not run: reason -->   it cannot be run in a test
 
-Spaces and the place in a bar do not count. A line of `...` in an output stands for any lines. A
+Spaces and the place in a bar do not count. A line of `...` in an output matches any lines. A
 page that starts no board talks to one of the default configuration. cbctl runs within the test
 over one connection, in a terminal of 80 columns: what it takes to find the board is tested
 elsewhere. A line that names a board (`--board`), and each of a shell block, is a process of its
@@ -47,7 +47,7 @@ BLOCK = re.compile(
     r"(?:<!-- (?P<mark>[^>]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
 )
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
-#: A number as re.escape writes it, and what stands for any in its place.
+#: A number as re.escape writes it, and the pattern for any number.
 ESCAPED, ANY = r"(?:\\-)?\d+(?:\\\.\d+)?", NUMBER.replace("\\", "\\\\")
 MODULES = {
     "cbctl": "control_board_ros.cli",
@@ -183,7 +183,7 @@ class Reader:
             )
             self._session.shared = True
             while ControlMode.CALIBRATING in self._session.client.get_control_mode():
-                time.sleep(0.02)  # a reader waits until the arm stands still
+                time.sleep(0.02)  # a reader waits until the arm is at rest
         return self._session
 
     def type(self, command: str) -> str:

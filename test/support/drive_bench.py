@@ -128,4 +128,4 @@ class Bench:
                         break
                 time.sleep(1e-3)
             else:
-                raise AssertionError("the virtual drives stand still")
+                raise AssertionError("the virtual drives do not move")

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import rclpy
-from cbctl_process import until
 from rclpy.context import Context
+from waiting import until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.core.terms.vocabs import InteractionMode

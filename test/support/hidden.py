@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scara import SCARA
 
 from control_board_ros.core.terms.measurement import Measurement, Motor, Row
 from control_board_ros.identification.bench import Bench
@@ -30,7 +31,6 @@ CAUTIOUS = {"joint_defaults.drive_delay": 0.004}
 Bent = Callable[[Measurement, np.ndarray], Measurement]
 
 
-SCARA = Path(__file__).resolve().parents[2] / "benchmark" / "motion_measure" / "scara.urdf"
 #: Robots of the grid: what is loaded, and the payload, kg; scara is a derived URDF.
 ROBOTS = {"iiwa": ("iiwa", 1.5), "panda": ("panda", 0.6), "scara": (str(SCARA), 0.5)}
 #: Joints of each seed, from 1: those of all seeds are the whole arm. An arm of less has all.

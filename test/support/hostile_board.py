@@ -15,9 +15,9 @@ from typing import Any
 
 import rclpy
 from control_board_msgs.msg import BoardState, JointFault, JointFaults, JointModes
+from qos import LATCHED
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from control_board_ros import interface
@@ -32,7 +32,6 @@ FLOATS = (
     *("position", "velocity", "torque", "position_reference", "velocity_reference"),
     *("torque_reference", "output", "current", "temperature"),
 )
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Hostile(Node):
@@ -50,10 +49,10 @@ class Hostile(Node):
         self.faults = [JointFault(name=n, active=True, text=texts[k % 2])
                        for k, n in enumerate(self.names[:6])]  # fmt: skip
         urdf = LAUGHS + "]>" + URDF.format("&i;") if kind == "laughs" else URDF.format("")
-        self.tell(interface.ROBOT_DESCRIPTION, String(data=urdf), "/")
-        self.tell(interface.FAULTS, JointFaults(faults=self.faults))
+        self.latch(interface.ROBOT_DESCRIPTION, String(data=urdf), "/")
+        self.latch(interface.FAULTS, JointFaults(faults=self.faults))
         code, vocab = ["constructor"] * self.other, [7565168] * self.other
-        self.tell(interface.MODES, JointModes(
+        self.latch(interface.MODES, JointModes(
             names=self.names, control_modes=code, interaction_modes=code,
             control_mode_vocabs=vocab,
             interaction_mode_vocabs=[1718187123] * self.other))  # fmt: skip
@@ -63,7 +62,7 @@ class Hostile(Node):
         for service in (one for one in interface.SERVICES if one not in silent):
             self.create_service(service.load(), service.name, self.answer)
 
-    def tell(self, topic: Any, message: Any, _where: str = "~") -> None:
+    def latch(self, topic: Any, message: Any, _where: str = "~") -> None:
         self.create_publisher(type(message), topic.name, LATCHED).publish(message)
 
     def say(self) -> None:

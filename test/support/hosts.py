@@ -17,17 +17,16 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+from waiting import GUARD, until
 
 from control_board_ros.testing import child_environment
 
 HERE = Path(__file__).resolve().parent
 NAMES = ("board", "operator", "monitor")
-#: s; a guard against what hangs.
-PATIENCE = 60.0
 #: What a process of a host starts with: shared memory and host name of its own.
 ENTER = 'mount -t tmpfs tmpfs /dev/shm && hostname "$0" && exec "$@"'
 
@@ -85,13 +84,13 @@ class Process:
             else:
                 self.printed.append(line)
 
-    def tell(self, *words: object) -> None:
+    def send_line(self, *words: object) -> None:
         """Send a line."""
         assert self.process.stdin is not None
         self.process.stdin.write(" ".join(map(str, words)) + "\n")
         self.process.stdin.flush()
 
-    def answer(self, timeout: float = PATIENCE) -> dict[str, Any]:
+    def answer(self, timeout: float = GUARD) -> dict[str, Any]:
         """The next answer."""
         try:
             return self._answers.get(timeout=timeout)
@@ -100,22 +99,26 @@ class Process:
 
     def ask(self, *words: object) -> dict[str, Any]:
         """Send a line, and wait for its answer."""
-        self.tell(*words)
+        self.send_line(*words)
         return self.answer()
 
     def until(self, good: Any, *words: object) -> dict[str, Any]:
         """Ask until the answer is good."""
-        deadline = time.monotonic() + PATIENCE
-        while not good(found := self.ask(*words)):
-            assert time.monotonic() < deadline, found
-            time.sleep(0.02)
+        found: dict[str, Any] = {}
+
+        def reached() -> bool:
+            nonlocal found
+            found = self.ask(*words)
+            return bool(good(found))
+
+        until(reached, lambda: found, period=0.02)
         return found
 
     def stop(self) -> int:
         """Ask it to end; its exit code."""
         self.process.terminate()
         try:
-            code = self.process.wait(PATIENCE)
+            code = self.process.wait(GUARD)
         except subprocess.TimeoutExpired:
             self.process.kill()
             code = self.process.wait()

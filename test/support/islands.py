@@ -18,7 +18,7 @@ from control_board_ros.testing import board_process
 
 BROKEN = 5.0
 #: Only UDP, which the wheels grant only to a node that looks beyond this host: through shared
-#: memory, which needs no network, nobody would notice.
+#: memory, which needs no network, the fault would have no effect.
 UDP = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
 
 
@@ -35,7 +35,7 @@ def moves(talker: Talker, target: float) -> None:
 
 
 def loopback() -> None:
-    """Without the loopback for 5 s: no fault, no end; the streams come back, it tells when."""
+    """Without the loopback for 5 s: no fault, no end; prints when the streams come back."""
     run("ip", "link", "set", "lo", "up")
     with board_process(env=UDP) as board, talking_to(board) as talker:
         moves(talker, 0.1)
@@ -55,7 +55,7 @@ def loopback() -> None:
 
 
 def disk(folder: str) -> None:
-    """A file system of 64 kB for the logs, full: the board runs and is heard."""
+    """A file system of 64 kB for the logs, full: the board runs and publishes."""
     run("mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder)
     try:
         with (Path(folder) / "full").open("wb") as file:

@@ -86,7 +86,7 @@ class OneJoint:
 
 
 def gains(pid: Any, **values: float) -> None:
-    """Set gains of a PID: its rate unfiltered, its integral part without bound unless told."""
+    """Set gains of a PID: its rate unfiltered, its integral part without bound by default."""
     for name, value in ({"alpha": 1.0, "limit": 1e9} | values).items():
         setattr(pid, name, value)
 

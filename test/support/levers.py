@@ -12,7 +12,6 @@ import numpy as np
 
 from control_board_ros.plants import Clock, Description, JointDescription, Readings
 
-IIWA = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
 SPEED = 1.0  # rad/s at 100 %
 HERE = str(Path(__file__).parent)
 
@@ -120,7 +119,7 @@ def make_logged(names: Sequence[str], arguments: Mapping[str, str]) -> Logged:
 
 
 class OwnClock(Levers):
-    """Its read blocks until its own cycle: here, until somebody lets it."""
+    """Its read blocks until its own cycle: here, until a test lets it."""
 
     def describe(self) -> Description:
         joints = self.description.joints

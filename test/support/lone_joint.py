@@ -5,9 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pure import load_python
+from pure import LAWS
 
-LAWS = load_python("control_board_ros.core.laws.laws")
 PARTS = ("position_pid", "torque_pid", "current_pid", "stream")
 NUMBERS = [
     name

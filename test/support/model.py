@@ -3,7 +3,7 @@
 
 One joint at a time, one rule at a time, no tables and no arrays, nothing of the product. It
 knows what the rules say of modes, answers, references and faults; where a joint really is, it is
-told: ``measured`` and what the sensors show. Times are in cycles.
+given: ``measured`` and what the sensors show. Times are in cycles.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class JointModel:
         return "accepted"
 
     def begin_calibration(self, measured: float) -> None:
-        """K7: who requires it has none until it is done; another keeps what it had."""
+        """K7: a joint that requires it has none until it is done; others keep theirs."""
         self.enter(CALIBRATING, measured)
         self.calibrated = self.calibrated and not self.needs_calibration
 

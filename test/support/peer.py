@@ -6,7 +6,7 @@ mode CODE           set_control_mode of all joints
 move POSITION SPEED move of the first joint, and wait for its end
 encoder             get_encoder of the first joint
 stream VELOCITY     send velocities to the first joint 50 times a second from now on, until `off`
-look                states heard so far, age of the last (s), what it said, modes, faults
+look                states received so far, age of the last (s), its content, modes, faults
 """
 
 from __future__ import annotations
@@ -19,14 +19,13 @@ from typing import Any
 
 import rclpy
 from control_board_msgs.msg import BoardState, JointFaults, JointModes, VelocityCommand
+from qos import LATCHED
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.startup import announce_often
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RATE = 50.0
 
 
@@ -34,7 +33,7 @@ class Peer:
     def __init__(self) -> None:
         self.node = node = Node("peer")
         self.client = ControlBoardClient(node, "control_board", find_timeout=30.0)
-        self.states, self.heard = 0, time.monotonic()
+        self.states, self.received = 0, time.monotonic()
         self.state: Any = BoardState()
         self.modes: Any = JointModes()
         self.faults: Any = JointFaults()
@@ -49,7 +48,7 @@ class Peer:
         threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
 
     def _on_state(self, message: Any) -> None:
-        self.states, self.heard, self.state = self.states + 1, time.monotonic(), message
+        self.states, self.received, self.state = self.states + 1, time.monotonic(), message
 
     def _on_modes(self, message: Any) -> None:
         self.modes = message
@@ -86,7 +85,7 @@ class Peer:
     def look(self) -> dict[str, Any]:
         return {
             "states": self.states,
-            "age": time.monotonic() - self.heard,
+            "age": time.monotonic() - self.received,
             "velocity_reference": [*self.state.velocity_reference[:1], 0.0][0],
             "velocity": [*self.state.velocity[:1], 0.0][0],
             "position": [*self.state.position[:1], 0.0][0],

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from iiwa import JOINTS
 
 from control_board_ros.core.config.config import (
     BoardConfig,
@@ -29,7 +30,6 @@ from control_board_ros.sim.config import (
 from control_board_ros.sim.plant import SimulatedPlant
 
 IIWA = load_robot("iiwa")
-IIWA_JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
 #: The physics engines, each as a parameter of a fixture or a test.
 ENGINES = [
     pytest.param(
@@ -107,7 +107,7 @@ def ideal_plant(count: int = 7, **rest) -> SimulatedPlant:
 
 def arm_plant(physics: str, **rest) -> SimulatedPlant:
     """The iiwa."""
-    config = board(*IIWA_JOINTS)
+    config = board(*JOINTS)
     return SimulatedPlant(config, simulation(config, urdf=IIWA, physics=physics, **rest))
 
 

@@ -7,8 +7,7 @@ import subprocess
 import sys
 from typing import Any
 
-#: s; a guard against what hangs, on the busiest machine.
-GUARD = 120.0
+from waiting import GUARD
 
 
 def ended(*words: Any, code: int = 0, **how: Any) -> subprocess.CompletedProcess[str]:

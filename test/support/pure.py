@@ -63,3 +63,7 @@ def as_python() -> Iterator[dict[str, ModuleType]]:
 def value_module(value: object) -> str:
     """The name of the module that a class or function is from; empty for others."""
     return str(getattr(value, "__module__", "")) if callable(value) else ""
+
+
+#: The laws as plain Python.
+LAWS = load_python("control_board_ros.core.laws.laws")

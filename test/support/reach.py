@@ -24,7 +24,7 @@ import pytest
 
 #: Calls of a function in one test that are looked at; of later ones each OFTEN-th.
 CALLS, OFTEN = 40, 50
-#: Lines before and after one that tell which tests are about it.
+#: Lines before and after one that determine which tests are about it.
 AROUND = 15
 #: What every test is about a line, at least; time that a test costs besides its own, s.
 SLIGHT, OVERHEAD = 1e-4, 0.02
@@ -130,8 +130,8 @@ class Recorder:
             for code in self._often[test] | self._often[test.partition("::")[0]]:
                 last = max(line for _, _, line in code.co_lines() if line)
                 often[self._name(code.co_filename)][f"{code.co_firstlineno} {last}"].append(k)
-        told = {"seconds": self._seconds, "lines": found, "imported": imported, "often": often}
-        self._path.write_text(json.dumps(told), encoding="utf-8")
+        record = {"seconds": self._seconds, "lines": found, "imported": imported, "often": often}
+        self._path.write_text(json.dumps(record), encoding="utf-8")
 
 
 def merged(old: dict[str, Any], new: dict[str, Any], gone: Collection[str]) -> dict[str, Any]:
@@ -149,9 +149,9 @@ def merged(old: dict[str, Any], new: dict[str, Any], gone: Collection[str]) -> d
     found: dict[str, Any] = {"seconds": seconds}
     for key in ("lines", "often"):
         lines = defaultdict(lambda: defaultdict(list))
-        for told, counted in ((old, kept), (new, seconds)):
-            moved = [places[test] if test in counted else None for test in told["seconds"]]
-            for module, by_line in told[key].items():
+        for record, counted in ((old, kept), (new, seconds)):
+            moved = [places[test] if test in counted else None for test in record["seconds"]]
+            for module, by_line in record[key].items():
                 for line, tests in by_line.items():
                     lines[module][line] += [k for t in tests if (k := moved[t]) is not None]
         found[key] = {
@@ -180,24 +180,24 @@ class Reach:
     @classmethod
     def read(cls, path: Path) -> Reach:
         """What a Recorder has written."""
-        told = json.loads(path.read_text(encoding="utf-8"))
-        tests = list(told["seconds"])
+        record = json.loads(path.read_text(encoding="utf-8"))
+        tests = list(record["seconds"])
         lines = {
             module: {int(line): [tests[k] for k in found] for line, found in by_line.items()}
-            for module, by_line in told["lines"].items()
+            for module, by_line in record["lines"].items()
         }
-        imported = {module: frozenset(found) for module, found in told["imported"].items()}
+        imported = {module: frozenset(found) for module, found in record["imported"].items()}
         often = {
             module: {
                 (int(first), int(last)): [tests[k] for k in found]
                 for (first, _, last), found in ((span.partition(" "), x) for span, x in of.items())
             }
-            for module, of in told["often"].items()
+            for module, of in record["often"].items()
         }
-        return cls(lines, imported, told["seconds"], often)
+        return cls(lines, imported, record["seconds"], often)
 
     def tests_for(self, module: str, line: int) -> list[str]:
-        """The tests that can tell a line broken: those seen to reach it, and those that skip
+        """The tests that can detect a broken line: those seen to reach it, and those that skip
         calls of its function; of a line that importing runs, all.
 
         First those that are about it, for the time that they take: tests that reach lines around

@@ -19,7 +19,8 @@ from control_board_ros.core.config.config import (
     Motor,
     Pid,
 )
-from control_board_ros.core.state import Snapshot
+from control_board_ros.core.laws.control import Controller
+from control_board_ros.core.state import Snapshot, StateArrays
 from control_board_ros.core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
@@ -57,6 +58,10 @@ MOTOR = Motor(
 PER_TORQUE = 100.0 / 48.0 / 5.0
 
 
+#: Currents of a joint that overheats within seconds.
+HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
+
+
 def joint(name: str, *, limits: dict[str, Any] | None = None, **changes: Any) -> JointConfig:
     """A joint with a torque sensor that implements everything, at rest in IDLE."""
     values: dict[str, Any] = {
@@ -89,6 +94,11 @@ def board_config(*joints: JointConfig, **changes: Any) -> BoardConfig:
     return BoardConfig(joints=chosen, **({"control_rate": RATE} | changes))
 
 
+def controller(config: BoardConfig) -> Controller:
+    """The controller of a board's joints, with arrays of its own."""
+    return Controller(config, StateArrays(config))
+
+
 def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> SimulationConfig:
     """An ideal plant; ``home`` and ``zero`` (of the encoder) are lists, one value per joint."""
     n = len(config.joints)
@@ -108,7 +118,7 @@ def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> Simu
 
 
 class Held:
-    """A plant that stands still and says what it is told: for looking at the laws alone."""
+    """A plant at rest with given readings: for testing the laws alone."""
 
     def __init__(self, config: BoardConfig) -> None:
         self.values: Array = np.zeros((ROWS, len(config.joints)))
@@ -206,7 +216,7 @@ def with_a_slide() -> Rig:
 
 
 def held(*joints: JointConfig, **changes: Any) -> Rig:
-    """A configured rig whose plant stands still; nothing checks that the motor agrees, and its
+    """A configured rig whose plant is at rest; nothing checks that the motor agrees, and its
     winding has no inductance for the drive to be ahead of.
     """
     if not joints:

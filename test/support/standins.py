@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import uvicorn
+from waiting import GUARD
 from websockets.sync.client import ClientConnection, connect
 
 from control_board_ros.core.terms.reply import Answer, Reply
@@ -24,8 +25,6 @@ from control_board_ros.panel.hub import Hub
 from control_board_ros.panel.server import make_app
 
 TOKEN = "the-token"
-#: s; a guard against what hangs: no test is decided by it.
-GUARD = 60.0
 #: The fields of each request that a board takes.
 REQUESTS: dict[str, dict[str, Any]] = {
     "mode": {"joints": ["a", "b"], "mode": "vel"},

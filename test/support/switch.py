@@ -32,7 +32,7 @@ def port(name: str) -> int:
 
 
 def main(loss: float, delay: float, names: list[str]) -> None:
-    """Carry frames until the process is told to end."""
+    """Carry frames until the process is terminated."""
     ports = [port(name) for name in names]
     chance, order = random.Random(7), itertools.count()
     waiting: list[tuple[float, int, int, bytes]] = []  # when, order, from, frame

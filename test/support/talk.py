@@ -11,22 +11,20 @@ from functools import partial
 from typing import Any
 from uuid import uuid4
 
-import numpy as np
 from control_board_msgs import msg, srv
+from qos import LATCHED, STREAM
 from rclpy.action import ActionClient
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
+from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.client.state import FLOAT_FIELDS
 from control_board_ros.testing import BoardProcess, ros_node
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-STREAM = QoSProfile(depth=1000)  # ten seconds of states, for a talker that is held up
-TIMEOUT = 120.0  # s; a guard against what never comes, on the busiest machine
 #: A client that waits as long.
-patient = partial(ControlBoardClient, find_timeout=TIMEOUT, answer_timeout=TIMEOUT)
+patient = partial(ControlBoardClient, find_timeout=GUARD, answer_timeout=GUARD)
 
 
 class Talker:
@@ -39,13 +37,13 @@ class Talker:
         self._changed = threading.Condition()
         self.seen: dict[str, list[Any]] = {}
         self._sent: dict[str, list[int]] = {}  # when each was sent, ns
-        self.hear("state", msg.BoardState, f"{board}/state", STREAM)
-        self.hear("modes", msg.JointModes, f"{board}/modes", LATCHED)
-        self.hear("faults", msg.JointFaults, f"{board}/faults", LATCHED)
+        self.subscribe("state", msg.BoardState, f"{board}/state", STREAM)
+        self.subscribe("modes", msg.JointModes, f"{board}/modes", LATCHED)
+        self.subscribe("faults", msg.JointFaults, f"{board}/faults", LATCHED)
         self.names = list(self.wait("state", lambda _: True).names)
         self.wait("modes", lambda _: True)
 
-    def hear(self, key: str, kind: Any, topic: str, qos: QoSProfile = STREAM) -> None:
+    def subscribe(self, key: str, kind: Any, topic: str, qos: QoSProfile = STREAM) -> None:
         """Keep what comes on a topic in ``seen[key]``."""
         self.seen[key], self._sent[key] = [], []
 
@@ -61,16 +59,16 @@ class Talker:
         self,
         key: str,
         good: Callable[[Any], bool],
-        timeout: float = TIMEOUT,
+        timeout: float = GUARD,
         *,
         fresh: bool = False,
         after: int | None = None,
     ) -> Any:
-        """The newest message that is good; with ``fresh``, one that tells of now or later.
+        """The newest message that is good; with ``fresh``, one of now or later.
 
         On a busy machine, messages of the last second may still be on their way when a service
         has answered. So a fresh one was sent from now on; and the first of those is left out, for
-        what it tells may have been read before. With ``after`` (ns, of the system's clock) the
+        its content may have been read before. With ``after`` (ns, of the system's clock) the
         same from then on: for what may have come and gone when this is called.
         """
         fresh = fresh or after is not None
@@ -96,7 +94,7 @@ class Talker:
 
     def until_state(self, send: Callable[[], None], good: Callable[[Any], bool]) -> None:
         """Send until a state since then is good: the first best-effort messages may be lost."""
-        deadline, begun = time.monotonic() + TIMEOUT, time.time_ns()
+        deadline, begun = time.monotonic() + GUARD, time.time_ns()
         while True:
             send()
             try:
@@ -106,7 +104,7 @@ class Talker:
                 if time.monotonic() > deadline:
                     raise
 
-    def call(self, name: str, kind: Any, /, timeout: float = TIMEOUT, **request: Any) -> Any:
+    def call(self, name: str, kind: Any, /, timeout: float = GUARD, **request: Any) -> Any:
         """Call ``~/name`` and return its response."""
         return self.answer(self.ask(name, kind, **request), timeout)
 
@@ -116,10 +114,10 @@ class Talker:
             self._clients[name] = self.node.create_client(
                 kind, f"{self.board}/{name}", qos_profile=QoSProfile(depth=500)
             )
-            assert self._clients[name].wait_for_service(TIMEOUT), f"no service {name}"
+            assert self._clients[name].wait_for_service(GUARD), f"no service {name}"
         return self._clients[name].call_async(kind.Request(**request))
 
-    def answer(self, future: Future, timeout: float = TIMEOUT) -> Any:
+    def answer(self, future: Future, timeout: float = GUARD) -> Any:
         """What a future gives."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
@@ -146,10 +144,7 @@ class Talker:
         if key not in self._publishers:
             publisher = self.node.create_publisher(type(message), f"{self.board}/{topic}", qos)
             self._publishers[key] = publisher
-            deadline = time.monotonic() + TIMEOUT
-            while not publisher.get_subscription_count():
-                assert time.monotonic() < deadline, f"nobody listens on {topic}"
-                time.sleep(0.01)
+            until(publisher.get_subscription_count, lambda: f"{topic} has no subscription")
         self._publishers[key].publish(message)
 
     def settle(self) -> None:
@@ -163,17 +158,17 @@ class Talker:
     def goal(self, name: str, kind: Any, feedback: list[Any] | None = None, **goal: Any) -> Any:
         """Send a goal to the action ``~/name``; returns the accepted goal's handle."""
         client = ActionClient(self.node, kind, f"{self.board}/{name}")
-        assert client.wait_for_server(TIMEOUT), f"no action {name}"
+        assert client.wait_for_server(GUARD), f"no action {name}"
         number = UUID(uuid=list(uuid4().bytes))
         if feedback is not None:
-            self._hear_feedback(name, kind, number, feedback)
+            self._keep_feedback(name, kind, number, feedback)
         handle = self.answer(
             self.within(lambda: client.send_goal_async(kind.Goal(**goal), goal_uuid=number))
         )
         assert handle.accepted
         return handle
 
-    def _hear_feedback(self, name: str, kind: Any, number: UUID, feedback: list[Any]) -> None:
+    def _keep_feedback(self, name: str, kind: Any, number: UUID, feedback: list[Any]) -> None:
         """Keep all feedback of a goal: an action client drops what comes after the result."""
 
         def keep(message: Any) -> None:
@@ -200,17 +195,7 @@ class Talker:
         self.call("pause", SetBool, data=False)
         assert self.call("reset", Trigger).success
         self.wait("modes", lambda m: "cfgn" not in m.control_modes)
-        deadline = time.monotonic() + TIMEOUT
-        while set(self.modes()) != {"pos"}:
-            assert time.monotonic() < deadline, self.modes()
-
-
-def until(good: Callable[[], bool]) -> None:
-    """Wait until something is so."""
-    deadline = time.monotonic() + TIMEOUT
-    while not good():
-        assert time.monotonic() < deadline, "it did not come to pass"
-        time.sleep(0.01)
+        until(lambda: set(self.modes()) == {"pos"}, self.modes)
 
 
 @contextlib.contextmanager
@@ -231,9 +216,3 @@ def state_of(names: list[str], **other: Any) -> Any:
 def stamp_of(message: Any) -> float:
     """The header's time, s."""
     return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
-
-
-def minimum_jerk(start: float, target: float, speed: float, times: np.ndarray) -> np.ndarray:
-    """The profile of SPEC P1 at some times since its start."""
-    s = np.clip(times / (abs(target - start) / speed), 0.0, 1.0)
-    return start + (target - start) * (10 * s**3 - 15 * s**4 + 6 * s**5)

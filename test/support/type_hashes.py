@@ -16,7 +16,7 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 
-import control_board_ros  # noqa: F401 - tells ament where the wheels are
+import control_board_ros  # noqa: F401 - registers the wheels with ament
 
 #: type_description_interfaces/msg/FieldType; a sequence without bound adds UNBOUNDED.
 TYPE_IDS = {

@@ -386,13 +386,7 @@ def impedance_acts_with_the_next_mode() -> None:
 
 @replaces("I7", "core.machine.decisions:_decide_interaction", joint="bare")
 def compliant_without_a_sensor_is_refused(old: Any, *args: Any) -> Any:
-    from control_board_ros.core.machine import decisions
-    from control_board_ros.core.terms.reply import Answer
-
-    verdict = old(*args)
-    if verdict.answer is Answer.UNSUPPORTED:
-        return decisions.Verdict(Answer.REFUSED, verdict.reason)
-    return verdict
+    return refuses_what_it_does_not_implement(old, *args)
 
 
 @replaces("F2", "node.wiring.services:Services.set_control_mode")

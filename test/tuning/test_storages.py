@@ -125,7 +125,7 @@ def test_a_database_of_two_machines_one_of_which_dies(
     assert living.wait() == 0
     assert len(in_state(plan, "COMPLETE")) == plan.trials
     again: list[Any] = []
-    while not again:  # who comes later gives the lost one up, and tries it again
+    while not again:  # a later process gives the lost one up, and tries it again
         more = len(in_state(plan, "COMPLETE")) + 1
         late = workers.start(Plan(crane, 1.0, more, 1, postgresql))
         assert late.wait() == 0
@@ -160,7 +160,7 @@ def test_a_database_of_two_machines_one_of_which_dies(
 def test_a_journal_whose_first_process_dies_tries_the_derived_gains(
     crane: str, tmp_path: Path
 ) -> None:
-    """There are no signs of life in a file: who ends the search tries what got lost."""
+    """There are no signs of life in a file: the process that ends the search tries lost trials."""
     plan = Plan(crane, 1.0, 4, 1, str(tmp_path / "crane.journal"))
     storage = storage_of(plan.storage)
     import optuna

@@ -145,7 +145,7 @@ def test_motions_repeat(bench: Bench) -> None:
 
 
 def test_gains_that_shake_cost_most(bench: Bench) -> None:
-    """A thousand times the derivative gain is no motion that anybody wants."""
+    """A thousand times the derivative gain makes no acceptable motion."""
     before = [figures(POSITION, motions) for motions in bench.play("lift", POSITION, {})]
     wild = {"lift.position_pid.kd": 60e3, "lift.direct_pid.kd": 60e3}
     try:
@@ -160,7 +160,7 @@ def plan_of(robot: str, folder: Path, trials: int = 6) -> Plan:
 
 
 @pytest.mark.slow
-def test_a_search_makes_poor_gains_better_and_goes_on(crane: str, tmp_path: Path) -> None:
+def test_a_search_improves_poor_gains_and_resumes(crane: str, tmp_path: Path) -> None:
     """Tracking in unseen poses at least halved; the same again adds no trial; more add more."""
     found = run(plan_of(crane, tmp_path), "lift", POSITION)
     assert found.cost < 0.5

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How tests wait: until a condition is true, with a guard against what never comes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+#: Timeout of every wait, s; long enough for the busiest machine: no test is decided by it.
+GUARD = 120.0
+#: Time between two checks, s: a poll without a pause takes the processor from what it waits for.
+PERIOD = 0.01
+
+
+def until(
+    condition: Callable[[], T],
+    report: Callable[[], object] = lambda: "condition not reached",
+    *,
+    period: float = PERIOD,
+) -> T:
+    """Wait until a condition returns something true, and return that.
+
+    Args:
+        condition: called every ``period`` seconds.
+        report: what a failure shows, called when it is due.
+        period: s.
+
+    Raises:
+        AssertionError: the condition was not true within ``GUARD`` seconds.
+    """
+    deadline = time.monotonic() + GUARD
+    while not (found := condition()):
+        assert time.monotonic() < deadline, report()
+        time.sleep(period)
+    return found
