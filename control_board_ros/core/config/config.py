@@ -139,10 +139,10 @@ class JointConfig:
     motor: Motor = part(default=Motor())
     brake: Brake = part("Brake: ", default=Brake())
     back_emf_compensation: float = parameter(
-        "Part of the back-EMF that the output makes up for", default=1.0, low=0.0, high=1.0
+        "Fraction of the back-EMF that the output compensates", default=1.0, low=0.0, high=1.0
     )
     gravity_compensation: bool = parameter(
-        "Add the torque of gravity in COMPLIANT and TORQUE, as the URDF and payload have it",
+        "Add the gravity torque of URDF and payload in COMPLIANT and TORQUE",
         default=False,
         run_time=True,
     )
@@ -166,8 +166,8 @@ class JointConfig:
     timeouts: Timeouts = part(default=Timeouts())
     constraints: JointConstraints = part(default=JointConstraints())
     torque_sensor: bool = parameter(
-        "Has a torque sensor; TORQUE and COMPLIANT need one. external: its torques come by "
-        "~/external_torque_sensor",
+        "Torque sensor present, as TORQUE and COMPLIANT require; external: torques are received "
+        "on ~/external_torque_sensor",
         default=True,
         choices=(EXTERNAL,),
     )
@@ -181,36 +181,36 @@ class JointConfig:
         choices=InteractionMode,
     )
     startup_mode: ControlMode = parameter(
-        "Control mode without calibration",
+        "Control mode at start of a joint without calibration",
         default=MOVES,
         choices=STARTUP_MODES,
     )
     startup_interaction: InteractionMode = parameter(
-        "Interaction mode without calibration",
+        "Interaction mode at start of a joint without calibration",
         default=INITIAL_INTERACTION,
         choices=InteractionMode,
     )
     drive: tuple[SetPoint, ...] = parameter(
-        "Set-points that the joint's drive is given; empty: all that it accepts, which of a "
-        "simulated one is pwm",
+        "Set-points used with the drive; empty: all that it accepts (simulated drive: pwm)",
         default=(),
         choices=KINDS,
     )
     drive_delay: float = parameter(
-        "From what the drive is handed down to the reading that shows it, beyond a control cycle",
+        "Delay from a set-point to the reading that shows its effect, in excess of one control "
+        "cycle",
         "s",
         default=0.0,
         low=0.0,
         high=0.1,
     )
     on_silence: OnSilence = parameter(
-        "What the motor does without commands of the board, as far as its drive can",
+        "State of the motor without commands from the board, where the drive supports it",
         default=OnSilence.FREE,
         choices=OnSilence,
     )
     calibration: Calibration | None = part(default=None)
     max_travel_error: float = parameter(
-        "Disagreement of encoder and motor that is a fault",
+        "Difference between encoder and motor travel that is a fault",
         "rad or m",
         default=2.0 * DEGREE,
         above=0.0,
@@ -218,21 +218,21 @@ class JointConfig:
         derived="2 deg; 5 mm",
     )
     inertia_min: float = parameter(
-        "Least inertia that the motor moves, rotor included, other joints free to give way",
+        "Minimum inertia moved by the motor, including the rotor; other joints free",
         "kg·m² or kg",
         default=1.0,
         above=0.0,
         derived="URDF and motor.inertia",
     )
     inertia_mean: float = parameter(
-        "Mean inertia that the motor moves, rotor included, other joints standing",
+        "Mean inertia moved by the motor, including the rotor; other joints at rest",
         "kg·m² or kg",
         default=1.0,
         low="inertia_min",
         derived="URDF and motor.inertia",
     )
     inertia_max: float = parameter(
-        "Greatest inertia that the motor moves in any pose, rotor included",
+        "Maximum inertia moved by the motor in any pose, including the rotor",
         "kg·m² or kg",
         default=1.0,
         low="inertia_mean",
@@ -364,32 +364,32 @@ class BoardConfig:
     motor_coupling: Coupling | None = None
     parts: Mapping[str, BoardConfig] = field(default_factory=dict)
     control_rate: float = parameter(
-        "Control cycles; the gains hold from 200 to 4000, the log warns below",
+        "Rate of control cycles; gains are designed for 200 to 4000 Hz, lower rates log a warning",
         "Hz",
         default=1000.0,
         low=10.0,
         high=20000.0,
     )
     output: str = parameter(
-        "What the control laws give: pwm, or current to an inner loop",
+        "Output of the control laws: pwm, or current for an inner current loop",
         default="pwm",
         choices=OUTPUTS,
     )
     heartbeat_timeout: float = parameter(
-        "Silence of ~/heartbeat that is an emergency stop; 0: none is expected",
+        "Time without ~/heartbeat that triggers an emergency stop; 0: disabled",
         "s",
         default=0.0,
         low=0.0,
         high=1e6,
     )
     autoconfigure: bool = parameter(
-        "Leave NOT_CONFIGURED at start; else by ~/configure", default=True
+        "Leave NOT_CONFIGURED at start; false: on ~/configure", default=True
     )
     calibration_groups: tuple[tuple[str, ...], ...] = parameter(
-        'Joints that calibrate together, group after group: each "joint,joint,…"', default=()
+        'Groups of joints that calibrate together, in order; each "joint,joint,…"', default=()
     )
     allow_partial_joints_goal: bool = parameter(
-        "Take trajectory goals for some of the joints", default=True, run_time=True
+        "Accept trajectory goals for a subset of the joints", default=True, run_time=True
     )
     constraints: Constraints = part(default=Constraints())
 
