@@ -662,7 +662,7 @@ class JointGroup(ModeShortcuts):
         """The whole configuration is in: at its reading a joint leaves NOT_CONFIGURED (N2)."""
         state, stage = self.state, self.stage
         if stage is Stage.UNCONFIGURED:
-            text = "the node is unconfigured; use the transition configure of its lifecycle"
+            text = "the managed board is unconfigured; use its transition configure"
             return refused(text, self.names)
         if all(state.control_modes[j] in CONFIGURED for j in self.joints) and all(
             state.stages[j] is stage for j in self.joints

@@ -89,7 +89,7 @@ class Panels:
 
     def who(self, panel: str) -> str:
         """Operator or applicant at another panel."""
-        return self._others[panel][0].who if panel in self._others else "somebody"
+        return self._others[panel][0].who if panel in self._others else "another browser"
 
     def sent(self, now: float) -> None:
         """Record a beat of this panel."""

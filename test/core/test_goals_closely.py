@@ -216,7 +216,7 @@ def test_the_way_to_a_pose_is_from_where_the_joint_is() -> None:
     assert rig.board.state.position_reference[0] == 0.5
     time, note = plan_move(rig.board, Pose("p", ("a",), (0.7,)), 3.0)
     assert time == pytest.approx(0.24, abs=0.001)
-    assert note.startswith("a: takes 0.24 s, at a mean speed of 47.")
+    assert note.startswith("a: 0.24 s at a mean speed of 47.")
     assert "(171.9°/s was requested)" in note
 
 
@@ -312,7 +312,7 @@ def test_a_move_that_another_one_replaced_has_failed(still: Rig) -> None:
     move = MoveTask(still.board, ["a"], [-1.0], [0.5])
     still.run(0.1)
     assert still.board.position_move("a", 0.5)
-    assert move.outcome() == (False, "another move has a to 28.6° instead of -57.3°")
+    assert move.outcome() == (False, "another move commands a to 28.6° instead of -57.3°")
 
 
 def test_a_move_is_under_way_until_its_slowest_joint_is_there(still: Rig) -> None:

@@ -281,7 +281,7 @@ class Plant(Protocol):
 #: Why a plant that is not a :class:`Simulation` refuses what only a simulation supports (B4).
 NO_SIMULATION = (
     "this board drives a plant that is no simulation: its time and its faults are real; "
-    "to simulate, start the node without the parameter plant"
+    "to simulate, start it without a plant"
 )
 
 
