@@ -321,7 +321,7 @@ class Assumed:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One line about parts derived as a whole; empty where parameters give all."""
+        """One line about parts derived as a whole; empty where parameters set all."""
         if not self._parts:
             return ()
         parts = ", ".join(

@@ -40,7 +40,7 @@ class Beat:
 
     @classmethod
     def read(cls, text: str) -> Beat | None:
-        """Parse a beat; None if invalid: anybody can publish."""
+        """Parse a beat; None if invalid: any node can publish."""
         if len(text) > MAX_BEAT:
             return None
         try:
@@ -62,7 +62,7 @@ class Panels:
 
     Args:
         name: unique name of this panel.
-        lease: of this panel; names stand for other panels.
+        lease: of this panel; names represent other panels.
         now: s.
     """
 

@@ -73,7 +73,7 @@ __all__ = [
 
 NAMES = "a joint name: up to 120 characters that can be shown"
 OUTPUTS = ("pwm", "current")
-#: A torque sensor that another program is.
+#: The torque sensor is another program.
 EXTERNAL = "external"
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
 DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
@@ -259,20 +259,20 @@ class JointConfig:
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
 
     @property
-    def takes(self) -> tuple[SetPoint, ...]:
-        """The set-points that its drive is given (S1)."""
+    def set_points(self) -> tuple[SetPoint, ...]:
+        """The set-points used with the drive (S1)."""
         return self.drive or (SetPoint.PWM,)
 
     @property
     def drive_use(self) -> DriveUse:
-        """Which loop runs where."""
+        """The set-point of each control law."""
 
         def code(law: Law) -> str | None:
-            found = set_point_of(law, self.takes)
+            found = set_point_of(law, self.set_points)
             return None if found is None else found.code
 
         return DriveUse(
-            set_points=tuple(kind.code for kind in self.takes),
+            set_points=tuple(kind.code for kind in self.set_points),
             position=code(Law.POSITION),
             impedance=code(Law.IMPEDANCE),
             torque=code(Law.TORQUE),
@@ -284,9 +284,9 @@ class JointConfig:
     def _keep_reachable(self) -> None:
         """Leave out the modes that no set-point of its drive reaches (S1, B2)."""
         stiff, compliant = InteractionMode.STIFF, InteractionMode.COMPLIANT
-        control = tuple(m for m in self.control_modes if reachable(m, stiff, self.takes))
+        control = tuple(m for m in self.control_modes if reachable(m, stiff, self.set_points))
         object.__setattr__(self, "control_modes", control)
-        if not reachable(MOVES, compliant, self.takes):
+        if not reachable(MOVES, compliant, self.set_points):
             only = tuple(m for m in self.interaction_modes if m is not compliant)
             object.__setattr__(self, "interaction_modes", only)
 
@@ -336,8 +336,8 @@ def spring_damping(stiffness: float, inertia: float) -> float:
 def damping_for(stiffness: float, joint: JointConfig) -> float:
     """The damping that goes with a stiffness, N·m·s/rad.
 
-    That of J = inertia_max: released, the joint passes its place by no more than a tenth in any
-    pose. At most max_damping, and the stable limit of the torque loop at inertia_min.
+    That of J = inertia_max: released, the joint overshoots by at most a tenth in any pose. At most
+    max_damping, and the stable limit of the torque loop at inertia_min.
     """
     best = spring_damping(stiffness, joint.inertia_max)
     return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
@@ -351,7 +351,7 @@ class BoardConfig:
         joints: In the board's order.
         calibration_groups: Names of joints that calibrate together, group after group; joints in
             no group form the last one.
-        model: The masses of the arm; None: not known, each joint is modelled by itself.
+        model: The masses of the arm; None: unknown, each joint is modelled alone.
         coupling: Of its joints with physical ones; None: they are the physical joints.
         motor_coupling: Of its joints with the motors; None: each has its own.
         parts: The parts of a robot by name, each with a configuration of its own, and with it its
@@ -420,8 +420,8 @@ class BoardConfig:
         for joint, count in zip(self.joints, shared.tolist(), strict=True):
             if count and joint.brake.present:
                 raise ConfigError(f"{joint.name}.brake.present", True, f"false: {SHARED}")
-            if count and joint.takes != (SetPoint.PWM,):
-                codes = [kind.code for kind in joint.takes]
+            if count and joint.set_points != (SetPoint.PWM,):
+                codes = [kind.code for kind in joint.set_points]
                 raise ConfigError(f"{joint.name}.drive", codes, f"[pwm], or empty: {SHARED}")
 
     @property

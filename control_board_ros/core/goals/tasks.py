@@ -2,7 +2,7 @@
 """Goals that end when all their joints have: moves (SPEC P3) and calibrations (K1).
 
 The end of a position move is decided one joint at a time, from values alone. A move
-that ends by itself leaves the position reference on its target. One that was dropped (by a stop,
+that is completed leaves the position reference on its target. One that was dropped (by a stop,
 another interaction mode, another control mode: M9, I4) leaves it at rest elsewhere.
 """
 

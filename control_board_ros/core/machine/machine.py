@@ -89,7 +89,7 @@ class Machine:
             self.go(j, Event.POWER_ON)
 
     def reconfigure(self, config: BoardConfig, timeout_cycles: Array) -> None:
-        """Take new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
+        """Apply new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
         before, self.config = self.config, config
         self.timeouts.reconfigure(timeout_cycles)
         self.brakes.reconfigure()

@@ -56,7 +56,7 @@ class EmergencyStop:
         self.timeout = timeout
         self.holds = False
         self._causes: set[tuple[str, str]] = set()
-        self._heard: float | None = None
+        self._last_beat: float | None = None
 
     @property
     def reason(self) -> tuple[str, str]:
@@ -71,14 +71,14 @@ class EmergencyStop:
 
     def beat(self, time: float) -> None:
         """Record a heartbeat, at a time of the board, s."""
-        self._heard = time
+        self._last_beat = time
 
     def watch(self, time: float) -> None:
         """Check the silence at the time of a reading, s."""
         if self.timeout > 0.0:
-            if self._heard is None:  # the first reading: silence counts from now on
-                self._heard = time
-            self._note(SILENCE, time - self._heard > self.timeout)
+            if self._last_beat is None:  # the first reading: silence counts from now on
+                self._last_beat = time
+            self._note(SILENCE, time - self._last_beat > self.timeout)
 
     def _note(self, cause: tuple[str, str], holds: bool) -> None:
         if holds:
@@ -151,7 +151,7 @@ class FaultMonitor:
             self._configure(j)
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take new constants; the history is kept.
+        """Apply new constants; the history is kept.
 
         The limits come into force by ``arm`` or ``bound``. Joints whose configuration is as before
         are left alone.

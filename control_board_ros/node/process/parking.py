@@ -15,7 +15,7 @@ from ..loop.loop import Member
 PERIOD = 0.02
 
 PAUSED = "the simulation is paused; resume it first, with ~/pause"
-LEFT = "a second signal was received"
+LEFT = "a second signal came"
 
 
 def park(
