@@ -122,7 +122,7 @@ def test_a_direct_position_ends_the_old_path_also_before_a_new_one_waits(bench: 
     assert bench.board.set_position("a", 0.07)
     bench.follow("a", (0.1, 0.0), ahead=0.2)
     assert bench.cycle(50)[0] == 0.07
-    assert bench.events() == ["trajectory of a ended: another direct position took over"]
+    assert bench.events() == ["trajectory of a ended: replaced by another direct position"]
     assert bench.cycle(150)[0] == pytest.approx(0.0)
 
 
@@ -480,7 +480,7 @@ def test_a_goal_that_another_path_took_all_joints_of_lets_it_be(bench: Bench) ->
     assert bench.cycle(260)[0] == pytest.approx(0.1)
     assert goal.outcome == (
         Code.INVALID_GOAL,
-        "ended before its time; a: another trajectory took over",
+        "ended before its time; a: replaced by another trajectory",
     )
 
 

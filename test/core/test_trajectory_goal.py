@@ -347,7 +347,7 @@ ENDS: dict[str, tuple[Callable[[Goals], Any], str]] = {
         lambda rig: rig.follower.follow(
             "a", make_path(("a",), [0.1], [[0.0]], [[]], [[]]), rig.board.time
         ),
-        "another trajectory took over",
+        "replaced by another trajectory",
     ),
 }
 

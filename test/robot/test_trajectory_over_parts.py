@@ -126,4 +126,4 @@ def test_a_parts_own_goal_takes_its_joints(rig: Following) -> None:
     start_goal(rig.follower, left, ["l_elbow"], points([0.1]), left.time)
     rig.cycle(2)
     assert whole.outcome is not None
-    assert "l_elbow: another trajectory took over" in whole.outcome.text
+    assert "l_elbow: replaced by another trajectory" in whole.outcome.text

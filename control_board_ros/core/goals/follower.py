@@ -22,7 +22,7 @@ from ..terms.vocabs import CommandKind
 from .path import SAME_TIME, Bools, Path, Run, Sample, Spline, braking
 
 #: Why joints leave a path for a newer one.
-TAKEN = "another trajectory took over"
+TAKEN = "replaced by another trajectory"
 
 
 class Follower:
@@ -161,7 +161,7 @@ class Follower:
         taken = self._last != self._known
         if taken.any():
             for run in list(self._runs):
-                self._drop(run, taken[run.joints], "another direct position took over")
+                self._drop(run, taken[run.joints], "replaced by another direct position")
         if board.modes_version != self._version:
             self._version = board.modes_version
             for run in list(self._runs):

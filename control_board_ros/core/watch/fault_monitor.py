@@ -106,7 +106,7 @@ APART = 1e-3
 class FaultMonitor:
     """Finds the causes of hardware faults in the readings of n joints.
 
-    Attributes: joints (of JointMonitor), monitor, take (takes a reading into the state),
+    Attributes: joints (of JointMonitor), monitor, take (stores a reading in the state),
     travelled (by each motor since power-on as its own equation gives while its bridge is on,
     shape (n,), rad; grows every SLOW cycles), used (part of the I²t budget, shape (n,); a fault
     above 1), reasons (of alarms, by joint, where the plant has more than its code).

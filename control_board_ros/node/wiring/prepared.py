@@ -81,7 +81,7 @@ class PreparedMessage:
         return made
 
     def _fall_back(self, reason: str) -> None:
-        self.fallback = f"whole messages are published, which takes longer: {reason}"
+        self.fallback = f"whole messages are published, more slowly: {reason}"
 
     def _cut(self, blank: Any, marked: Any) -> list[bytes]:
         """The bytes of the blank message, cut where its numbers begin and end."""
