@@ -11,7 +11,7 @@ __version__ = "1.0.0"
 
 
 def _name_the_ros_prefix() -> None:
-    """Tell ament_index_python where the ROS wheels of this environment are.
+    """Add the ROS wheels of this environment to the paths of ament_index_python.
 
     The wheels never set AMENT_PREFIX_PATH, and ament_index_python raises without it. What
     sourced setup files have put there comes first.

@@ -215,7 +215,7 @@ OUTPUT_COMMAND = command("~/command/output", "OutputCommand", "PWM in percent.",
 VELOCITY_DIRECT_COMMAND = command(
     "~/command/velocity_direct",
     "VelocityDirectCommand",
-    "Velocities that act at once, without a ramp; they expire after `timeouts.velocity`.",
+    "Velocities without a ramp; they expire after `timeouts.velocity`.",
     K.VELOCITY_DIRECT,
 )
 CURRENT_COMMAND = command("~/command/current", "CurrentCommand", "Motor currents in A.", K.CURRENT)
@@ -300,7 +300,7 @@ SET_REFERENCE_SPEED = service(
     "~/set_reference_speed",
     "SetReferenceSpeed",
     "Set the speeds of position moves and the accelerations of velocity ramps, for commands "
-    "that give none.",
+    "without them.",
 )
 GET_REFERENCES = service(
     "~/get_references", "GetReferences", "Read the last accepted reference of every kind."

@@ -5,7 +5,7 @@ The in-process board (``control_board_ros.core.board.Board``) and the ROS client
 (``control_board_ros.client.ControlBoardClient``) both offer all of them. In every method
 ``joints`` comes first: an index, a name, a sequence of them, or None for all; a single value
 goes to every chosen joint. Set methods return a Reply, true when all was accepted; get methods
-return one entry per joint in the order asked. Units: rad, rad/s, rad/s², N·m, N·m/rad,
+return one entry per joint in the order requested. Units: rad, rad/s, rad/s², N·m, N·m/rad,
 N·m·s/rad, percent of PWM; m and N for prismatic joints.
 """
 
@@ -123,7 +123,7 @@ class IVelocityControl(Protocol):
 
 @runtime_checkable
 class IVelocityDirect(Protocol):
-    """Joint velocities that act at once (Y1)."""
+    """Joint velocities without a ramp (Y1)."""
 
     def set_ref_velocity(self, joints: Joints, velocities: Values) -> Reply: ...
 

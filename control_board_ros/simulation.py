@@ -66,7 +66,7 @@ class Simulation:
         return self.plant.time
 
     def step(self, cycles: int = 1) -> None:
-        """Let control cycles pass: read, tick, write.
+        """Run control cycles: read, tick, write.
 
         Raises:
             PlantGone: the physics server is gone.
@@ -76,7 +76,7 @@ class Simulation:
             write(tick(read()))
 
     def run(self, seconds: float) -> None:
-        """Let simulated time pass, in whole control cycles."""
+        """Advance simulated time, in whole control cycles."""
         self.step(round(seconds * self._rate))
 
     def close(self) -> None:

@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process at once.
+    """End the process immediately.
 
     The session has closed its node, context and thread, and all output is flushed: what Python
     would still do is to unload modules one by one, a fifth of the time of ``cbctl modes``.

@@ -58,7 +58,7 @@ class ControlBoardClient(Blocking, Interfaces):
         answer_timeout: s to wait for an answer.
 
     ``joints`` is an index, a name, a sequence of them, or None for all. Set methods return a
-    Reply; get methods return one entry per joint in the order asked, and raise RequestError (a
+    Reply; get methods return one entry per joint in the order requested, and raise RequestError (a
     ValueError) for a joint that does not exist. Every method raises BoardNotFound, BoardTimeout
     or another BoardError when the connection fails. Units: rad, rad/s, N·m; m and N where a
     joint slides.

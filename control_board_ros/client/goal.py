@@ -181,7 +181,7 @@ class Goal:
             if not cancel_over_new_context(self._link.domain, service, self._id, patience):
                 self._link.log_error(
                     f"could not cancel {self._name}: the board does not answer; "
-                    "the joints may still move, stop them with: cbctl stop"
+                    "the joints may still move; send a stop"
                 )
 
     def _queue(self, message: Any) -> None:

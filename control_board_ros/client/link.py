@@ -41,7 +41,7 @@ class Link:
     """Publishers, subscriptions, service and action clients, created at first use.
 
     Args:
-        node: the user's node: it gives context, namespace, remappings and log.
+        node: the user's node: source of context, namespace, remappings and log.
         board: name of the board's node, relative to the node's namespace or absolute.
         find_timeout: s to wait for a board to appear.
         answer_timeout: s to wait for an answer.

@@ -164,7 +164,7 @@ class ModeRequests(Interface):
 
     @operation
     async def get_torque_offset(self, joints: Joints = None) -> Floats:
-        """τ_ff of the impedance law, N·m, shape (k,): as set, or the load taken over."""
+        """τ_ff of the impedance law, N·m, shape (k,): as set, or the captured load."""
         response = await self._services.read(GET_IMPEDANCE, joints)
         return np.array(response.torque_offset)
 
@@ -172,7 +172,6 @@ class ModeRequests(Interface):
 
     @operation
     async def set_position_direct_mode(self, joints: Joints = None) -> Reply:
-        """Set POSITION_DIRECT."""
         return await self.set_control_mode(joints, ControlMode.POSITION_DIRECT)
 
     @operation

@@ -273,7 +273,7 @@ class BrakeRequests(Interface):
 
     @request
     async def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
-        """Give the brakes to the board (true), or keep their states by hand."""
+        """Switch brakes to automatic (true), or to manual in their present state."""
         response = await self._services.read(GET_BRAKE, joints)
         having = [k for k, mode in enumerate(response.modes) if mode or joints is not None]
         names = [response.names[k] for k in having]

@@ -116,7 +116,7 @@ class References(Interface):
     async def set_ref_velocity(
         self, joints: Joints, velocities: Values, *, answered: bool = False
     ) -> Reply:
-        """Set the velocity, rad/s, at once (Y1); ``answered``: by service."""
+        """Set the velocity, rad/s, without a ramp (Y1); ``answered``: by service."""
         return await self._send(VELOCITY_DIRECT_COMMAND, joints, answered, velocities=velocities)
 
     @operation

@@ -69,7 +69,7 @@ class Wait:
         return self.done
 
     def on_finish(self, callback: Callable[[], None]) -> None:
-        """Call back from the link's thread, or at once if finished."""
+        """Call back from the link's thread, or immediately if finished."""
         with self._lock:
             if not self._finished.is_set():
                 self._callbacks.append(callback)

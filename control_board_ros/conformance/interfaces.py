@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A and D: the interfaces are offered, and nothing switches by itself."""
+"""A and D: the interfaces are offered, and no mode changes without a request."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def own_modes(bench: Bench) -> str:
     return f"{bench.joint} alone, then {' and '.join(pair)}, then all; the others kept theirs"
 
 
-@rule("M2", "nobody but the user switches modes")
+@rule("M2", "modes change on user requests only")
 def nobody_switches(bench: Bench) -> str:
     tried = []
     for mode, kind in ((M.POSITION, K.POSITION), (M.VELOCITY, K.VELOCITY), (M.MIXED, K.VELOCITY)):

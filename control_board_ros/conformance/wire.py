@@ -17,7 +17,7 @@ from .bench import COMMANDS, OTHERS, Bench, M
 from .rules import assume, expect, rule
 
 
-@rule("M7", "a request is checked whole and acts at once")
+@rule("M7", "a request is checked as a whole and acts atomically")
 def checked_whole(bench: Bench) -> str:
     joint, before = bench.joint, bench.client.get_control_mode()
     other = next((m for m in bench.modes if m not in (M.IDLE, before[bench.j])), M.IDLE).code

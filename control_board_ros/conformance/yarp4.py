@@ -22,7 +22,7 @@ SETTLING = 0.3
 OFF = 0.1
 
 
-@rule("Y1", "a direct velocity acts at once, and expires")
+@rule("Y1", "a direct velocity acts without a ramp, and expires")
 def direct_velocity(bench: Bench) -> str:
     joint, j = bench.joint, bench.j
     bench.enter(M.VELOCITY_DIRECT)

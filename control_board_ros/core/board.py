@@ -195,7 +195,7 @@ class Board(JointGroup):
         self._start_up()
 
     def power_off(self) -> None:
-        """Take the power of every joint; a calibration is aborted (K2), a fault stays shown."""
+        """Disable all joints; a calibration is aborted (K2), a fault stays shown."""
         self.bring_up.cancel()
         super().power_off()
 

@@ -79,14 +79,14 @@ class JointGroup(ModeShortcuts):
     # --- modes --------------------------------------------------------------------------------
 
     def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
-        """Ask for control modes: enumeration, code, name or vocab (M1, M5 to M8, F2, F4)."""
+        """Set control modes: enumeration, code, name or vocab (M1, M5 to M8, F2, F4)."""
         reply = self._ask(joints, lambda count: control_modes(modes, count))
         return reply.with_modes(self.get_control_mode(reply.joints) if reply.joints else ())
 
     def set_interaction_mode(
         self, joints: Joints, modes: Interaction | Sequence[Interaction]
     ) -> Reply:
-        """Ask for interaction modes; in an active mode a change stops the joint (I1 to I7)."""
+        """Set interaction modes; in an active mode a change stops the joint (I1 to I7)."""
         reply = self._ask(joints, lambda count: interaction_modes(modes, count))
         return reply.with_modes(self.get_interaction_mode(reply.joints) if reply.joints else ())
 
@@ -123,11 +123,11 @@ class JointGroup(ModeShortcuts):
         self.engine.emergency.ask(stop)
 
     def beat(self) -> None:
-        """Take a heartbeat (E2)."""
+        """Record a heartbeat at the time of the last reading (E2)."""
         self.engine.emergency.beat(self.time)
 
     def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Wanted]]) -> Reply:
-        """Decide a request; ``wanted_of`` gives that of each joint from their number."""
+        """Decide a request; ``wanted_of`` returns that of each joint for a number of joints."""
         try:
             chosen = self.selector.select(joints)
             wanted = wanted_of(len(chosen.names))
@@ -185,11 +185,11 @@ class JointGroup(ModeShortcuts):
         return self.command(K.VELOCITY, joints, velocities, accelerations)
 
     def set_ref_velocity(self, joints: Joints, velocities: Values) -> Reply:
-        """Set the velocity reference, which acts at once, in VELOCITY_DIRECT (Y1)."""
+        """Set the velocity reference of VELOCITY_DIRECT, without a ramp, rad/s or m/s (Y1)."""
         return self.command(K.VELOCITY_DIRECT, joints, velocities)
 
     def set_ref_torque(self, joints: Joints, torques: Values) -> Reply:
-        """Set the reference torque (P7)."""
+        """Set the reference torque, N·m or N (P7)."""
         return self.command(K.TORQUE, joints, torques)
 
     def set_output(self, joints: Joints, outputs: Values) -> Reply:
@@ -262,7 +262,7 @@ class JointGroup(ModeShortcuts):
         return self.engine.brakes.request(chosen, wanted)
 
     def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
-        """How brakes are worked; None where a joint has none."""
+        """Brake modes; None where a joint has no brake."""
         return [self.engine.brakes.mode(j) for j in self._numbers(joints)]
 
     def is_joint_braked(self, joints: Joints = None) -> list[bool]:
@@ -275,7 +275,7 @@ class JointGroup(ModeShortcuts):
         return self.set_brake(joints, by_hand(active))
 
     def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
-        """Let the board work brakes, or keep them by hand as they are."""
+        """Switch brakes to automatic (true), or to manual in their present state."""
         try:
             names = self._braked(joints).names
         except RequestError as error:
@@ -283,7 +283,7 @@ class JointGroup(ModeShortcuts):
         return self.set_brake(names, automatic(enabled, self.is_joint_braked(names)))
 
     def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
-        """Whether the board works brakes; false where a joint has none."""
+        """Whether brakes are automatic; false where a joint has none."""
         return [mode is BrakeMode.AUTOMATIC for mode in self.get_brake(joints)]
 
     def _braked(self, joints: Joints) -> Selection:
@@ -319,16 +319,16 @@ class JointGroup(ModeShortcuts):
         return accepted(chosen.names)
 
     def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
-        """The largest permitted stiffness and damping, two arrays."""
+        """Maximum stiffness, N·m/rad, and damping, N·m·s/rad (or N/m, N·s/m); shape (k,) each."""
         limits, chosen = self.engine.limits, self.selector.select(joints).joints
         return limits.stiffness[chosen], limits.damping[chosen]
 
     def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply:
-        """Set the mean speed of later position moves (P2)."""
+        """Set the mean speed of later position moves, rad/s or m/s (P2)."""
         return self.set_reference_speed(joints, speeds=speeds)
 
     def set_ref_acceleration(self, joints: Joints, accelerations: Values) -> Reply:
-        """Set the acceleration of later velocity references (P5)."""
+        """Set the acceleration of later velocity references, rad/s² or m/s² (P5)."""
         return self.set_reference_speed(joints, accelerations=accelerations)
 
     def set_reference_speed(
@@ -373,7 +373,7 @@ class JointGroup(ModeShortcuts):
 
         Args:
             joints: whose they are.
-            max_currents: the largest that the board asks for, A, up to the peak current.
+            max_currents: the largest that the board requests, A, up to the peak current.
             output_limits: the largest PWM, percent, up to the configured.
             terms: constants and friction, by the names in ``terms.motors.TERMS``.
         """
@@ -422,7 +422,7 @@ class JointGroup(ModeShortcuts):
         """Set the readings of encoders at their present position, rad (Y5).
 
         Args:
-            joints: whose they are.
+            joints: of these encoders.
             positions: one per joint, or one for all.
             motor: of the motors' shafts; else of the joints, which must have no power.
         """
@@ -459,14 +459,14 @@ class JointGroup(ModeShortcuts):
     # --- modes and faults, read ---------------------------------------------------------------
 
     def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
-        """The modes that joints are in, also the statuses HW_FAULT, CALIBRATING, …"""
+        """Present control modes, including the statuses HW_FAULT, CALIBRATING, …"""
         modes = self.state.control_modes
         return [modes[j] for j in self._numbers(joints)]
 
     def get_available_modes(
         self, joints: Joints = None
     ) -> list[tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]]:
-        """What each joint implements: control modes, and interaction modes."""
+        """Control modes and interaction modes that each joint implements."""
         found = [self.engine.machine.joint(j) for j in self._numbers(joints)]
         return [(one.control_modes, one.interaction_modes) for one in found]
 
@@ -475,7 +475,7 @@ class JointGroup(ModeShortcuts):
         return [one.drive_use for one in self.get_config(joints)]
 
     def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
-        """The interaction modes as stored, also where they do not act (I2)."""
+        """The interaction modes as stored, also where inactive (I2)."""
         modes = self.state.interaction_modes
         return [modes[j] for j in self._numbers(joints)]
 
@@ -484,7 +484,7 @@ class JointGroup(ModeShortcuts):
         return [self.state.faults[j] for j in self._numbers(joints)]
 
     def get_freeze_frame(self, joint: int | str) -> FreezeFrame | None:
-        """What was measured and followed around a joint's last fault; None: no fault yet (E3)."""
+        """Readings and references around a joint's last fault; None: no fault yet (E3)."""
         return self.engine.frames.of(self._numbers(joint)[0])
 
     def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:
@@ -495,61 +495,64 @@ class JointGroup(ModeShortcuts):
     # --- what is measured ---------------------------------------------------------------------
 
     def get_encoder(self, joints: Joints = None) -> Floats:
-        """Measured positions."""
+        """Measured positions, rad or m, shape (k,)."""
         return self.state.position[self._chosen(joints)]
 
     def get_encoder_speed(self, joints: Joints = None) -> Floats:
-        """Measured velocities."""
+        """Measured velocities, rad/s or m/s, shape (k,)."""
         return self.state.velocity[self._chosen(joints)]
 
     def get_torque(self, joints: Joints = None) -> Floats:
-        """Measured torques; NaN without a torque sensor."""
+        """Measured torques, N·m or N, shape (k,); NaN without a torque sensor."""
         chosen = self._chosen(joints)
         return np.where(self.engine.torque_sensor[chosen], self.state.torque[chosen], np.nan)
 
     def get_current(self, joints: Joints = None) -> Floats:
-        """Measured motor currents, A."""
+        """Measured motor currents, A, shape (k,)."""
         return self.state.current[self._chosen(joints)]
 
     def get_current_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
-        """The least and the greatest current reference, A, two arrays (Y2)."""
+        """Minimum and maximum current reference, A, shape (k,) each (Y2)."""
         most = self.engine.limits.current[self._chosen(joints)]
         return -most, most.copy()
 
     # --- references, read ---------------------------------------------------------------------
 
     def get_target_position(self, joints: Joints = None) -> Floats:
-        """The last accepted target of a position move (M11)."""
+        """The last accepted target of a position move, rad or m, shape (k,) (M11)."""
         return self._last(K.POSITION, joints)
 
     def get_ref_position(self, joints: Joints = None) -> Floats:
-        """The last accepted direct position (M11)."""
+        """The last accepted direct position, rad or m, shape (k,) (M11)."""
         return self._last(K.POSITION_DIRECT, joints)
 
     def get_target_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity of VELOCITY and MIXED (M11)."""
+        """The last accepted velocity of VELOCITY and MIXED, rad/s or m/s, shape (k,) (M11)."""
         return self._last(K.VELOCITY, joints)
 
     def get_ref_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity (M11): in VELOCITY_DIRECT that of this mode (Y1)."""
+        """The last accepted velocity, rad/s or m/s, shape (k,) (M11).
+
+        In VELOCITY_DIRECT the velocity of that mode (Y1).
+        """
         direct = [mode in DIRECT_VELOCITY for mode in self.get_control_mode(joints)]
         target = self.get_target_velocity(joints)
         return np.where(direct, self._last(K.VELOCITY_DIRECT, joints), target)
 
     def get_direct_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity of VELOCITY_DIRECT, whatever the mode is (M11)."""
+        """The last accepted velocity of VELOCITY_DIRECT in any mode, rad/s or m/s, shape (k,)."""
         return self._last(K.VELOCITY_DIRECT, joints)
 
     def get_ref_torque(self, joints: Joints = None) -> Floats:
-        """The last accepted torque (M11)."""
+        """The last accepted torque, N·m or N, shape (k,) (M11)."""
         return self._last(K.TORQUE, joints)
 
     def get_output(self, joints: Joints = None) -> Floats:
-        """The last accepted output (M11)."""
+        """The last accepted output, percent, shape (k,) (M11)."""
         return self._last(K.OUTPUT, joints)
 
     def get_ref_current(self, joints: Joints = None) -> Floats:
-        """The last accepted motor current (M11), A."""
+        """The last accepted motor current, A, shape (k,) (M11)."""
         return self._last(K.CURRENT, joints)
 
     def check_motion_done(self, joints: Joints = None) -> list[bool]:
@@ -558,27 +561,27 @@ class JointGroup(ModeShortcuts):
         return done
 
     def get_remaining_time(self, joints: Joints = None) -> Floats:
-        """Time until the position moves end, s."""
+        """Time until the position moves end, s, shape (k,)."""
         return self.engine.references.remaining(self._chosen(joints))
 
     # --- settings, read -----------------------------------------------------------------------
 
     def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
-        """Stiffness and damping, two arrays."""
+        """Stiffness, N·m/rad, and damping, N·m·s/rad (or N/m, N·s/m); shape (k,) each."""
         own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
         return np.array([j.stiffness for j in own]), np.array([j.damping for j in own])
 
     def get_torque_offset(self, joints: Joints = None) -> Floats:
-        """τ_ff of the impedance law: as a user set it, else the load on entering COMPLIANT."""
+        """τ_ff of the impedance law, N·m or N, shape (k,): as set, else the load at COMPLIANT."""
         own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
         return np.array([j.torque_offset if j.offset_given else j.load_taken for j in own])
 
     def get_ref_speed(self, joints: Joints = None) -> Floats:
-        """Mean speeds of position moves."""
+        """Mean speeds of position moves, rad/s or m/s, shape (k,)."""
         return self.engine.references.speed[self._chosen(joints)]
 
     def get_ref_acceleration(self, joints: Joints = None) -> Floats:
-        """Accelerations of velocity references."""
+        """Accelerations of velocity references, rad/s² or m/s², shape (k,)."""
         return self.engine.references.acceleration[self._chosen(joints)]
 
     # YARP 4's names
@@ -586,7 +589,6 @@ class JointGroup(ModeShortcuts):
     set_traj_acceleration, get_traj_acceleration = set_ref_acceleration, get_ref_acceleration
 
     def get_config(self, joints: Joints = None) -> list[JointConfig]:
-        """How joints are configured."""
         return [self.engine.config.joints[j] for j in self._numbers(joints)]
 
     def get_coupling(self) -> Coupling:
@@ -597,12 +599,12 @@ class JointGroup(ModeShortcuts):
 
     @property
     def config(self) -> BoardConfig:
-        """Its configuration, as of a board of its own."""
+        """The configuration of the group, in the form of a board's."""
         return self.engine.config.parts.get(self.name, self.engine.config)
 
     @property
     def stage(self) -> Stage:
-        """The stage of its joints; a part that waits for its level (R4) has not reached it yet."""
+        """The stage of the joints; a part waiting for its level (R4) has not reached it yet."""
         return max(self.state.stages[self._columns])
 
     @property
@@ -612,27 +614,27 @@ class JointGroup(ModeShortcuts):
 
     @property
     def cycle(self) -> int:
-        """Control cycles so far."""
+        """Number of control cycles since the start."""
         return self.state.cycle
 
     @property
     def modes_version(self) -> int:
-        """Grows when a mode changes."""
+        """Counter, incremented with every change of a mode."""
         return max(self.state.modes_changed[self._columns])
 
     @property
     def faults_version(self) -> int:
-        """Grows when a fault record changes."""
+        """Counter, incremented with every change of a fault record."""
         return max(self.state.faults_changed[self._columns])
 
     @property
     def rejected_commands(self) -> NDArray[np.uint64]:
-        """How many commands of each joint were ignored so far (M4), shape (n,)."""
+        """Number of ignored commands of each joint (M4), shape (n,)."""
         return self.state.rejected[self._columns].copy()
 
     @property
     def unknown_commands(self) -> int:
-        """How many commands named no joint of the group so far (P13)."""
+        """Number of commands that named no joint of the group (P13)."""
         return self._unknown
 
     def snapshot(self) -> Snapshot:
@@ -659,10 +661,10 @@ class JointGroup(ModeShortcuts):
         return self.engine.events.take(self.name)
 
     def configure(self) -> Reply:
-        """The whole configuration is in: at its reading a joint leaves NOT_CONFIGURED (N2)."""
+        """Complete the configuration: joints leave NOT_CONFIGURED with their next reading (N2)."""
         state, stage = self.state, self.stage
         if stage is Stage.UNCONFIGURED:
-            text = "the node is unconfigured; use the transition configure of its lifecycle"
+            text = "the managed board is unconfigured; use its transition configure"
             return refused(text, self.names)
         if all(state.control_modes[j] in CONFIGURED for j in self.joints) and all(
             state.stages[j] is stage for j in self.joints
@@ -698,11 +700,11 @@ class JointGroup(ModeShortcuts):
         self.engine.power_on(Zone(self.name, self._columns, self.config))
 
     def power_off(self) -> None:
-        """Take the power of every joint; a calibration is aborted (K2), a fault stays shown."""
+        """Disable all joints; a calibration is aborted (K2), a fault stays shown."""
         self.set_control_mode(None, [POWER_OFF[mode] for mode in self.get_control_mode()])
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take new gains, limits and timeouts while running, without a jump.
+        """Apply new gains, limits and timeouts while running, without a jump.
 
         Raises:
             ConfigError: the joints, the parts, the rate or the kind of output differ.

@@ -50,7 +50,7 @@ def arm_model(
         names: The joints, in the board's order.
         motors: Of the same joints.
         standing: Positions of other joints, rad or m; default zero. Followers are placed by their
-            leaders. The joints of coupled axes stand, too: for the others they are part of
+            leaders. The joints of coupled axes are fixed, too: for the others they are part of
             what they carry, and the axes have an inertia of their own.
         gravity: In world axes, m/s².
     """

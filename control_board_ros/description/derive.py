@@ -74,7 +74,7 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
             )
         elif velocity > MAX_VELOCITY:
             top = f"{MAX_VELOCITY:g}"
-            what = f"speeds of the URDF above {top} rad/s or m/s are taken as {top}"
+            what = f"speeds of the URDF above {top} rad/s or m/s are limited to {top}"
             assumed.warn(name, f"{velocity:.3g} {speed_unit}", what, "give limits.velocity")
     need = required_torque(load, values["limits.velocity"])
     if "limits.torque" not in values:
@@ -87,7 +87,9 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
             )
         elif effort > max(SUSPECT_EFFORT, ABSURD_RATIO * need):
             text = f"{enough:.3g} {unit} instead of {effort:.3g} {unit}"
-            what = f"effort in the URDF of {ABSURD_RATIO:g} times what the load needs, not taken"
+            what = (
+                f"effort in the URDF above {ABSURD_RATIO:g} times the torque for the load, ignored"
+            )
             assumed.warn(name, text, what, "give limits.torque")
             effort = None
         values["limits.torque"] = enough if effort is None else effort
@@ -104,7 +106,7 @@ def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assu
     stable = load.inertia_min / (4.0 * STEP)
     if joint.kind.slides and viscous > stable and "motor.viscous" not in values:
         text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
-        what = "damping that the mass does not bear within a physics step, not taken"
+        what = "damping unstable for this mass within a physics step, ignored"
         assumed.warn(joint.name, text, what, "give motor.viscous and a higher physics_rate")
         viscous = stable
     values.setdefault("motor.viscous", viscous)
@@ -319,7 +321,7 @@ class Assumed:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One line about parts derived as a whole; empty where parameters give all."""
+        """One line about parts derived as a whole; empty where parameters set all."""
         if not self._parts:
             return ()
         parts = ", ".join(

@@ -97,6 +97,6 @@ def _set_inertial(link: ET.Element, made: Inertial) -> None:
 
 
 def _move(element: ET.Element, position: Array, rotation: Array) -> None:
-    """Place an element that stood in a frame with this origin and rotation."""
+    """Transform an element from a frame with this origin and rotation."""
     offset, turn = origin_of(element)
     set_origin(element, position + rotation @ offset, rotation @ turn)

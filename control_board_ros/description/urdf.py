@@ -304,7 +304,7 @@ def _check_mimics(joints: tuple[UrdfJoint, ...], source: str) -> None:
         if joint.mimic is not None and joint.mimic.leader not in leaders:
             raise UrdfError(
                 f"{source}: joint {joint.name!r} mimics {joint.mimic.leader!r}, which is no "
-                "joint that moves by itself"
+                "independent joint"
             )
 
 

@@ -116,7 +116,7 @@ class Tree:
         return False
 
     def add_masses(self) -> list[str]:
-        """Give links without <inertial> a negligible mass; pybullet assumes 1 kg.
+        """Add a negligible mass to links without <inertial>; pybullet assumes 1 kg.
 
         Returns:
             A warning for each joint without any moved mass: its link gets 1 kg.

@@ -73,7 +73,7 @@ def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
     try:
         done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
     except subprocess.TimeoutExpired:
-        raise UrdfError(f"{path}: xacro takes longer than {TIMEOUT:g} s; check macros") from None
+        raise UrdfError(f"{path}: xacro exceeds {TIMEOUT:g} s; check macros") from None
     if done.returncode != 0 and done.stderr.startswith(UNKNOWN):
         names = done.stderr.decode().split("\n")[1:]
         raise UrdfError(f"{path}: {unknown_argument(arguments, [n for n in names if n])}")

@@ -48,7 +48,7 @@ def walk(simulation: Simulation) -> Recording:
     board, recording = simulation.board, Recording()
 
     def act(title: str, mode: M, seconds: float, each: Each) -> None:
-        """Switch the joint to a mode and let a function act before every cycle."""
+        """Switch the joint to a mode and call a function before every cycle."""
         reply = board.set_control_mode(JOINT, mode)
         if not reply:
             raise SystemExit(reply.message)

@@ -201,7 +201,7 @@ def parked(boards: Boards, at_once: threading.Event) -> str:
     from .process.parking import park
 
     def announce(time: float) -> None:
-        say(f"parking, {time:.1f} s; a second Ctrl-C ends at once, without power\n")
+        say(f"parking, {time:.1f} s; a second Ctrl-C exits immediately, without power\n")
 
     reason = park(boards.main.member, boards.settings.poses[PARK], announce, at_once)
     if at_once.is_set():

@@ -19,7 +19,7 @@ Who = int | str
 class Lease:
     """The operator and a takeover request.
 
-    Attributes: holder (None: nobody), asking (None: nobody), until (s, end of the answer time;
+    Attributes: holder (or None), asking (or None), until (s, end of the answer time;
     counted by the panel that holds the lease), answer_time (s).
     """
 
@@ -45,7 +45,7 @@ class Lease:
         return f"the operator is asked; without an answer you operate in {self.answer_time:g} s"
 
     def answer(self, who: int, *, yes: bool) -> Who | None:
-        """Apply the operator's answer; returns who asked, None if not applicable."""
+        """Apply the operator's answer; returns the applicant, None if not applicable."""
         if who != self.holder or self.asking is None:
             return None
         asked = self.asking

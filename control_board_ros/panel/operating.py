@@ -47,7 +47,7 @@ class Operating:
     def start(self, browser: Browser, request: Request) -> None:
         """Run a request; the answer goes to the browser, the line to all."""
         if request.id in browser.running or len(browser.running) >= MAX_RUNNING:
-            text = "too many requests under way, or two of one id; wait for answers"
+            text = "too many active requests, or two of one id; wait for answers"
             browser.send("answer", id=request.id, ok=False, message=text)
             return
         loop = asyncio.get_running_loop()

@@ -49,7 +49,7 @@ class Operators:
         self._beat, self._beaten = Beat(panel=self._panels.name), 0.0
 
     def enter(self, browser: Browser) -> None:
-        """Add a browser; it operates if permitted and nobody else does."""
+        """Add a browser; it operates if permitted and no other browser does."""
         if self._open and self.lease.holder is None and not self._shared.read_only:
             self.lease.ask(browser.number, time.monotonic())
         self.changed()
@@ -71,7 +71,7 @@ class Operators:
         """Process a request for, an answer about, or a return of the lease."""
         now, ok, message = time.monotonic(), True, ""
         if request.do == "operate" and self.lease.holder is None and not self._open:
-            ok, message = False, "the panel still searches for other panels; ask again in 2 s"
+            ok, message = False, "the panel still searches for other panels; retry in 2 s"
         elif request.do == "operate":
             message = self.lease.ask(browser.number, now)
         elif request.do == "hand_over":

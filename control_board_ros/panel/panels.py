@@ -40,7 +40,7 @@ class Beat:
 
     @classmethod
     def read(cls, text: str) -> Beat | None:
-        """Parse a beat; None if invalid: anybody can publish."""
+        """Parse a beat; None if invalid: any node can publish."""
         if len(text) > MAX_BEAT:
             return None
         try:
@@ -62,7 +62,7 @@ class Panels:
 
     Args:
         name: unique name of this panel.
-        lease: of this panel; names stand for other panels.
+        lease: of this panel; names represent other panels.
         now: s.
     """
 
@@ -89,7 +89,7 @@ class Panels:
 
     def who(self, panel: str) -> str:
         """Operator or applicant at another panel."""
-        return self._others[panel][0].who if panel in self._others else "somebody"
+        return self._others[panel][0].who if panel in self._others else "another browser"
 
     def sent(self, now: float) -> None:
         """Record a beat of this panel."""

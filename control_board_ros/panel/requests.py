@@ -160,7 +160,7 @@ KINDS: dict[str, Kind] = {
 
 
 def joints_of(given: Given) -> list[str] | None:
-    """The joints of a request as the client takes them; None means all."""
+    """The joints of a request as an argument of the client; None means all."""
     return given.get("joints") or None
 
 

@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def put_scan(plant: str, bus: str) -> int:
     found = import_module(f".{plant}.driver", __package__).scan(bus)
     if not found:
-        print(f"nothing answers on {bus}; look at power, wiring, bit rate and termination")
+        print(f"nothing answers on {bus}; check power, wiring, bit rate and termination")
         return 1
     for drive in found:
         volts = "" if math.isnan(drive.voltage) else f"{drive.voltage:.1f} V"

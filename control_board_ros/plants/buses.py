@@ -99,7 +99,7 @@ class Buses:
         return Description(joints=joints, rate=min(rates, default=None))
 
     def connect(self, setup: Setup) -> None:
-        """Open all buses at once."""
+        """Open all buses together."""
         self._period = setup.period
         tasks = []
         for bus in self._buses:
@@ -154,7 +154,7 @@ class Buses:
                 bus.do(partial(bus.plant.clear_fault, joint - bus.columns.start)).result()
 
     def let_go(self) -> None:
-        """Let go of all buses in parallel, as far as they still respond."""
+        """Release all buses in parallel, where they still respond."""
         wait([bus.do(bus.plant.let_go) for bus in self._buses], LEAVING)
 
     def close(self) -> None:

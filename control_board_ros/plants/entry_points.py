@@ -38,7 +38,7 @@ def find(name: str) -> Maker:
     except Exception as error:  # noqa: BLE001 - third-party module
         raise PlantSettingsError(
             f"plant: {name!r} cannot be imported ({type(error).__name__}: {error}); "
-            f"look at {offered[name].value}"
+            f"check {offered[name].value}"
         ) from None
     return made
 
@@ -56,7 +56,7 @@ def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPla
     except Exception as error:  # noqa: BLE001 - third-party code
         raise PlantSettingsError(
             f"plant: {name!r} cannot be made ({type(error).__name__}: {error}); "
-            "look at joints and plant_arguments"
+            "check joints and plant_arguments"
         ) from None
 
 

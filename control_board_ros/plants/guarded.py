@@ -188,7 +188,7 @@ class GuardedPlant:
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def close(self) -> None:
-        """Disable the motors and let go of the plant, unless it hangs; safe to call twice."""
+        """Disable the motors and release the plant, unless it hangs; safe to call twice."""
         self._ending.set()
         self._turn.set()
         self._thread.join(timeout=1.0)
@@ -196,7 +196,7 @@ class GuardedPlant:
     def _silent(self, sample: tuple[float, int, Sample] | None) -> float:
         """Time for which an answer of the plant is overdue, s.
 
-        Without outputs no answer is due. Time in which the control loop itself stood still, paused
+        Without outputs no answer is due. Time in which the control loop itself did not run, paused
         or starved, does not count.
         """
         now = self._clock()

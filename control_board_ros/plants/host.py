@@ -2,7 +2,7 @@
 """The process that holds a plant; ``apart`` starts it, and sends requests.
 
 It answers each request on a socket. After ``silence`` seconds without one while the plant has
-power, or when the other end is gone, it lets go of the plant (B5).
+power, or when the other end is gone, it releases the plant (B5).
 """
 
 from __future__ import annotations

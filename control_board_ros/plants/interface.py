@@ -24,7 +24,7 @@ from ..core.terms.vocabs import ControlMode
 
 
 class Clock(StrEnum):
-    """Who determines when the next exchange is due."""
+    """The clock of exchanges: the plant's or the board's."""
 
     BOARD = "board"  # the board calls write and read once per control cycle
     PLANT = "plant"  # read blocks until the plant's own cycle (SYNC, a fieldbus master)
@@ -56,7 +56,7 @@ class JointDescription:
         delay: From a set-point that is handed over to the reading that shows its effect, beyond
             one exchange, s.
         resolution: Step of its position readings, rad.
-        limits: That the drive keeps by itself; after ``connect`` those that it has then.
+        limits: Enforced by the drive itself; after ``connect`` those that it has then.
         on_silence: What the motor can do without commands (S5), the usual one first.
         control_modes: That it can be driven in; the board offers no other (M5).
         torque_sensor: It reads the joint's torque. Without this and ``torque_estimate`` the joint
@@ -97,8 +97,8 @@ class Description:
 
     Attributes:
         joints: In the order of every array of the plant.
-        clock: Who determines when the next exchange is due.
-        rate: The most exchanges per second, Hz; None: no limit.
+        clock: Source of the time of the next exchange.
+        rate: Maximum rate of exchanges, Hz; None: no limit.
     """
 
     joints: tuple[JointDescription, ...]
@@ -173,24 +173,24 @@ class DrivePlant(Protocol):
     """A third-party plant, of drives that accept set-points."""
 
     def describe(self) -> Description:
-        """What there is. Called before ``connect``, when it touches no hardware, and after it,
-        when ``drive`` and ``limits`` may be those that the drives report.
+        """The description of the plant. Called before ``connect``, without access to hardware, and
+        after it, when ``drive`` and ``limits`` may be those that the drives report.
         """
         ...
 
     def connect(self, setup: Setup) -> None:
-        """Connect to the hardware, again after an error; no joint gets power by it.
+        """Connect to the hardware, again after an error; joints remain disabled.
 
         Checks that each drive is there and of a type and firmware that is supported, sets its
-        watchdog to at most ``setup.timeout``, and what it does then to ``on_silence``.
+        watchdog to at most ``setup.timeout``, and its reaction to ``on_silence``.
         """
         ...
 
     def exchange(self, wanted: SetPoints) -> Readings:
-        """Hand down what each joint follows from now on, and read.
+        """Apply the set-points of each joint, and read.
 
-        A joint whose kind is not OFF has power from here on. The new kind acts with its own first
-        values, never with the last ones of another kind (S3).
+        A joint whose kind is not OFF has power from this exchange on. The new kind acts with its
+        own first values, never with the last ones of another kind (S3).
         """
         ...
 
@@ -205,7 +205,7 @@ class DrivePlant(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the hardware, joints without power; safe to call twice."""
+        """Release the hardware, joints without power; safe to call twice."""
         ...
 
 
@@ -217,7 +217,7 @@ class RobotPlant(Protocol):
         ...
 
     def connect(self) -> None:
-        """Connect to the hardware, again after an error; no joint gets power by it."""
+        """Connect to the hardware, again after an error; joints remain disabled."""
         ...
 
     def read(self) -> Readings:
@@ -241,5 +241,5 @@ class RobotPlant(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the hardware, joints without power; safe to call twice."""
+        """Release the hardware, joints without power; safe to call twice."""
         ...

@@ -68,7 +68,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
 
 
 def _patient(joint: JointConfig, settings: Settings) -> JointConfig:
-    """A sensor behind a bus may be as silent as the plant itself, where the user gave no limit.
+    """A sensor behind a bus may be as silent as the plant itself, unless the user sets a limit.
 
     A simulated sensor answers in each cycle; an answer of a drive may be late or lost (B3).
     """

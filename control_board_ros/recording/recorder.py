@@ -193,8 +193,8 @@ class Recorder:
     def board_is_gone(self) -> bool:
         """Whether no board publishes its modes any more, none of them silent before.
 
-        A board that ends is undiscovered at once; one that is cut off is first silent, until the
-        middleware drops it: reconnection applies.
+        A board that ends is undiscovered immediately; one that is cut off is first silent, until
+        the middleware drops it: reconnection applies.
         """
         if self._gaps.silent:
             return False

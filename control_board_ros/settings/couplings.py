@@ -33,26 +33,26 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 CALL = re.compile(r"\s*(\w+)\s*\((.*)\)\s*")
 
 _TEXTS = {
-    "axes": (Kind.STRINGS, "", "Names of the axes that a coupling moves together"),
-    "joints": (Kind.STRINGS, "", "Joints of the URDF that they move; empty: the axes themselves"),
+    "axes": (Kind.STRINGS, "", "Names of the coupled axes"),
+    "joints": (Kind.STRINGS, "", "URDF joints moved by the axes; empty: the axes themselves"),
     "matrix": (
         Kind.DOUBLES,
         "",
-        "Positions of the joints for those of the axes, a row of one number per axis for each "
-        "joint; empty: each axis is its joint",
+        "Matrix R of q_joints = f(R·q_axes + offsets): one row per joint, one number per axis; "
+        "empty: identity",
     ),
-    "offsets": (Kind.DOUBLES, "rad or m", "Added to them, for each joint; empty: zeros"),
+    "offsets": (Kind.DOUBLES, "rad or m", "Offset of each joint; empty: zeros"),
     "functions": (
         Kind.STRINGS,
         "",
-        "What is applied to them, for each joint: '' or 'four_bar(ground=…, crank=…, coupler=…, "
-        "rocker=…, zero=…)'; empty: nothing",
+        "Function f of each joint, applied to its matrix result and offset: '' or "
+        "'four_bar(ground=…, crank=…, coupler=…, rocker=…, zero=…)'; empty: none",
     ),
     "motor_matrix": (
         Kind.DOUBLES,
         "",
-        "Turns of the motors, behind their gears, for those of the axes, a row for each motor; "
-        "empty: each axis has its motor",
+        "Matrix from axis positions to motor positions at the gearbox outputs: one row per motor; "
+        "empty: one motor per axis",
     ),
 }
 ROWS = {

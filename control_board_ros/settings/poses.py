@@ -43,7 +43,7 @@ SPEED_ROW = Parameter(
     name=f"{POSES}.<pose>.{SPEED}",
     kind=Kind.DOUBLE,
     default=0.0,
-    text="Mean speed of the slowest joint on the way to a pose; 0: the reference speeds",
+    text="Mean speed of the slowest joint in a move to the pose; 0: the reference speeds",
     unit="rad/s or m/s",
     low=0.0,
 )
@@ -51,7 +51,7 @@ POSITION_ROW = Parameter(
     name=f"{POSES}.<pose>.<joint>",
     kind=Kind.DOUBLE,
     default=None,
-    text="Where a pose has a joint, within its limits; joints that it does not name stay",
+    text="Position of the joint in the pose, within its limits; joints without one do not move",
     unit="rad or m",
     derived="<joint>.home in home and park; none in others",
 )

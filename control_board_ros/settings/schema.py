@@ -45,23 +45,25 @@ NODE = (
         "robot",
         "iiwa",
         "Robot: iiwa, panda, icub, panda_pair, iiwa_gripper, icub_left_arm, icub_right_arm, "
-        "icub_hand, icub_hand_mk3, icub_hands, or the path of a URDF or xacro file; of a xacro "
-        "file arguments may follow, name:=value",
+        "icub_hand, icub_hand_mk3, icub_hands, or the path of a URDF or xacro file; xacro "
+        "arguments follow the path, name:=value",
     ),
     _row(
         "robot_name",
         "",
-        "Prefix of the names of a robot's nodes, where it has parts; empty: as robot",
+        "Prefix of the node names of a robot with parts; empty: from robot",
         pattern=r"([A-Za-z][A-Za-z0-9_]*)?",
         form="a name of letters, digits and _",
     ),
     _row(
-        "startup_levels", [], 'Start-up levels in order, each "part,part,…"; other parts are last'
+        "startup_levels",
+        [],
+        'Start-up levels in order, each "part,part,…"; unlisted parts start last',
     ),
     _row(
         "joint_prefix",
         "",
-        "Prefix of every joint name; parameter files name joints without it",
+        "Prefix of every joint name; parameter files omit the prefix",
         pattern=r"[A-Za-z0-9_]*",
         form="letters, digits and _",
     ),
@@ -72,7 +74,7 @@ NODE = (
     _row(
         "plant_timeout",
         0.1,
-        "Response timeout: without an answer of the plant its joints fault; without "
+        "Response timeout: without a response of the plant the joints fault; without "
         "commands for this time plus three cycles the plant disables the motors",
         "s",
         low=0.001,
@@ -82,7 +84,7 @@ NODE = (
         "plant_process",
         True,
         "Run the plant in a separate process, which disables the motors also when the "
-        "board's process stops, hangs or ends; false: in a thread of the board's",
+        "board's process stops, hangs or ends; false: in a thread of the board's process",
     ),
     _row(
         "state_rate",
@@ -118,24 +120,27 @@ NODE = (
     ),
     _row("publish_clock", False, "Publish /clock, also at real_time_factor 1"),
     _row("publish_tf", False, "Publish /tf and /tf_static, in place of robot_state_publisher"),
-    _row("lifecycle", False, "Managed node: its transitions configure the board and enable power"),
-    _row("autostart", True, "A managed node configures and activates itself at its start"),
+    _row(
+        "lifecycle",
+        False,
+        "Managed node: lifecycle transitions configure the board and enable power",
+    ),
+    _row("autostart", True, "Configure and activate a managed node at start"),
     _row("allow_fault_injection", False, "Offer ~/inject_fault; for tests, in simulation"),
     _row(
         "park_on_exit",
         False,
-        "Go to the pose park at the first SIGINT or SIGTERM, then end; a second one ends at once",
+        "Move to the pose park on SIGINT or SIGTERM, then exit; a second signal exits immediately",
     ),
     _row(
         "yarp_interface",
         False,
-        "Offer the topics and services of YARP's controlBoard_nws_ros2, too",
+        "Offer the topics and services of YARP's controlBoard_nws_ros2",
     ),
     _row(
         "pwm_name",
         ControlMode.OPENLOOP.code,
-        "Name of OPENLOOP in answers of ~/get_control_mode: open, as in YARP 3, or ipwm, as "
-        "YARP 4 reads back",
+        "Name of OPENLOOP in answers of ~/get_control_mode: open (YARP 3) or ipwm (YARP 4)",
         choices={name: name for name in (ControlMode.OPENLOOP.code, YARP_4_PWM)},
     ),
     _row(

@@ -46,13 +46,13 @@ class MotorModel:
         derived="URDF, or limits",
     )
     breakaway: float = parameter(
-        "Dry friction at the joint when it leaves rest; below coulomb: as coulomb",
+        "Breakaway friction at the joint; values below motor.coulomb have no effect",
         "N·m",
         default=0.0,
         low=0.0,
     )
     inertia: float = parameter(
-        "Rotor inertia on the motor side; gear_ratio² times this adds to the joint",
+        "Rotor inertia on the motor side; at the joint: gear_ratio² times this value",
         "kg·m²",
         default=0.0,
         low=0.0,
@@ -79,10 +79,10 @@ class Encoder:
     """The joint encoder."""
 
     resolution: float = parameter(
-        "Step of the reading; 0: none", "rad or m", default=0.0, low=0.0, high=1.0
+        "Resolution of the reading; 0: unlimited", "rad or m", default=0.0, low=0.0, high=1.0
     )
     zero: float = parameter("Offset added to the reading", "rad or m", default=0.0)
-    motor: bool = parameter("The motor's shaft has an encoder, too", default=True)
+    motor: bool = parameter("Motor encoder present", default=True)
 
 
 @configuration
@@ -90,36 +90,36 @@ class DriveModel:
     """The drive between the board and a motor: its loops follow what ``drive`` names (S7)."""
 
     rate: float = parameter(
-        "Rate of its loops, in whole physics steps; 0: one step each",
+        "rate of the control loops, rounded to whole physics steps; 0: physics_rate",
         "Hz",
         default=0.0,
         low=0.0,
         high=100000.0,
     )
     resolution: float = parameter(
-        "Resolution of received positions; 0: none",
+        "resolution of received positions; 0: unlimited",
         "rad or m",
         default=0.0,
         low=0.0,
         high=1.0,
     )
     torque_resolution: float = parameter(
-        "Resolution of received torques; 0: none", "N·m or N", default=0.0, low=0.0
+        "resolution of received torques; 0: unlimited", "N·m or N", default=0.0, low=0.0
     )
     velocity: float = parameter(
-        "Greatest velocity that it follows, whatever the board commands; 0: any",
+        "maximum velocity; larger commands are limited; 0: unlimited",
         "rad/s or m/s",
         default=0.0,
         low=0.0,
     )
     torque: float = parameter(
-        "Greatest torque, whatever the board commands; 0: limits.torque",
+        "maximum torque; larger commands are limited; 0: limits.torque",
         "N·m or N",
         default=0.0,
         low=0.0,
     )
     watchdog: float = parameter(
-        "Silence after which it applies on_silence; 0: no watchdog",
+        "time without commands until on_silence applies; 0: no watchdog",
         "s",
         default=0.1,
         low=0.0,
@@ -133,10 +133,10 @@ class JointSimulation:
 
     name: str
     home: float = parameter(
-        "Pose at start and after ~/reset", "rad or m", default=0.0, derived="limits"
+        "Position at start and after ~/reset", "rad or m", default=0.0, derived="limits"
     )
     inertia: float = parameter(
-        "Approximate inertia moved by the joint; ideal body only",
+        "Approximate inertia moved by the joint; physics ideal only",
         "kg·m² or kg",
         default=1.0,
         above=0.0,
@@ -163,7 +163,7 @@ class SimulationConfig:
 
     joints: tuple[JointSimulation, ...]
     urdf: Urdf | None = None
-    base_fixed: bool = parameter("The base link cannot move", default=True)
+    base_fixed: bool = parameter("Base link fixed to the world", default=True)
     gravity: tuple[float, float, float] = parameter(
         "Gravity along the world's x, y, z",
         "m/s²",
@@ -185,7 +185,7 @@ class SimulationConfig:
         choices=PHYSICS,
         derived="Python: pybullet up to 3.11, mujoco from 3.12",
     )
-    gui: bool = parameter("Show the arm in a window, with physics pybullet", default=False)
+    gui: bool = parameter("Show the robot in a window; physics pybullet only", default=False)
 
     def __post_init__(self) -> None:
         if not self.joints:

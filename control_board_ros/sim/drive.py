@@ -135,7 +135,7 @@ def motor_torque(d: Drive, velocity: cython.double, pwm: cython.double) -> cytho
         i'     = i + s (i_inf − i)      s = 1 − exp(−x)
         torque = kt N η mean i
 
-    An open bridge lets no current flow.
+    An open bridge carries no current.
     """
     error: cython.double
     mean: cython.double
@@ -205,7 +205,7 @@ def bounded(value: cython.double, most: cython.double) -> cython.double:
 def loops(
     d: Drive, position: cython.double, velocity: cython.double, torque: cython.double
 ) -> cython.double:
-    """One period of the drive's own loops: the PWM that what it follows asks for, percent.
+    """One period of the drive's own loops: the PWM for its set-point, percent.
 
     position   τ = kp e + ∫ki e dt + kd ė + τ_ff
     velocity   the same of ė = q̇_set − q̇ and its integral: τ = kd ė + ∫kp ė dt + τ_ff
@@ -242,9 +242,9 @@ def loops(
 
 @cython.cfunc
 def change(d: Drive, kind: cython.int, torque: cython.double) -> cython.void:
-    """Follow something of another kind: no loop keeps the state of the one before (S3).
+    """Change the kind of set-point: no loop keeps the state of the one before (S3).
 
-    What the motor gives beyond the measured torque, its friction, stays.
+    The motor torque beyond the measured torque, its friction, stays.
     """
     d.kind, d.step = kind, 0
     d.integral = 0.0
@@ -294,7 +294,7 @@ class Drives:
         self.given, self.bridges = given, bridges
 
     def take(self, pwm: object, powered: object) -> bool:
-        """Take the PWM, percent, and close (1) and open (0) bridges, shape (n,) each.
+        """Set the PWM, percent, and close (1) or open (0) bridges, shape (n,) each.
 
         Returns:
             Whether a bridge was switched.
@@ -312,7 +312,7 @@ class Drives:
         return switched
 
     def follow(self, kinds: list[int], values: list[list[float]]) -> None:
-        """Take new set-points of all joints.
+        """Set new set-points of all joints.
 
         Args:
             kinds: SetPoint of each joint.

@@ -145,7 +145,7 @@ class Injector:
             raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
         if kind in BRAKES and not config.brake.present:
             raise ValueError(f"{config.name} has no brake to break; choose another fault")
-        if kind == DEAF and config.takes == (SetPoint.PWM,):
+        if kind == DEAF and config.set_points == (SetPoint.PWM,):
             raise ValueError(
                 f"{config.name} has no drive that closes loops of its own; "
                 f"set {config.name}.drive, or choose another fault"

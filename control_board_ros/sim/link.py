@@ -29,7 +29,7 @@ class Watchdogs:
     """The last set-points that each drive received, and the time since.
 
     Args:
-        board: With what each joint does in silence.
+        board: With the reaction of each joint to missing commands.
         simulation: With the time of each watchdog.
     """
 
@@ -38,7 +38,7 @@ class Watchdogs:
         self._cycles = [math.ceil(s * board.control_rate) if s else math.inf for s in seconds]
         self._then = [STRUCK[joint.on_silence] for joint in board.joints]
         self._texts = [f"watchdog: no command for {1e3 * s:.0f} ms" for s in seconds]
-        self._heard = SetPoints.off(len(seconds))
+        self._last_received = SetPoints.off(len(seconds))
         self._silent = [0] * len(seconds)
         self._struck: dict[int, float] = {}
 
@@ -56,7 +56,7 @@ class Watchdogs:
             position: Of the joints, shape (n,).
         """
         if not deaf and not self._struck:
-            self._heard = arriving
+            self._last_received = arriving
             return arriving
         kinds, values, released = (
             arriving.kinds.copy(),
@@ -66,15 +66,15 @@ class Watchdogs:
         for j in range(len(kinds)):
             if j not in deaf:
                 self._silent[j] = 0
-                if kinds[j] == SetPoint.OFF and self._heard.kinds[j] == SetPoint.OFF:
+                if kinds[j] == SetPoint.OFF and self._last_received.kinds[j] == SetPoint.OFF:
                     self._struck.pop(j, None)
                 continue
-            kinds[j], values[:, j] = self._heard.kinds[j], self._heard.values[:, j]
-            released[j] = self._heard.released[j]
+            kinds[j], values[:, j] = self._last_received.kinds[j], self._last_received.values[:, j]
+            released[j] = self._last_received.released[j]
             self._silent[j] += 1
             if self._silent[j] > self._cycles[j] and kinds[j] != SetPoint.OFF:
                 self._struck.setdefault(j, float(position[j]))
-        self._heard = SetPoints(kinds.copy(), values.copy(), released.copy())
+        self._last_received = SetPoints(kinds.copy(), values.copy(), released.copy())
         for j, place in self._struck.items():
             kinds[j], values[:, j] = self._then[j], 0.0
             if kinds[j] == SetPoint.POSITION:
@@ -108,7 +108,7 @@ class DriveLink:
         return self._watchdogs.reasons
 
     def pass_on(self, actuation: Actuation, motors: Motors, deaf: Collection[int]) -> Actuation:
-        """Give the drives what reaches them in this cycle; PWM and power of it.
+        """Pass on the set-points that arrive in this cycle; returns their PWM and power.
 
         Args:
             actuation: Of the board.

@@ -88,9 +88,9 @@ class Motors:
         heat_cycles: Control cycles between two calls of ``warm``.
         has_brakes: Whether any joint has one.
         acted: Sum of the PWM of the steps, shape (n,), percent; reset to 0 by its reader.
-        take: Takes the PWM and the state of the bridges.
+        take: Sets the PWM and the state of the bridges.
         step: Advances one physics step at the present state, PWM and current.
-        follow: Gives the drives set-points whose loops they close themselves.
+        follow: Sets the set-points of loops inside the drives.
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
@@ -131,7 +131,7 @@ class Motors:
         self.temperature = self._ambient.copy()
 
     def turn_shafts(self) -> None:
-        """Let coupled shafts be where the joints are: φ = M q."""
+        """Set coupled shafts to the positions of the joints: φ = M q."""
         if self._coupling is not None:
             np.matmul(self.state, self._coupling.matrix.T, out=self.shafts)
 

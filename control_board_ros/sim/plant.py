@@ -123,7 +123,7 @@ class SimulatedPlant:
         self._applied: Array | None = None
         self._heat_cycles = self._motors.heat_cycles
         self._link = None
-        if any(joint.takes != (SetPoint.PWM,) or joint.drive_delay for joint in board.joints):
+        if any(joint.set_points != (SetPoint.PWM,) or joint.drive_delay for joint in board.joints):
             self._link = DriveLink(board, simulation)
         self.body = make_body(board, simulation) if body is None else body
         self.body.attach(self._motors.state)

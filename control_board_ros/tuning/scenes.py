@@ -91,7 +91,7 @@ def with_mass(
     center: Sequence[float] = (0.0, 0.0, 0.0),
     name: str = "",
 ) -> Urdf:
-    """The robot with a cube of ``mass`` kg at a place of a link, m; names tell several apart."""
+    """The robot with a cube of ``mass`` kg at a place of a link, m; names distinguish several."""
     root = copy.deepcopy(urdf.tree.root)
     link = ET.SubElement(root, "link", name=f"_payload{name}")
     inertial = ET.SubElement(link, "inertial")

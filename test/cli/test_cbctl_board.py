@@ -249,7 +249,7 @@ def test_an_interrupted_stream_reports_the_true_state(
     until(lambda: ask("references", "6")[LAST][verb] != 0.0)
     stopped = interrupted(streaming)
     assert stopped.code == 1
-    does = "gives 0 N·m" if verb == "torque" else "gets 0 %"
+    does = "applies 0 N·m" if verb == "torque" else "applies 0 %"
     assert stopped.out.startswith(f"stopped: {LAST} {does} at ")
     assert ask("references", "6")[LAST][verb] == 0.0
     assert "interrupted after " in stopped.err

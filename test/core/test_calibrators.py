@@ -294,7 +294,7 @@ def test_a_joint_that_does_not_come_back_fails_after_a_second() -> None:
             bench.target = 5.0  # a second profile: counted from its end
         elif cycle in (20, 69):
             bench.target = None
-    with pytest.raises(CalibrationError, match=r"came back by 0.004 rad instead of 0.1 rad"):
+    with pytest.raises(CalibrationError, match=r"moved back by 0.004 rad instead of 0.1 rad"):
         calibrator.step()
 
 
@@ -308,7 +308,7 @@ def test_a_joint_that_does_not_begin_to_come_back_fails_after_a_second() -> None
     bench.target = None
     for _ in range(round(1.0 / PERIOD)):
         calibrator.step()
-    with pytest.raises(CalibrationError, match="came back by 0 rad"):
+    with pytest.raises(CalibrationError, match="moved back by 0 rad"):
         calibrator.step()
 
 
@@ -333,7 +333,7 @@ def test_a_yielding_obstacle_is_no_stop(kind: str, scale: float) -> None:
         bench.step = 0.0005
         push = "pushing against the stop"
         found = outcome(stop_type(bench), bench, push, gives_way=gives_way * scale)
-        assert ("gave way by" in found) is not is_stop
+        assert ("then moved by" in found) is not is_stop
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -350,7 +350,7 @@ def test_a_stall_draws_at_least_half_of_its_current(phase: str, output: float, w
         return outcome(calibrator, bench, phase, drawn=drawn)
 
     assert found(0.55) == ""
-    text = r"stands still, but its motor draws (\S+) A at (\S+) %, where a stall needs (\S+) A"
+    text = r"stalled, but the motor draws (\S+) A at (\S+) %, where a stall needs (\S+) A"
     matched = re.match(text, found(0.45))
     assert matched is not None
     needs = way * output * 0.48
@@ -394,7 +394,7 @@ def test_a_place_further_away_the_second_time_is_no_stop(
         again, stops = "approaching the stop again", (-9.0, 0.1 * half + apart)
         found = outcome(calibrator, bench, again, stops=stops)
         assert (found == "") is is_stop
-        assert ("when it came again" in found) is not is_stop
+        assert ("on the second approach" in found) is not is_stop
 
 
 def test_a_small_range_makes_the_way_back_small() -> None:
@@ -461,7 +461,7 @@ def test_a_joint_that_creeps_is_at_no_stop(kind: str, scale: float) -> None:
             bench.travelled += (motor - step) * scale
             bench.cycle()
             bench.current = 0.0
-        assert ("stands still, but its motor draws 0 A" in text) is stalls
+        assert ("stalled, but the motor draws 0 A" in text) is stalls
 
 
 @pytest.mark.parametrize(("lasting", "enough"), [(6, False), (7, True)])

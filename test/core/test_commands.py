@@ -156,6 +156,6 @@ def test_moves_that_torques_make_slower_say_so() -> None:
     reply = rig.board.command(CommandKind.POSITION, None, targets, together=True, time=5.0)
     assert [bool(reason) for reason in reply.reasons] == [True, True, False]
     assert reply.reasons[1] == (
-        "b: takes 10 s, at a mean speed of 14.3°/s (28.6°/s was requested), by the torque limits "
+        "b: 10 s at a mean speed of 14.3°/s (28.6°/s was requested), bounded by the torque limits "
         "of the joints that move together"
     )

@@ -309,13 +309,13 @@ def test_damping_that_goes_with_a_stiffness() -> None:
 
 def test_the_set_points_of_a_joint_s_drive() -> None:
     """S1: PWM where none is named; which loop runs where follows from them."""
-    assert joint("j").takes == (SetPoint.PWM,)
+    assert joint("j").set_points == (SetPoint.PWM,)
     use = joint("j").drive_use
     assert use.set_points == ("pwm",)
     assert {use.position, use.impedance, use.torque, use.current, use.output} == {"pwm"}
     assert use.on_silence == "free"
     both = joint("j", drive=(SetPoint.TORQUE, SetPoint.POSITION), on_silence=OnSilence.DAMPED)
-    assert both.takes == (SetPoint.TORQUE, SetPoint.POSITION)
+    assert both.set_points == (SetPoint.TORQUE, SetPoint.POSITION)
     assert both.drive_use.set_points == ("torque", "position")
     assert both.drive_use.position == "position"
     assert both.drive_use.torque == "torque"

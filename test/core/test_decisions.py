@@ -226,7 +226,7 @@ def test_stop(mode: ControlMode) -> None:
     if mode in (M.TORQUE, M.OPENLOOP, M.CURRENT, M.CALIBRATING, M.NOT_CONFIGURED):
         why = {M.CALIBRATING: Reason.CALIBRATING, M.NOT_CONFIGURED: Reason.NOT_CONFIGURED}
         assert verdict == Verdict(Answer.IGNORED, why.get(mode, Reason.NOTHING_TO_STOP))
-        assert f"a is {mode.name}, where stop does nothing; " in explain_stop(known)
+        assert f"a is {mode.name}, where stop has no effect; " in explain_stop(known)
     else:
         assert verdict.answer is Answer.ACCEPTED
 
@@ -239,7 +239,7 @@ def test_feedforward(mode: ControlMode) -> None:
     assert (verdict.answer is Answer.ACCEPTED) == (mode is not M.CALIBRATING)
     text = explain_feedforward(verdict.reason, known, (1.0, 2.0))
     assert text == (
-        "feedforward for a ignored: mode is CALIBRATING, where none acts"
+        "feedforward for a ignored: mode is CALIBRATING, where it has no effect"
         if mode is M.CALIBRATING
         else ""
     )

@@ -34,8 +34,8 @@ def test_where_it_is_and_how_far_beyond(kind: str, position: float, text: str) -
     ("positions", "text"),
     [
         ((0.0, -1.0, 2.0, 1.0), ""),  # at a limit is within
-        ((0.0, 2.1, 3.0), "a stays within -57.3° to 114.6° (point 1 asks for 120.3°)"),
-        ((-1.1, 2.1), "a stays within -57.3° to 114.6° (point 0 asks for -63.0°)"),
+        ((0.0, 2.1, 3.0), "a stays within -57.3° to 114.6° (point 1 requests 120.3°)"),
+        ((-1.1, 2.1), "a stays within -57.3° to 114.6° (point 0 requests -63.0°)"),
     ],
 )
 def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], text: str) -> None:
@@ -59,4 +59,4 @@ def test_a_slower_move_is_reported(kind: str, way: float, time: float, reported:
     """P1: below 99 % of the speed requested, and longer by a visible time."""
     text = explain_slower(joint("a", kind=kind), way, 0.5, time)
     assert bool(text) is reported
-    assert not reported or f"takes {time:.3g} s" in text
+    assert not reported or f"a: {time:.3g} s at" in text

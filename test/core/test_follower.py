@@ -245,7 +245,7 @@ def test_a_limit_that_cuts_is_reported(rig: Tracked) -> None:
     reply = rig.follower.follow("a", line(("a",), (3.0, 2.5)), rig.board.time)
     assert reply
     assert (
-        "a stays within -114.6° to 114.6° (point 0 asks for 143.2°): software limit"
+        "a stays within -114.6° to 114.6° (point 0 requests 143.2°): software limit"
         in reply.message
     )
     rig.cycle(5)

@@ -122,7 +122,7 @@ def test_a_direct_position_ends_the_old_path_also_before_a_new_one_waits(bench: 
     assert bench.board.set_position("a", 0.07)
     bench.follow("a", (0.1, 0.0), ahead=0.2)
     assert bench.cycle(50)[0] == 0.07
-    assert bench.events() == ["trajectory of a ended: another direct position took over"]
+    assert bench.events() == ["trajectory of a ended: replaced by another direct position"]
     assert bench.cycle(150)[0] == pytest.approx(0.0)
 
 
@@ -216,7 +216,7 @@ def test_the_way_to_a_pose_is_from_where_the_joint_is() -> None:
     assert rig.board.state.position_reference[0] == 0.5
     time, note = plan_move(rig.board, Pose("p", ("a",), (0.7,)), 3.0)
     assert time == pytest.approx(0.24, abs=0.001)
-    assert note.startswith("a: takes 0.24 s, at a mean speed of 47.")
+    assert note.startswith("a: 0.24 s at a mean speed of 47.")
     assert "(171.9°/s was requested)" in note
 
 
@@ -312,7 +312,7 @@ def test_a_move_that_another_one_replaced_has_failed(still: Rig) -> None:
     move = MoveTask(still.board, ["a"], [-1.0], [0.5])
     still.run(0.1)
     assert still.board.position_move("a", 0.5)
-    assert move.outcome() == (False, "another move has a to 28.6° instead of -57.3°")
+    assert move.outcome() == (False, "another move commands a to 28.6° instead of -57.3°")
 
 
 def test_a_move_is_under_way_until_its_slowest_joint_is_there(still: Rig) -> None:
@@ -480,7 +480,7 @@ def test_a_goal_without_joints_leaves_the_other_path_running(bench: Bench) -> No
     assert bench.cycle(260)[0] == pytest.approx(0.1)
     assert goal.outcome == (
         Code.INVALID_GOAL,
-        "ended before its time; a: another trajectory took over",
+        "ended before its time; a: replaced by another trajectory",
     )
 
 

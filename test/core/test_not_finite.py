@@ -147,7 +147,7 @@ def test_nothing_that_is_not_finite_leaves_the_board(
     if math.isnan(value):  # an infinite one the law may bound by itself
         fault = rig.board.get_faults("left")[0]
         assert (rig.modes()[0], fault.code) == (M.HW_FAULT, 23)
-        assert "its laws gave an output that is not a number" in fault.text
+        assert "the output of its control laws is not a number" in fault.text
     assert not rig.board.get_faults("right")[0].active
     rig.tick(5)
     rig.enter("pos", "left")

@@ -70,7 +70,7 @@ def test_a_speed_beyond_the_limits_is_bounded_and_reported(rig: Rig) -> None:
     task = PoseTask(rig.board, READY, 50.0)
     outcome, ends = arrivals(rig, task)
     assert outcome.success
-    assert outcome.message.startswith("b: takes 0.625 s, at a mean speed of ")  # 1.875/3
+    assert outcome.message.startswith("b: 0.625 s at a mean speed of ")  # 1.875/3
     assert "by its limits of speed and acceleration" in outcome.message
     assert len(set(ends.tolist())) == 1
 

@@ -39,8 +39,8 @@ def test_it_waits_unconfigured(rig: Rig) -> None:
     assert "transition configure" in reply.message
     refused = rig.board.set_control_mode("rests", M.IDLE)
     assert refused.answers == (Answer.REFUSED,)
-    assert "a transition of its lifecycle" in refused.message
-    assert "a transition of its lifecycle" in rig.board.stop("rests").message
+    assert "waits for the transition configure" in refused.message
+    assert "waits for the transition configure" in rig.board.stop("rests").message
     rig.board.power_cycle()
     rig.tick(3)
     assert set(modes(rig)) == {M.NOT_CONFIGURED}
@@ -78,7 +78,7 @@ def test_requests_that_need_power_are_refused(rig: Rig, mode: ControlMode) -> No
         assert reply.answers == (Answer.ACCEPTED,)
     else:
         assert reply.answers == (Answer.REFUSED,)
-        assert "inactive; activate it first (transition activate" in reply.message
+        assert "the board is inactive; activate it first" in reply.message
     assert modes(rig)[0] is M.IDLE
 
 

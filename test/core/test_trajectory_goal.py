@@ -347,7 +347,7 @@ ENDS: dict[str, tuple[Callable[[Goals], Any], str]] = {
         lambda rig: rig.follower.follow(
             "a", make_path(("a",), [0.1], [[0.0]], [[]], [[]]), rig.board.time
         ),
-        "another trajectory took over",
+        "replaced by another trajectory",
     ),
 }
 
@@ -383,7 +383,7 @@ def test_a_limit_that_cuts_is_reported_at_the_end(rig: Goals) -> None:
     rig.send(points((1.0, [2.5, 0.0])), goal=[Wish("a", -1.0, 0.0)])
     code, text = rig.end()
     assert code is Code.SUCCESSFUL
-    assert "a stays within -114.6° to 114.6° (point 0 asks for 143.2°)" in text
+    assert "a stays within -114.6° to 114.6° (point 0 requests 143.2°)" in text
 
 
 def test_the_codes_are_those_of_the_action() -> None:

@@ -126,4 +126,4 @@ def test_a_goal_of_a_part_preempts_its_joints(rig: Following) -> None:
     start_goal(rig.follower, left, ["l_elbow"], points([0.1]), left.time)
     rig.cycle(2)
     assert whole.outcome is not None
-    assert "l_elbow: another trajectory took over" in whole.outcome.text
+    assert "l_elbow: replaced by another trajectory" in whole.outcome.text

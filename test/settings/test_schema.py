@@ -140,7 +140,9 @@ def test_numbers_stay_apart_from_zero_and_infinity() -> None:
 
 def test_text_and_unit_describe_a_parameter() -> None:
     assert JOINT_BY_NAME["current_pid.ki"].description == "Current PI: integral gain [V/(A·s)]."
-    assert JOINT_BY_NAME["torque_sensor"].description.startswith("Has a torque sensor; TORQUE")
+    assert JOINT_BY_NAME["torque_sensor"].description.startswith(
+        "Torque sensor present, as TORQUE"
+    )
     for row in (*BOARD, *JOINT):
         assert not row.text.endswith("."), row.name
 

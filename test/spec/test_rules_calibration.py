@@ -216,7 +216,7 @@ def test_uncalibrated_joint_refuses_modes(wanted: str) -> None:
     assert [str(answer) for answer in reply.answers] == ["refused"]
     assert (
         reply.message
-        == "left is not calibrated; until it is, it accepts idl, fidl and a calibration"
+        == "left is not calibrated; until then it accepts idl, fidl and a calibration"
     )
     rig.tick(2)
     assert rig.modes() == [M.IDLE]

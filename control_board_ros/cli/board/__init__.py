@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What verbs share to ask a board: sessions, progress, recordings, streams."""
+"""Shared parts of verbs: sessions, progress, recordings, streams."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from control_board_ros.core.terms.modes import NOT_HOLDING
 from control_board_ros.core.terms.vocabs import BrakeMode
 
+from ..text.advice import HOLD, STEPS
 from ..text.output import REFUSED, fail, note
 
 if TYPE_CHECKING:
@@ -21,16 +22,16 @@ DOING = {
     "vel": "holds",
     "veld": "holds",
     "mix": "holds",
-    "torq": "gives {torque:.3g} {unit}",
-    "open": "gets {output:.3g} %",
-    "icur": "gets {current:.3g} A",
+    "torq": "applies {torque:.3g} {unit}",
+    "open": "applies {output:.3g} %",
+    "icur": "applies {current:.3g} A",
     "idl": "is free, without power,",
     "hwfa": "is in fault, without power,",
     "cal": "is calibrating",
     "cfgn": "is not configured",
 }
 #: Modes without power, and the next step.
-WITHOUT_POWER = {"idl": ("hold with", "mode {} pos"), "hwfa": ("clear with", "clear {}")}
+WITHOUT_POWER = {"idl": HOLD, "hwfa": STEPS["in_fault"]}
 
 
 def what_they_do(session: Session, names: list[str]) -> str:
@@ -81,7 +82,7 @@ def warn_without_power(session: Session, modes: Mapping[str, str]) -> None:
             angles = zip(loose, map(session.position, loose, positions), strict=True)
             where = ", ".join(f"{name} at {angle}" for name, angle in angles)
             words = "all" if len(loose) == len(session.names) else " ".join(loose)
-            step = f"{what}: {session.line(verb.format(words))}"
+            step = f"{what}: {session.line(verb.format(joints=words))}"
             note(session, f"free to fall, without power: {where}; {step}")
 
 
@@ -105,5 +106,6 @@ def warn_not_holding(session: Session, names: list[str]) -> None:
     loose = [name for name, mode in zip(names, modes, strict=True) if mode in NOT_HOLDING]
     if loose:
         words = " ".join(loose)
-        step = session.line("mode", words, "pos")
-        note(session, f"nothing holds {words} now; hold with: {step}")
+        what, verb = HOLD
+        step = session.line(verb.format(joints=words))
+        note(session, f"nothing holds {words} now; {what}: {step}")

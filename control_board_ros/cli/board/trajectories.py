@@ -49,7 +49,7 @@ def approach(
 
 
 def check_asking(yes: bool) -> None:
-    """Raise UsageError where nobody can confirm a motion."""
+    """Raise UsageError without a terminal for the confirmation of a motion."""
     if not yes and not sys.stdin.isatty():
         raise UsageError("no terminal for the confirmation to move; give --yes")
 

@@ -63,7 +63,7 @@ def amount(name: str, kind: str, **settings: Any) -> Argument:
     return argument(name, type=above_zero, **settings)
 
 
-def takes(*arguments: Argument) -> Callable[[Verb], Verb]:
+def with_arguments(*arguments: Argument) -> Callable[[Verb], Verb]:
     """Declare the arguments of a verb, passed by keyword after the session."""
 
     def note_down(verb: Verb) -> Verb:

@@ -19,6 +19,8 @@ STEPS = {
     "nothing_to_stop": ("disable with", "mode {joints} idl"),
     "not_configured": ("configure with", "configure"),
 }
+#: The same for joints that nothing holds.
+HOLD = ("hold with", "mode {joints} pos")
 
 
 def advice(

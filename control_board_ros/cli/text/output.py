@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Printing: results on stdout (with --json nothing else goes there), the rest on stderr."""
+"""Printing: results on stdout (with --json nothing else), the rest on stderr."""
 
 from __future__ import annotations
 

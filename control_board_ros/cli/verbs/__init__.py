@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verbs of cbctl: a module per section of the help, loaded when one of its verbs is run.
 
-A verb is a function of a session and of the arguments in its ``takes``. It prints, and returns the
-exit code (None: 0). The values that it prints come from functions of ``cli``.
+A verb is a function of a session and of the arguments declared by ``with_arguments``. It prints,
+and returns the exit code (None: 0). The values that it prints come from functions of ``cli``.
 """
 
 from __future__ import annotations

@@ -8,11 +8,11 @@ from typing import Any
 from ..board.progress import Bar
 from ..board.session import Session
 from ..board.status import cancelled
-from ..line.arguments import JOINTS, takes
+from ..line.arguments import JOINTS, with_arguments
 from ..text.output import conclude
 
 
-@takes(JOINTS)
+@with_arguments(JOINTS)
 def calibrate(session: Session, joints: list[str]) -> int:
     """Calibrate joints and wait for the end. Ctrl-C aborts it: idle, uncalibrated."""
     names = session.joints(joints)

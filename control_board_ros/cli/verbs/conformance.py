@@ -9,7 +9,7 @@ from typing import Any
 from control_board_ros.program_options import CONFORMANCE
 
 from ..board.session import Session
-from ..line.arguments import argument, takes
+from ..line.arguments import argument, with_arguments
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, complain, show
 
@@ -19,7 +19,7 @@ def sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-@takes(
+@with_arguments(
     *(
         argument(*names, **settings | {"help": sentence(settings["help"])})
         for names, settings in CONFORMANCE

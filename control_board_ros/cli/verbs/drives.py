@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from ..board.programs import run_program
 from ..board.session import Session
-from ..line.arguments import argument, takes
+from ..line.arguments import argument, with_arguments
 from ..line.words import UsageError
 
 
-@takes(
+@with_arguments(
     argument(
         "action",
         metavar="scan|try",
@@ -39,7 +39,7 @@ def drives(
 
     scan lists id, type, firmware, voltage and fault of each drive. try shows each joint and its
     drive, asks for confirmation, and moves each by 2 degrees or 2 mm within a tenth of its
-    limits; where a joint moved otherwise, it writes direction and gear ratio into the file.
+    limits; where the motion differs, it writes direction and gear ratio into the file.
     Ctrl-C disables the motors.
     """
     if action == "scan" and not bus:

@@ -20,7 +20,7 @@ from ..board.recordings import recorded
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
 from ..board.trajectories import agreed, approach, check_asking, followed
-from ..line.arguments import FOR, JOINTS, argument, takes
+from ..line.arguments import FOR, JOINTS, argument, with_arguments
 from ..line.jogging import keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
 from ..text.output import DONE, REFUSED, complain, conclude, fail, note, put, put_json
@@ -33,7 +33,7 @@ YES = argument("--yes", action="store_true", help="Move without confirmation.")
 NEAR = 5e-3
 
 
-@takes(
+@with_arguments(
     JOINTS,
     argument(
         "--record", metavar="WAY.mcap", help="Record the motion, for cbctl replay and report."
@@ -168,7 +168,7 @@ def recorded_way(session: Session, target: Path | None) -> Iterator[None]:
                 raise Refused(f"cannot write {target}: {error.strerror}") from error
 
 
-@takes(
+@with_arguments(
     argument("recording", metavar="WAY.mcap", help="A recording of cbctl guide, or any other."),
     argument("joints", nargs="*", metavar="JOINT", help="Joints; none: those that were guided."),
     argument("--speed", type=float, default=1.0, metavar="FACTOR", help="0.5: half as fast."),

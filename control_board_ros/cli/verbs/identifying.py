@@ -26,7 +26,7 @@ from ..board.recordings import recorded
 from ..board.session import Session
 from ..board.status import cancelled
 from ..board.trajectories import agreed, approach, check_asking, followed
-from ..line.arguments import JOINTS, argument, takes
+from ..line.arguments import JOINTS, argument, with_arguments
 from ..line.words import Refused, UsageError, quantity
 from ..text.output import REFUSED, fail, note
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 PROGRAM = "control_board_ros.identification"
 
 
-@takes(
+@with_arguments(
     JOINTS,
     argument("-o", "--output", required=True, metavar="FILE.yaml", help="The file to write."),
     argument(

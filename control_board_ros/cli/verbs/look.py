@@ -18,7 +18,7 @@ from ..board.reading import (
     read_references,
 )
 from ..board.session import Session
-from ..line.arguments import JOINTS, argument, several, takes
+from ..line.arguments import JOINTS, argument, several, with_arguments
 from ..line.words import Refused
 from ..text.output import console, mode_text, show
 from ..text.plotting import Trace, chart, signal_of
@@ -93,7 +93,7 @@ RARE = {"vel. dir.": "direct_velocity", "current": "current"}
 
 
 @several
-@takes(JOINTS)
+@with_arguments(JOINTS)
 def modes(session: Session, joints: list[str]) -> None:
     """Show the control and interaction mode of joints, and which are not calibrated."""
     rows = read_modes(session, session.joints(joints))
@@ -159,7 +159,7 @@ def ranges(rows: Rows, low: str, high: str) -> list[str]:
 
 
 @several
-@takes(JOINTS)
+@with_arguments(JOINTS)
 def references(session: Session, joints: list[str]) -> None:
     """Show the last accepted reference of every kind."""
     rows = read_references(session, session.joints(joints))
@@ -190,7 +190,7 @@ def references_table(session: Session, rows: Rows) -> Any:
 
 
 @several
-@takes(
+@with_arguments(
     JOINTS,
     argument(
         "--all", dest="every", action="store_true", help="Also the last faults that are cleared."

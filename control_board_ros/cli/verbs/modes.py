@@ -19,7 +19,7 @@ from control_board_ros.text import nearest
 from ..board.reading import Rows, read_brakes, read_impedance
 from ..board.session import Session
 from ..board.status import warn_without_power
-from ..line.arguments import JOINTS, argument, joints_then_mode, number, takes
+from ..line.arguments import JOINTS, argument, joints_then_mode, number, with_arguments
 from ..line.offers import joints_then
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, conclude, show
@@ -29,7 +29,7 @@ MODE_CODES = tuple(mode.code for mode in REQUESTABLE)
 INTERACTION_CODES = tuple(mode.code for mode in InteractionMode)
 
 
-@takes(joints_then_mode(MODE_CODES))
+@with_arguments(joints_then_mode(MODE_CODES))
 def mode(session: Session, words: list[str]) -> int:
     """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, veld, icur, fidl.
 
@@ -44,7 +44,7 @@ def mode(session: Session, words: list[str]) -> int:
     return code
 
 
-@takes(joints_then_mode(INTERACTION_CODES))
+@with_arguments(joints_then_mode(INTERACTION_CODES))
 def interaction(session: Session, words: list[str]) -> int:
     """Set the interaction mode of joints: stif or comp.
 
@@ -87,7 +87,7 @@ def joints_and_mode(
     return names, wanted
 
 
-@takes(
+@with_arguments(
     JOINTS,
     argument("--stiffness", "-k", type=number, metavar="NUMBER", help="N·m/rad (N/m)."),
     argument("--damping", "-d", type=number, metavar="NUMBER", help="N·m·s/rad (N·s/m)."),
@@ -105,7 +105,7 @@ def impedance(
     return conclude(session, reply, f"impedance set: {', '.join(names)}")
 
 
-@takes(
+@with_arguments(
     argument(
         "words",
         nargs="*",

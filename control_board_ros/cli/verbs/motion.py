@@ -16,7 +16,7 @@ from ..board.progress import Bar, Standstill, Way
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
 from ..board.streaming import RATE, end
-from ..line.arguments import JOINTS, VALUES, amount, argument, several, takes
+from ..line.arguments import JOINTS, VALUES, amount, argument, several, with_arguments
 from ..line.jogging import Jog, keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
 from ..text.output import complain, conclude, console
@@ -25,14 +25,14 @@ from ..text.output import complain, conclude, console
 NEAR, NEAR_SLIDING = 0.01, 1e-3
 
 
-@takes(
+@with_arguments(
     VALUES,
     amount("--speed", "speed", metavar="SPEED", help="Mean speed, e.g. 20deg; default: as set."),
     argument(
         "--wait",
         action=BooleanOptionalAction,
         default=True,
-        help="Wait for the end of the move (default), or return at once.",
+        help="Wait for the end of the move (default), or return immediately.",
     ),
 )
 def move(session: Session, words: list[str], speed: float | None, wait: bool) -> int:
@@ -77,9 +77,9 @@ def near(session: Session, name: str) -> float:
     return session.kind(name).choose(NEAR, NEAR_SLIDING)
 
 
-@takes(VALUES)
+@with_arguments(VALUES)
 def direct(session: Session, words: list[str]) -> int:
-    """Step the position references at once (mode posd)."""
+    """Step the position references (mode posd)."""
     values = session.within_limits(words)
     reply = session.client.set_position(list(values), list(values.values()), answered=True)
     text = ", ".join(f"{name} to {session.position(name, v)}" for name, v in values.items())
@@ -91,7 +91,7 @@ KEYS = "←→ move, ↑↓ joint, + - speed, q ends"
 VELOCITY_MODES = frozenset(m for m, kinds in ACCEPTS.items() if CommandKind.VELOCITY in kinds)
 
 
-@takes(
+@with_arguments(
     JOINTS,
     amount("--speed", "speed", default="10deg", metavar="SPEED", help="Initial speed."),
 )
@@ -155,14 +155,14 @@ def line(session: Session, name: str, keys: Jog, standstill: Standstill) -> str:
 
 
 @several
-@takes(JOINTS)
+@with_arguments(JOINTS)
 def stop(session: Session, joints: list[str]) -> int:
     """Stop joints where they are; their modes stay."""
     reply = session.client.stop(session.joints(joints))
     return conclude(session, reply, f"stopped: {', '.join(reply.joints)}")
 
 
-@takes(
+@with_arguments(
     VALUES,
     argument("--acceleration", action="store_true", help="Set accelerations instead of speeds."),
 )

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from ..board.session import Session
-from ..line.arguments import argument, takes
+from ..line.arguments import argument, with_arguments
 from ..line.offers import joints
 from ..line.words import Refused, UsageError, find_joint
 from ..text.output import DONE, conclude, show
@@ -144,7 +144,7 @@ def yaml_value(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-@takes(
+@with_arguments(
     argument(
         "words",
         nargs="+",

@@ -10,7 +10,7 @@ from typing import Any
 from control_board_ros.text import nearest
 
 from ..board.session import Session
-from ..line.arguments import FOR, argument, number, takes
+from ..line.arguments import FOR, argument, number, with_arguments
 from ..line.offers import Typed, joints
 from ..line.words import UsageError, find_joint, short_names
 from ..text.output import console, put, put_json
@@ -29,7 +29,7 @@ def signals_offered(typed: Typed) -> list[str]:
     return kinds if dot else [f"{name}." for name in joints(typed)] + kinds
 
 
-@takes(
+@with_arguments(
     argument(
         "words",
         nargs="+",

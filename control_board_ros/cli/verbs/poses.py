@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..board.progress import Bar, Standstill
 from ..board.session import Session
 from ..board.status import cancelled
-from ..line.arguments import amount, argument, several, takes
+from ..line.arguments import amount, argument, several, with_arguments
 from ..line.offers import Typed, joints
 from ..line.words import UsageError, short_names
 from ..text.output import conclude, show
@@ -67,7 +67,7 @@ def poses_offered(typed: Typed) -> list[str]:
     return joints(typed) if typed.before[0] == "save" and len(typed.before) > 1 else []
 
 
-@takes(
+@with_arguments(
     argument(
         "words",
         nargs="+",
@@ -91,13 +91,13 @@ def pose(session: Session, words: list[str], speed: float | None) -> int:
     return go(session, name, speed)
 
 
-@takes(SPEED)
+@with_arguments(SPEED)
 def home(session: Session, speed: float | None) -> int:
     """Go to the pose home, all joints arriving together (mode pos or mix). Ctrl-C stops."""
     return go(session, "home", speed)
 
 
-@takes(SPEED)
+@with_arguments(SPEED)
 def park(session: Session, speed: float | None) -> int:
     """Go to the pose park, all joints arriving together (mode pos or mix). Ctrl-C stops."""
     return go(session, "park", speed)

@@ -13,7 +13,7 @@ from control_board_ros.text import file_name
 from ..board.progress import Bar
 from ..board.recordings import Silence, keep_frames, read_boards, start
 from ..board.session import Session
-from ..line.arguments import FOR, amount, argument, patterns, takes
+from ..line.arguments import FOR, amount, argument, patterns, with_arguments
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, REFUSED, complain, note, show
 
@@ -22,7 +22,7 @@ LOOK, LOOK_AT_BOARDS = 0.25, 2.0
 
 
 @patterns
-@takes(
+@with_arguments(
     argument(
         "-o", "--output", required=True, metavar="FOLDER", help="The folder of the recording."
     ),
@@ -207,7 +207,7 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
     return REFUSED if why else DONE
 
 
-@takes(
+@with_arguments(
     argument("recording", metavar="FOLDER", help="The folder of a recording, or one MCAP file."),
     argument(
         "-o", "--output", metavar="FILE.html", help="The report; default: FOLDER/report.html."

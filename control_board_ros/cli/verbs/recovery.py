@@ -10,7 +10,7 @@ from control_board_ros.core.terms.reply import Answer, Reply
 from ..board.reading import Rows, read_faults
 from ..board.session import Session
 from ..board.status import warn_without_power
-from ..line.arguments import JOINTS, argument, several, takes
+from ..line.arguments import JOINTS, argument, several, with_arguments
 from ..line.offers import one_of
 from ..line.words import Refused
 from ..text.advice import advice
@@ -19,7 +19,7 @@ from ..text.tables import grid
 
 
 @several
-@takes(
+@with_arguments(
     JOINTS,
     argument(
         "--partial",
@@ -45,7 +45,7 @@ def recover(session: Session, joints: list[str], partial: bool) -> int:
 
 
 @several
-@takes(
+@with_arguments(
     argument(
         "word",
         nargs="?",
@@ -55,7 +55,7 @@ def recover(session: Session, joints: list[str], partial: bool) -> int:
     ),
 )
 def estop(session: Session, word: str | None) -> int:
-    """Disable every joint of the robot at once; estop release ends the stop."""
+    """Disable all joints of the robot immediately; estop release ends the stop."""
     if word not in (None, "release"):
         raise Refused(f"{word[:40]!r} is not valid; cbctl estop, or cbctl estop release")
     reply = session.client.emergency_stop(word is None)
@@ -70,7 +70,7 @@ def estop(session: Session, word: str | None) -> int:
 
 
 @several
-@takes(JOINTS)
+@with_arguments(JOINTS)
 def clear(session: Session, joints: list[str]) -> int:
     """Send FORCE_IDLE to the joints in fault; report which causes persist."""
     names = session.joints(joints)

@@ -13,7 +13,7 @@ from control_board_ros.core.terms.modes import STEPS
 from ..board.experiments import Experiment, check_reach, measured, prepare, wait
 from ..board.progress import Bar, Standstill
 from ..board.session import Session
-from ..line.arguments import amount, argument, takes
+from ..line.arguments import amount, argument, with_arguments
 from ..line.offers import joints
 from ..line.words import DEGREE, Refused, UsageError, quantity
 from ..text.output import DONE, conclude, show
@@ -28,7 +28,7 @@ OUTPUT = argument(
 HIGHEST = 100.0
 
 
-@takes(
+@with_arguments(
     argument(
         "word",
         nargs="?",
@@ -47,7 +47,7 @@ def step(
 ) -> int:
     """Step a joint there and back and measure its response; or advance a paused simulation.
 
-    cbctl step joint_1 --size 5deg steps the position reference, records, and gives rise,
+    cbctl step joint_1 --size 5deg steps the position reference, records, and reports rise,
     settling, overshoot and steady-state error. The joint must hold its position, and the step must
     stay within its limits.
 
@@ -127,7 +127,7 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
     return show_result(session, recording, folder, "".join(sections), result, lines)
 
 
-@takes(
+@with_arguments(
     argument("word", metavar="JOINT", help="A joint.", offers=joints),
     amount(
         "--from", "frequency", dest="low", default="0.1", metavar="FREQUENCY", help="First, Hz."

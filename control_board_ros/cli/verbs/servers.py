@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..board.session import Session
-from ..line.arguments import Argument, amount, argument, takes
+from ..line.arguments import Argument, amount, argument, with_arguments
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, note, put, put_json
 
@@ -40,7 +40,7 @@ def check_server(port: int, extra: str, packages: Mapping[str, str]) -> None:
             )
 
 
-@takes(
+@with_arguments(
     HOST,
     port_argument(8080),
     READ_ONLY,
@@ -99,7 +99,7 @@ def panel(
     return DONE
 
 
-@takes(HOST, port_argument(8765), READ_ONLY)
+@with_arguments(HOST, port_argument(8765), READ_ONLY)
 def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
     """Serve the board to Foxglove: prints the address to open there; Ctrl-C ends it.
 

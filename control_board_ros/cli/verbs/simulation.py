@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from ..board.session import Session
-from ..line.arguments import argument, takes
+from ..line.arguments import argument, with_arguments
 from ..line.offers import joints_then
 from ..line.words import UsageError
 from ..text.output import conclude
@@ -28,7 +28,7 @@ def reset(session: Session) -> int:
     return conclude(session, session.client.reset(), "reset")
 
 
-@takes(
+@with_arguments(
     argument(
         "words",
         nargs="*",

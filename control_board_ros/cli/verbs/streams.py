@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..board.session import Session
 from ..board.streaming import Send, stream
-from ..line.arguments import FOR, JOINTS, VALUES, argument, takes
+from ..line.arguments import FOR, JOINTS, VALUES, argument, with_arguments
 from ..line.words import UsageError, quantity
 from ..text.output import conclude, note
 
@@ -22,15 +22,15 @@ ONCE = argument(
 )
 
 
-@takes(VALUES, FOR, ONCE)
+@with_arguments(VALUES, FOR, ONCE)
 def velocity(session: Session, words: list[str], time: float | None, once: bool) -> int:
     """Stream velocities (mode vel or mix) for a time, or until Ctrl-C; then stop."""
     return velocities(session, words, time, once, session.client.velocity_move, "vel")
 
 
-@takes(VALUES, FOR, ONCE)
+@with_arguments(VALUES, FOR, ONCE)
 def veldirect(session: Session, words: list[str], time: float | None, once: bool) -> int:
-    """Stream velocities that act at once (mode veld) for a time, or until Ctrl-C; then stop."""
+    """Stream velocities without a ramp (mode veld) for a time, or until Ctrl-C; then stop."""
     return velocities(session, words, time, once, session.client.set_ref_velocity, "veld")
 
 
@@ -55,7 +55,7 @@ def velocities(
     return stream(session, send, values, time, mode)
 
 
-@takes(VALUES, FOR)
+@with_arguments(VALUES, FOR)
 def torque(session: Session, words: list[str], time: float | None) -> int:
     """Set torques (mode torq); with --for stream them, then set zero."""
     values = session.within_limits(words, "torque")
@@ -63,7 +63,7 @@ def torque(session: Session, words: list[str], time: float | None) -> int:
     return lasting(session, send, values, time, "torque references", "{:g}", "torq")
 
 
-@takes(VALUES, FOR)
+@with_arguments(VALUES, FOR)
 def current(session: Session, words: list[str], time: float | None) -> int:
     """Set motor currents (mode icur); with --for stream them, then set zero."""
     values = session.within_limits(words, "current")
@@ -71,7 +71,7 @@ def current(session: Session, words: list[str], time: float | None) -> int:
     return lasting(session, send, values, time, "current references", "{:g} A", "icur")
 
 
-@takes(VALUES, FOR)
+@with_arguments(VALUES, FOR)
 def output(session: Session, words: list[str], time: float | None) -> int:
     """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
     values = session.within_limits(words, "output")
@@ -107,7 +107,7 @@ def lasting(
     return conclude(session, reply, f"{label}: {text}; they stay until changed", mode=mode)
 
 
-@takes(
+@with_arguments(
     JOINTS,
     argument("--output", metavar="PERCENT", help="On the output, e.g. 5%."),
     argument("--torque", metavar="TORQUE", help="On the impedance torque, e.g. 2Nm."),

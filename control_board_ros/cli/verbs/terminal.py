@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..board.session import Session
-from ..line.arguments import argument, offered, takes
+from ..line.arguments import argument, offered, with_arguments
 from ..line.offers import one_of
 from ..line.words import UsageError
 from ..text.output import DONE, USAGE, complain, note, put
@@ -147,7 +147,7 @@ def history() -> Path:
     return file
 
 
-@takes(
+@with_arguments(
     argument(
         "shell",
         nargs="?",

@@ -9,13 +9,13 @@ from control_board_ros.program_options import TUNING
 
 from ..board.programs import run_program
 from ..board.session import Session
-from ..line.arguments import argument, takes
+from ..line.arguments import argument, with_arguments
 
 #: Options whose values have another name.
 OPTION_OF = {"found": "--from"}
 
 
-@takes(*(argument(*names, **settings) for names, settings in TUNING))
+@with_arguments(*(argument(*names, **settings) for names, settings in TUNING))
 def tune(session: Session, **values: Any) -> int:
     """Search for gains of a robot in simulation, and write a parameter file and a report.
 

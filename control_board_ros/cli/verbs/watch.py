@@ -12,7 +12,7 @@ from ...joint_limits import JointLimits
 from ..board.boards import sessions_meant
 from ..board.reading import UNCALIBRATED, Rows, lacks_calibration, read_state
 from ..board.session import Session
-from ..line.arguments import JOINTS, argument, number, patterns, takes
+from ..line.arguments import JOINTS, argument, number, patterns, with_arguments
 from ..line.words import UsageError, short_names
 from ..text.output import bar, console, mode_text, put, show
 from ..text.tables import drawn, needed, text_of
@@ -101,7 +101,7 @@ def dense(
 
 
 @patterns
-@takes(
+@with_arguments(
     JOINTS,
     argument("--once", action="store_true", help="Show it once and end."),
     argument("--rate", type=number, default=10.0, metavar="RATE", help="Frames per second."),

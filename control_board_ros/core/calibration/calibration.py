@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibrators: how a joint finds its zero (SPEC K), one small class per type.
+"""Calibrators: they determine the zero of a joint (SPEC K), one small class per type.
 
-A type of one's own is entered with :func:`register`. A calibrator drives its joint through a
+Custom types are added with :func:`register`. A calibrator drives its joint through a
 :class:`Hand`, which the board implements: it can hold, drive, set the offset and move, and nothing
-else. It is stepped once per control cycle until it
-reports that it is done or raises CalibrationError.
+else. It is stepped once per control cycle until it reports that it is done or raises
+CalibrationError.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from ..config.parts import CALIBRATION_TYPES, Calibration
 #: Tolerances are written in rad; of a sliding joint this many metres count as one.
 METRES_PER_RADIAN = 0.05
 
-#: How close to the start position a joint must come, rad.
+#: Tolerance of the start position, rad.
 ARRIVED = 0.02
 
-#: Time for which it must be there, s.
+#: Time within this tolerance, s.
 SETTLED = 0.05
 
 
@@ -31,9 +31,9 @@ class CalibrationError(Exception):
 
 
 class Hand(Protocol):
-    """What a calibrator may do with its joint and see of it; rad, rad/s, percent, A, s.
+    """Access of a calibrator to its joint; rad, rad/s, percent, A, s; of a sliding joint m, m/s.
 
-    Of a sliding joint m and m/s.
+    It holds, drives, sets the offset and moves.
     """
 
     @property
@@ -60,21 +60,21 @@ class Hand(Protocol):
         """Hold the present position with the stiff position law."""
 
     def drive(self, output: float) -> None:
-        """Give the motor a PWM."""
+        """Drive the motor with a PWM, percent."""
 
     def set_offset(self, offset: float) -> None:
-        """Take ``reading - offset`` as the joint angle from now on."""
+        """Set the encoder offset: joint angle = ``reading - offset``."""
 
     def move(self, target: float, speed: float) -> None:
         """Start a minimum-jerk move."""
 
     def moving(self) -> bool:
-        """Whether that move is on its way."""
+        """Whether that move is active."""
 
 
 @dataclass(slots=True)
 class Progress:
-    """How far a calibration is: 0 to 1, and a phase in words."""
+    """Progress of a calibration: fraction from 0 to 1, and its phase as text."""
 
     fraction: float = 0.0
     phase: str = "waiting"
@@ -97,7 +97,7 @@ class Calibrator:
 
     @property
     def begun(self) -> bool:
-        """Whether it has been stepped: the joint is in its hands."""
+        """Whether it has been stepped: it controls the joint."""
         return self._cycles > 0
 
     def step(self) -> bool:
@@ -114,7 +114,7 @@ class Calibrator:
         return self.advance()
 
     def advance(self) -> bool:
-        """What the type does in one cycle."""
+        """One cycle of the type; returns whether it is done."""
         raise NotImplementedError
 
     def go_to_start(self, begin: bool) -> bool:
@@ -148,7 +148,7 @@ BACK_OFF_SHARE = 0.25
 SAME_PLACE = 0.01
 SAME_PLACE_SHARE = 0.25
 
-#: How far the joint may give way under the push, rad.
+#: Maximum motion of the joint under the push, rad.
 GAVE_WAY = 0.005
 
 #: Current that must flow at a stall, as a part of V/R: less for a hot winding and a bridge.
@@ -170,7 +170,7 @@ class HardStop(Calibrator):
     Standstill is not yet a stop: gravity, friction, a tight cable or a weak drive stall a
     joint in mid-air. The place counts when
     - the motor draws the current of a stall there, I = V/R, so the drive is at its torque;
-    - the joint comes back from it, which shows that it moves the other way;
+    - the joint moves back from it, which shows that it can move in the other direction;
     - it meets the same place again. Friction would hold it where it backed off to;
     - half as much torque again moves nothing. A load would be lifted further by it;
     - the way there fits between the joint's hard stops.
@@ -229,7 +229,7 @@ class HardStop(Calibrator):
         return hand.reading
 
     def _back_off(self) -> Generator[str, None, None]:
-        """Move back from the stop: the joint must be able to move the other way."""
+        """Move back from the stop: the joint must be able to move in the other direction."""
         hand, phase = self.hand, "backing off the stop"
         self.progress.phase, self.progress.fraction = phase, 0.25
         hand.hold()
@@ -242,9 +242,10 @@ class HardStop(Calibrator):
             if late * self.period > SETTLING:
                 moved = abs(hand.position - place)
                 self._fail(
-                    f"met a stop, but came back by {moved:.4g} {self.unit} instead of "
-                    f"{self._back:.4g} {self.unit}: the joint does not move the other way",
-                    "free it, or raise its position gains",
+                    f"met a stop, but moved back by {moved:.4g} {self.unit} instead of "
+                    f"{self._back:.4g} {self.unit}: the joint does not move in the other "
+                    "direction",
+                    "free the joint, or raise its position gains",
                 )
 
     def _push(self, place: float) -> Generator[str, None, None]:
@@ -261,8 +262,8 @@ class HardStop(Calibrator):
             gave = abs(hand.reading - place)
             if gave > GAVE_WAY * self.scale:
                 self._fail(
-                    f"stood still at {calibration.output:.3g} %, but gave way by {gave:.4g} "
-                    f"{self.unit} at {output:.3g} %: held by its load or friction, not by a stop",
+                    f"stalled at {calibration.output:.3g} %, then moved by {gave:.4g} "
+                    f"{self.unit} at {output:.3g} %: held by load or friction, not by a stop",
                     "raise calibration.output",
                 )
         self._check_current(output, current)
@@ -284,9 +285,9 @@ class HardStop(Calibrator):
         way, margin = place - self._begin, limits.hard_margin
         if way * self._way < -margin:
             self._fail(
-                f"went {abs(way):.4g} {self.unit} against the {self.calibration.output:.3g} % "
-                "that drive it: its load is stronger",
-                "raise calibration.output, or mend its sign",
+                f"moved {abs(way):.4g} {self.unit} against the output of "
+                f"{self.calibration.output:.3g} %: the load is stronger",
+                "raise calibration.output, or correct its sign",
             )
         began = stop - way
         if not limits.hard_lower - margin <= began <= limits.hard_upper + margin:
@@ -302,10 +303,10 @@ class HardStop(Calibrator):
         apart = second - first
         if abs(apart) > self._same:
             self._fail(
-                f"stood still at {first:.4g} {self.unit}, and at {second:.4g} {self.unit} when "
-                f"it came again (up to {self._same:.3g} {self.unit} apart is allowed): friction, "
-                "a load or something in its way, not a stop",
-                "raise calibration.output, or clear its way",
+                f"stalled at {first:.4g} {self.unit}, and at {second:.4g} {self.unit} on the "
+                f"second approach (up to {self._same:.3g} {self.unit} apart is allowed): "
+                "friction, a load or an obstruction, not a stop",
+                "raise calibration.output, or clear the path",
             )
 
     def _check_current(self, output: float, current: float) -> None:
@@ -313,7 +314,7 @@ class HardStop(Calibrator):
         stalled = self.hand.joint.motor.stall_current(output)
         if current / stalled < AT_TORQUE:
             self._fail(
-                f"stands still, but its motor draws {current:.3g} A at {output:.3g} %, where a "
+                f"stalled, but the motor draws {current:.3g} A at {output:.3g} %, where a "
                 f"stall needs {stalled:.3g} A (at least {AT_TORQUE:.0%} is needed)",
                 "check the motor, its supply, and motor.resistance",
             )
@@ -323,7 +324,7 @@ class HardStop(Calibrator):
 
 
 class AbsoluteSensor(Calibrator):
-    """Type 12: the absolute sensor gives the angle at once."""
+    """Type 12: an absolute sensor measures the angle; no motion."""
 
     def advance(self) -> bool:
         self.hand.set_offset(self.calibration.zero)
@@ -332,7 +333,7 @@ class AbsoluteSensor(Calibrator):
 
 
 class OffsetAndMove(Calibrator):
-    """Type 3: an absolute encoder gives the angle, then the joint goes to its start."""
+    """Type 3: an absolute encoder measures the angle, then the joint moves to its start."""
 
     def advance(self) -> bool:
         begin = self.progress.phase == "waiting"
@@ -353,7 +354,7 @@ def register(number: int, text: str) -> Callable[[type[Calibrator]], type[Calibr
 
     Args:
         number: 1 to 12, not used by another type.
-        text: what it is, for messages.
+        text: name of the type, for messages.
 
     Raises:
         ValueError: the number is used, or out of range.

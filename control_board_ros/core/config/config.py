@@ -73,7 +73,7 @@ __all__ = [
 
 NAMES = "a joint name: up to 120 characters that can be shown"
 OUTPUTS = ("pwm", "current")
-#: A torque sensor that another program is.
+#: The torque sensor is another program.
 EXTERNAL = "external"
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
 DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
@@ -139,10 +139,10 @@ class JointConfig:
     motor: Motor = part(default=Motor())
     brake: Brake = part("Brake: ", default=Brake())
     back_emf_compensation: float = parameter(
-        "Part of the back-EMF that the output makes up for", default=1.0, low=0.0, high=1.0
+        "Fraction of the back-EMF that the output compensates", default=1.0, low=0.0, high=1.0
     )
     gravity_compensation: bool = parameter(
-        "Add the torque of gravity in COMPLIANT and TORQUE, as the URDF and payload have it",
+        "Add the gravity torque of URDF and payload in COMPLIANT and TORQUE",
         default=False,
         run_time=True,
     )
@@ -166,8 +166,8 @@ class JointConfig:
     timeouts: Timeouts = part(default=Timeouts())
     constraints: JointConstraints = part(default=JointConstraints())
     torque_sensor: bool = parameter(
-        "Has a torque sensor; TORQUE and COMPLIANT need one. external: its torques come by "
-        "~/external_torque_sensor",
+        "Torque sensor present, as TORQUE and COMPLIANT require; external: torques are received "
+        "on ~/external_torque_sensor",
         default=True,
         choices=(EXTERNAL,),
     )
@@ -181,36 +181,36 @@ class JointConfig:
         choices=InteractionMode,
     )
     startup_mode: ControlMode = parameter(
-        "Control mode without calibration",
+        "Control mode at start of a joint without calibration",
         default=MOVES,
         choices=STARTUP_MODES,
     )
     startup_interaction: InteractionMode = parameter(
-        "Interaction mode without calibration",
+        "Interaction mode at start of a joint without calibration",
         default=INITIAL_INTERACTION,
         choices=InteractionMode,
     )
     drive: tuple[SetPoint, ...] = parameter(
-        "Set-points that the joint's drive is given; empty: all that it accepts, which of a "
-        "simulated one is pwm",
+        "Set-points used with the drive; empty: all that it accepts (simulated drive: pwm)",
         default=(),
         choices=KINDS,
     )
     drive_delay: float = parameter(
-        "From what the drive is handed down to the reading that shows it, beyond a control cycle",
+        "Delay from a set-point to the reading that shows its effect, in excess of one control "
+        "cycle",
         "s",
         default=0.0,
         low=0.0,
         high=0.1,
     )
     on_silence: OnSilence = parameter(
-        "What the motor does without commands of the board, as far as its drive can",
+        "State of the motor without commands from the board, where the drive supports it",
         default=OnSilence.FREE,
         choices=OnSilence,
     )
     calibration: Calibration | None = part(default=None)
     max_travel_error: float = parameter(
-        "Disagreement of encoder and motor that is a fault",
+        "Difference between encoder and motor travel that is a fault",
         "rad or m",
         default=2.0 * DEGREE,
         above=0.0,
@@ -218,21 +218,21 @@ class JointConfig:
         derived="2 deg; 5 mm",
     )
     inertia_min: float = parameter(
-        "Least inertia that the motor moves, rotor included, other joints free to give way",
+        "Minimum inertia moved by the motor, including the rotor; other joints free",
         "kg·m² or kg",
         default=1.0,
         above=0.0,
         derived="URDF and motor.inertia",
     )
     inertia_mean: float = parameter(
-        "Mean inertia that the motor moves, rotor included, other joints standing",
+        "Mean inertia moved by the motor, including the rotor; other joints at rest",
         "kg·m² or kg",
         default=1.0,
         low="inertia_min",
         derived="URDF and motor.inertia",
     )
     inertia_max: float = parameter(
-        "Greatest inertia that the motor moves in any pose, rotor included",
+        "Maximum inertia moved by the motor in any pose, including the rotor",
         "kg·m² or kg",
         default=1.0,
         low="inertia_mean",
@@ -259,20 +259,20 @@ class JointConfig:
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
 
     @property
-    def takes(self) -> tuple[SetPoint, ...]:
-        """The set-points that its drive is given (S1)."""
+    def set_points(self) -> tuple[SetPoint, ...]:
+        """The set-points used with the drive (S1)."""
         return self.drive or (SetPoint.PWM,)
 
     @property
     def drive_use(self) -> DriveUse:
-        """Which loop runs where."""
+        """The set-point of each control law."""
 
         def code(law: Law) -> str | None:
-            found = set_point_of(law, self.takes)
+            found = set_point_of(law, self.set_points)
             return None if found is None else found.code
 
         return DriveUse(
-            set_points=tuple(kind.code for kind in self.takes),
+            set_points=tuple(kind.code for kind in self.set_points),
             position=code(Law.POSITION),
             impedance=code(Law.IMPEDANCE),
             torque=code(Law.TORQUE),
@@ -284,9 +284,9 @@ class JointConfig:
     def _keep_reachable(self) -> None:
         """Leave out the modes that no set-point of its drive reaches (S1, B2)."""
         stiff, compliant = InteractionMode.STIFF, InteractionMode.COMPLIANT
-        control = tuple(m for m in self.control_modes if reachable(m, stiff, self.takes))
+        control = tuple(m for m in self.control_modes if reachable(m, stiff, self.set_points))
         object.__setattr__(self, "control_modes", control)
-        if not reachable(MOVES, compliant, self.takes):
+        if not reachable(MOVES, compliant, self.set_points):
             only = tuple(m for m in self.interaction_modes if m is not compliant)
             object.__setattr__(self, "interaction_modes", only)
 
@@ -336,8 +336,8 @@ def spring_damping(stiffness: float, inertia: float) -> float:
 def damping_for(stiffness: float, joint: JointConfig) -> float:
     """The damping that goes with a stiffness, N·m·s/rad.
 
-    That of J = inertia_max: released, the joint passes its place by no more than a tenth in any
-    pose. At most max_damping, and the stable limit of the torque loop at inertia_min.
+    That of J = inertia_max: released, the joint overshoots by at most a tenth in any pose. At most
+    max_damping, and the stable limit of the torque loop at inertia_min.
     """
     best = spring_damping(stiffness, joint.inertia_max)
     return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
@@ -351,7 +351,7 @@ class BoardConfig:
         joints: In the board's order.
         calibration_groups: Names of joints that calibrate together, group after group; joints in
             no group form the last one.
-        model: The masses of the arm; None: not known, each joint is modelled by itself.
+        model: The masses of the arm; None: unknown, each joint is modelled alone.
         coupling: Of its joints with physical ones; None: they are the physical joints.
         motor_coupling: Of its joints with the motors; None: each has its own.
         parts: The parts of a robot by name, each with a configuration of its own, and with it its
@@ -364,32 +364,32 @@ class BoardConfig:
     motor_coupling: Coupling | None = None
     parts: Mapping[str, BoardConfig] = field(default_factory=dict)
     control_rate: float = parameter(
-        "Control cycles; the gains hold from 200 to 4000, the log warns below",
+        "Rate of control cycles; gains are designed for 200 to 4000 Hz, lower rates log a warning",
         "Hz",
         default=1000.0,
         low=10.0,
         high=20000.0,
     )
     output: str = parameter(
-        "What the control laws give: pwm, or current to an inner loop",
+        "Output of the control laws: pwm, or current for an inner current loop",
         default="pwm",
         choices=OUTPUTS,
     )
     heartbeat_timeout: float = parameter(
-        "Silence of ~/heartbeat that is an emergency stop; 0: none is expected",
+        "Time without ~/heartbeat that triggers an emergency stop; 0: disabled",
         "s",
         default=0.0,
         low=0.0,
         high=1e6,
     )
     autoconfigure: bool = parameter(
-        "Leave NOT_CONFIGURED at start; else by ~/configure", default=True
+        "Leave NOT_CONFIGURED at start; false: on ~/configure", default=True
     )
     calibration_groups: tuple[tuple[str, ...], ...] = parameter(
-        'Joints that calibrate together, group after group: each "joint,joint,…"', default=()
+        'Groups of joints that calibrate together, in order; each "joint,joint,…"', default=()
     )
     allow_partial_joints_goal: bool = parameter(
-        "Take trajectory goals for some of the joints", default=True, run_time=True
+        "Accept trajectory goals for a subset of the joints", default=True, run_time=True
     )
     constraints: Constraints = part(default=Constraints())
 
@@ -420,8 +420,8 @@ class BoardConfig:
         for joint, count in zip(self.joints, shared.tolist(), strict=True):
             if count and joint.brake.present:
                 raise ConfigError(f"{joint.name}.brake.present", True, f"false: {SHARED}")
-            if count and joint.takes != (SetPoint.PWM,):
-                codes = [kind.code for kind in joint.takes]
+            if count and joint.set_points != (SetPoint.PWM,):
+                codes = [kind.code for kind in joint.set_points]
                 raise ConfigError(f"{joint.name}.drive", codes, f"[pwm], or empty: {SHARED}")
 
     @property

@@ -25,13 +25,13 @@ from typing import Any, TypeVar, dataclass_transform, get_args, get_origin, get_
 T = TypeVar("T")
 Bound = float | str
 
-#: The largest finite number of a configuration, and the least that is above another one: they
-#: keep products and quotients of two finite.
+#: The largest finite number of a configuration, and the minimum distance of an exclusive bound:
+#: products and quotients of two numbers stay finite.
 HUGE, TINY = 1e12, 1e-12
 
 
 class Kind(StrEnum):
-    """The type of a parameter, in ROS's words."""
+    """The type of a parameter, as ROS names it."""
 
     BOOL = "bool"
     INTEGER = "integer"
@@ -46,21 +46,21 @@ class Parameter:
     """One parameter.
 
     Attributes:
-        name: Of the field; with dots in front of it where it is a part's.
+        name: Of the field; with the names of its parts and dots before it.
         kind: Its type.
         default: Of the field.
-        text: What it is.
+        text: Description, without unit and full stop.
         unit: Of numbers; empty where there is none.
-        low, high: Least and greatest value, inclusive; of numbers.
-        above: What the value is greater than, by TINY at least.
+        low, high: Minimum and maximum, inclusive; of numbers.
+        above: Exclusive minimum; the value exceeds it by TINY at least.
         or_zero: Whether 0 is allowed, too, where ``low`` is above it.
-        choices: Of strings: the text of each allowed value, and the value; of flags what they
-            may be besides.
+        choices: Of strings: the text of each allowed value, and the value; of flags the values
+            allowed in addition to true and false.
         pattern: Of strings: the regular expression of the whole value; empty: any text.
         form: What the pattern allows, in words.
         length: Of arrays with a fixed one.
         run_time: Whether it can change while the board runs.
-        derived: What a parameter file that leaves it out derives it from; empty: the default.
+        derived: Source of the value where a parameter file has none; empty: the default.
     """
 
     name: str
@@ -293,7 +293,7 @@ def check_parameters(key: str, config: Any, joint: Any = None) -> None:
     Args:
         key: Prefix of its parameters' names, including the dot.
         config: The configuration.
-        joint: What it is a part of: bounds with a dot in their name are parameters of that.
+        joint: The configuration that has it as a part; bounds with a dot name its parameters.
     """
     joint = config if joint is None else joint
     made: type = type(config)

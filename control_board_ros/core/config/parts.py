@@ -23,10 +23,8 @@ def live(text: str, unit: str = "", *, default: float = 0.0, high: float = HUGE)
 class JointConstraints:
     """Tolerances of one joint; a goal of ~/follow_joint_trajectory can have its own."""
 
-    trajectory: float = live(
-        "Tolerance on the way of a trajectory; 0: none is checked", "rad or m"
-    )
-    goal: float = live("Tolerance at the end of a trajectory; 0: none is checked", "rad or m")
+    trajectory: float = live("Position tolerance during a trajectory; 0: not checked", "rad or m")
+    goal: float = live("Position tolerance at the end of a trajectory; 0: not checked", "rad or m")
 
 
 @configuration
@@ -34,11 +32,13 @@ class Constraints:
     """Of the board: when a trajectory has arrived."""
 
     stopped_velocity_tolerance: float = live(
-        "Speed up to which a joint at the end of a trajectory has stopped; 0: any",
+        "Speed up to which a joint at the end of a trajectory is stopped; 0: not checked",
         "rad/s or m/s",
         default=0.01,
     )
-    goal_time: float = live("Time after the end of a trajectory to arrive in; 0: without end", "s")
+    goal_time: float = live(
+        "Time to reach the goal after the end of a trajectory; 0: unlimited", "s"
+    )
 
 
 DERIVATIVE_CUTOFF = 400.0  # Hz, unless configured otherwise
@@ -60,26 +60,35 @@ class Pid:
     kd: float = live("derivative gain")
     kff: float = live("feed-forward of the reference")
     integral_limit: float = live(
-        "bound of the integral part", "N·m", default=math.inf, high=math.inf
+        "limit of the integral term", "N·m", default=math.inf, high=math.inf
     )
     derivative_cutoff: float = parameter(
-        "low pass of the rate", "Hz", default=DERIVATIVE_CUTOFF, above=0.0, run_time=True
+        "cutoff of the low-pass filter of the derivative",
+        "Hz",
+        default=DERIVATIVE_CUTOFF,
+        above=0.0,
+        run_time=True,
     )
 
 
 @configuration
 class Limits:
-    """What a joint may do. The software limits lie within the hard stops."""
+    """Limits of a joint. The software limits lie within the hard stops."""
 
     lower: float = parameter(
-        "Software limit", "rad or m", low=-math.inf, run_time=True, derived=_INSIDE
+        "Lower software limit", "rad or m", low=-math.inf, run_time=True, derived=_INSIDE
     )
     upper: float = parameter(
-        "Software limit", "rad or m", above="lower", high=math.inf, run_time=True, derived=_INSIDE
+        "Upper software limit",
+        "rad or m",
+        above="lower",
+        high=math.inf,
+        run_time=True,
+        derived=_INSIDE,
     )
-    hard_lower: float = parameter("Hard stop", "rad or m", low=-math.inf, derived="URDF")
+    hard_lower: float = parameter("Lower hard stop", "rad or m", low=-math.inf, derived="URDF")
     hard_upper: float = parameter(
-        "Hard stop", "rad or m", above="hard_lower", high=math.inf, derived="URDF"
+        "Upper hard stop", "rad or m", above="hard_lower", high=math.inf, derived="URDF"
     )
     velocity: float = parameter("Speed limit", "rad/s or m/s", above=0.0, derived="URDF")
     acceleration: float = parameter(
@@ -89,7 +98,7 @@ class Limits:
         derived="10 × limits.velocity per s, at most what torque and inertia_max allow",
     )
     torque: float = parameter("Torque limit", "N·m or N", above=0.0, derived="URDF (effort)")
-    output: float = parameter("Largest PWM", "percent", default=100.0, above=0.0, high=100.0)
+    output: float = parameter("Maximum PWM", "percent", default=100.0, above=0.0, high=100.0)
     nominal_current: float = parameter(
         "Continuous current", "A", above=0.0, derived="0.6 × torque limit, gravity"
     )
@@ -109,9 +118,9 @@ class Limits:
     overload_time: float = parameter(
         "Time at peak current until I²t trips", "s", default=2.0, above=0.0
     )
-    temperature: float = parameter("Hottest winding allowed", "°C", default=120.0, above=0.0)
+    temperature: float = parameter("Maximum winding temperature", "°C", default=120.0, above=0.0)
     temperature_hysteresis: float = parameter(
-        "How far below it the fault can clear", "K", default=10.0, low=0.0
+        "Hysteresis below limits.temperature for clearing the fault", "K", default=10.0, low=0.0
     )
 
     def check(self, key: str) -> None:
@@ -148,18 +157,16 @@ class Motor:
         derived="limits",
     )
     gear_ratio: float = parameter("Motor turns per joint turn", default=100.0, above=0.0)
-    efficiency: float = parameter("Of the gearbox", default=1.0, above=0.0, high=1.0)
-    supply_voltage: float = parameter("Supply", "V", default=48.0, above=0.0)
+    efficiency: float = parameter("Gearbox efficiency", default=1.0, above=0.0, high=1.0)
+    supply_voltage: float = parameter("Supply voltage", "V", default=48.0, above=0.0)
     thermal_time: float = parameter(
-        "Time constant of the winding's cooling; 0: not known",
+        "Thermal time constant of the winding; 0: unknown",
         "s",
         default=0.0,
         low=0.0,
         derived="thermal_resistance × thermal_capacitance",
     )
-    ambient: float = parameter(
-        "Temperature around the motor", "°C", default=25.0, low=-273.15, high=1000.0
-    )
+    ambient: float = parameter("Ambient temperature", "°C", default=25.0, low=-273.15, high=1000.0)
 
     @property
     def torque_per_ampere(self) -> float:
@@ -178,13 +185,13 @@ class Motor:
 
 @configuration
 class Brake:
-    """The brake of a joint, which holds it where there is no power (SPEC Y4)."""
+    """The brake of a joint, which holds the joint without power (SPEC Y4)."""
 
-    present: bool = parameter("The joint has a brake", default=False)
-    release_time: float = parameter("Time in which it opens", "s", default=0.03, low=0.0, high=5.0)
-    engage_time: float = parameter("Time in which it closes", "s", default=0.02, low=0.0, high=5.0)
+    present: bool = parameter("present", default=False)
+    release_time: float = parameter("release time", "s", default=0.03, low=0.0, high=5.0)
+    engage_time: float = parameter("engage time", "s", default=0.02, low=0.0, high=5.0)
     slip_torque: float = parameter(
-        "Torque up to which it holds",
+        "holding torque",
         "N·m or N",
         default=100.0,
         above=0.0,
@@ -203,18 +210,18 @@ class Impedance:
         "Damping at start", "N·m·s/rad", low=0.0, high="max_damping", derived="position_pid"
     )
     max_stiffness: float = parameter(
-        "Largest stiffness", "N·m/rad", low=0.0, derived="position_pid"
+        "Maximum stiffness", "N·m/rad", low=0.0, derived="position_pid"
     )
-    max_damping: float = parameter("Largest damping", "N·m·s/rad", low=0.0, derived="position_pid")
+    max_damping: float = parameter("Maximum damping", "N·m·s/rad", low=0.0, derived="position_pid")
 
 
 @configuration
 class Payload:
-    """What a joint's link carries beyond the URDF: a point mass (SPEC G1)."""
+    """Payload of a joint's link in addition to the URDF: a point mass (SPEC G1)."""
 
-    mass: float = live("Mass", "kg", high=1e4)
+    mass: float = live("mass", "kg", high=1e4)
     center: tuple[float, float, float] = parameter(
-        "Its centre in the axes of the joint's link: x, y, z",
+        "position in the frame of the joint's link: x, y, z",
         "m",
         default=(0.0, 0.0, 0.0),
         low=-100.0,
@@ -234,7 +241,7 @@ class Timeouts:
     output: float = live("Age of an open-loop reference that is a fault; 0: never", "s", high=1e6)
     current: float = live("Age of a current reference that is a fault; 0: never", "s", high=1e6)
     encoder: float = parameter(
-        "Silence of the encoder that is a fault; drives: plant_timeout unless given",
+        "Time without encoder readings that is a fault; default of drives: plant_timeout",
         "s",
         default=0.02,
         above=0.0,
@@ -242,7 +249,7 @@ class Timeouts:
         run_time=True,
     )
     torque_sensor: float = parameter(
-        "Silence of the torque sensor that is a fault; drives: plant_timeout unless given",
+        "Time without torque readings that is a fault; default of drives: plant_timeout",
         "s",
         default=0.02,
         above=0.0,
@@ -251,7 +258,7 @@ class Timeouts:
     )
 
 
-#: Types of calibration and what they are; core.calibration has the class of each.
+#: Types of calibration and their names; core.calibration has the class of each.
 CALIBRATION_TYPES = {3: "offset and move", 5: "move to a hard stop", 12: "absolute sensor"}
 
 #: A hard stop is confirmed by a push that is harder by PUSH, and by LEAST_PUSH at least; it stays
@@ -261,7 +268,7 @@ PUSH, LEAST_PUSH, PUSH_CURRENT = 1.5, 1.2, 0.9
 
 @configuration
 class Calibration:
-    """How a joint finds its zero (SPEC K5), with the iCub's type numbers."""
+    """Calibration of a joint's zero (SPEC K5), with the iCub's type numbers."""
 
     type: int = parameter(
         ", ".join(["0 none", *(f"{n} {text}" for n, text in CALIBRATION_TYPES.items())]),
@@ -269,11 +276,13 @@ class Calibration:
         low=0,
         high=12,
     )
-    required: bool = parameter("Leave NOT_CONFIGURED only through calibration", default=True)
+    required: bool = parameter("Require a calibration to leave NOT_CONFIGURED", default=True)
     zero: float = parameter("Encoder reading at angle 0 (types 3 and 12)", "rad or m", default=0.0)
-    start: float = parameter("Where to go when done", "rad or m", default=0.0, derived="home")
+    start: float = parameter(
+        "Target position after calibration", "rad or m", default=0.0, derived="home"
+    )
     speed: float = parameter(
-        "Speed on the way there",
+        "Speed of the move to calibration.start",
         "rad/s or m/s",
         default=10.0 * DEGREE,
         above=0.0,
@@ -281,22 +290,22 @@ class Calibration:
         derived="reference_speed",
     )
     output: float = parameter(
-        "PWM towards the stop, within limits.output; its sign is the direction (type 5)",
+        "PWM towards the hard stop, within limits.output; the sign sets the direction (type 5)",
         "percent",
         default=0.0,
         low=-100.0,
         high=100.0,
     )
-    stop: float = parameter("Angle of that stop (type 5)", "rad or m", default=0.0)
+    stop: float = parameter("Position of the hard stop (type 5)", "rad or m", default=0.0)
     stall_time: float = parameter(
-        "Time without motion that makes a stop (type 5)", "s", default=0.1, above=0.0
+        "Time without motion that counts as a stall (type 5)", "s", default=0.1, above=0.0
     )
-    timeout: float = parameter("Time for a calibration", "s", default=30.0, above=0.0)
+    timeout: float = parameter("Maximum duration of a calibration", "s", default=30.0, above=0.0)
     control_mode: ControlMode = parameter(
-        "Control mode when calibrated", default=MOVES, choices=SELECTABLE
+        "Control mode after calibration", default=MOVES, choices=SELECTABLE
     )
     interaction_mode: InteractionMode = parameter(
-        "Interaction mode when calibrated", default=INITIAL_INTERACTION, choices=InteractionMode
+        "Interaction mode after calibration", default=INITIAL_INTERACTION, choices=InteractionMode
     )
 
     def push(self, limits: Limits, motor: Motor) -> float:

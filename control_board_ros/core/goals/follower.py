@@ -23,7 +23,7 @@ from ..terms.vocabs import CommandKind
 from .path import SAME_TIME, Bools, Path, Run, Sample, Spline, braking
 
 #: Why joints leave a path for a newer one.
-TAKEN = "another trajectory took over"
+TAKEN = "replaced by another trajectory"
 
 
 class Follower:
@@ -44,7 +44,7 @@ class Follower:
 
     @property
     def busy(self) -> bool:
-        """Whether any path is under way or waiting."""
+        """Whether any path is active or waiting."""
         return bool(self._runs)
 
     def follow(self, joints: Joints, path: Path, start: float) -> Reply:
@@ -92,7 +92,7 @@ class Follower:
         return run
 
     def follows(self, run: Run) -> bool:
-        """Whether a run is under way or waiting."""
+        """Whether a run is active or waiting."""
         return any(other is run for other in self._runs)
 
     def leave(self, run: Run) -> None:
@@ -155,7 +155,7 @@ class Follower:
         taken = self._last != self._known
         if taken.any():
             for run in list(self._runs):
-                self._drop(run, taken[run.joints], "another direct position took over")
+                self._drop(run, taken[run.joints], "replaced by another direct position")
         if board.state.modes_version != self._version:
             self._version = board.state.modes_version
             for run in list(self._runs):
@@ -234,7 +234,7 @@ class Follower:
                 self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
 
     def _drop(self, run: Run, columns: Bools, why: str, *, quiet: bool = False) -> None:
-        """Take joints out of a run, with the reason."""
+        """Remove joints from a run, with the reason."""
         if not columns.any():
             return
         names = [self.board.names[j] for j in run.joints[columns]]
@@ -289,6 +289,6 @@ def cuts(board: JointGroup, run: Run) -> dict[str, str]:
 
 
 def send(board: JointGroup, joints: list[int], sample: Sample) -> Reply:
-    """Give the board the references of a cycle."""
+    """Command the references of a cycle."""
     kind = CommandKind.POSITION_DIRECT
     return board.command(kind, joints, sample.positions, sample.velocities)

@@ -251,7 +251,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(slots=True, eq=False)
 class Run:
-    """A path under way, or waiting for its start.
+    """A path that is active, or waiting for its start.
 
     Attributes: joints (indices, shape (k,)), interactions (theirs when the path was accepted),
     path, start (time of the board, s), held (it stays at its last point until it is ended), spline

@@ -59,7 +59,7 @@ class PoseTask:
         self._targets = board.get_target_position(self.names)
 
     def outcome(self) -> Outcome | None:
-        """The outcome, or None while the move is under way."""
+        """Outcome; None while active."""
         return self._move.outcome()
 
     def remaining(self) -> Floats:

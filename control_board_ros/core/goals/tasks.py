@@ -2,7 +2,7 @@
 """Goals that end when all their joints have: moves (SPEC P3) and calibrations (K1).
 
 The end of a position move is decided one joint at a time, from values alone. A move
-that ends by itself leaves the position reference on its target. One that was dropped (by a stop,
+that is completed leaves the position reference on its target. One that was dropped (by a stop,
 another interaction mode, another control mode: M9, I4) leaves it at rest elsewhere.
 """
 
@@ -76,7 +76,7 @@ class CalibrationTask:
             raise RequestError(reply.message, codes=reply.codes)
 
     def outcome(self) -> Outcome | None:
-        """How it ended, or None while it is under way."""
+        """Outcome; None while active."""
         statuses = self._board.get_calibration(self._started)
         if any(status.running for status in statuses):
             return None
@@ -136,7 +136,7 @@ class JointMove:
         """Status after the motion, whose profile has ended ``since`` s ago.
 
         ARRIVED: |reference − target| ≤ 0.1 tolerance and, unless compliant, |position − target| ≤
-        tolerance. A spring gives way by design, so a compliant joint is judged by its reference.
+        tolerance. A spring yields by design, so a compliant joint is judged by its reference.
         """
         near = tolerance(self.kind)
         reached = abs(now.reference - self.target) <= EXACT * near
@@ -157,7 +157,7 @@ class JointMove:
         if found is Standing.ARRIVED:
             if not now.compliant or away <= tolerance(kind):
                 return ""
-            return f"{where}, its reference at {wanted}: it is COMPLIANT and gives way to its load"
+            return f"{where}, its reference at {wanted}: it is COMPLIANT and yields to its load"
         if found is Standing.DROPPED:
             return (
                 f"{where}, not at its target {wanted}: {self._cause(now)} during the move; "
@@ -224,7 +224,7 @@ class MoveTask:
         self._ended: float | None = None  # when the profiles ended, s
 
     def outcome(self) -> Outcome | None:
-        """How it ended, or None while it is under way; stops its joints where it failed."""
+        """Outcome; None while active. A failure stops the joints."""
         board = self._board
         left = [name for name, takes in zip(self.names, self._takes(), strict=True) if not takes]
         if left:
@@ -234,7 +234,7 @@ class MoveTask:
             if target != joint.target:
                 taken = f"{joint.name} to {joint.kind.position(target)}"
                 wanted = joint.kind.position(joint.target)
-                return Outcome(False, f"another move has {taken} instead of {wanted}")
+                return Outcome(False, f"another move commands {taken} instead of {wanted}")
         if all(board.check_motion_done(self.names)):
             return self._arrival()
         self._ended = None

@@ -228,7 +228,7 @@ def check_start(group: JointGroup, selection: Selection, path: Path, start: floa
 
 
 def configured(board: JointGroup, selection: Selection) -> Tolerances:
-    """The tolerances that the parameters give; a goal's velocity is that of a joint at rest.
+    """The tolerances of the parameters; a goal's velocity is that of a joint at rest.
 
     Of joints of several parts, the first that has waited long enough after the last point ends it.
     """
@@ -249,12 +249,12 @@ def configured(board: JointGroup, selection: Selection) -> Tolerances:
 
 
 class TrajectoryGoal:
-    """A trajectory under way, or waiting for its start; ``start_goal`` makes it.
+    """A trajectory that is active, or waiting for its start; ``start_goal`` makes it.
 
     Its joints are the board's numbers, of the path's columns; all are in POSITION_DIRECT.
 
-    Attributes: joints, names (theirs), start, notes (what a limit cuts), outcome (None while it is
-    under way), cancelled.
+    Attributes: joints, names (theirs), start, notes (what a limit cuts), outcome (None while
+    active), cancelled.
     """
 
     def __init__(

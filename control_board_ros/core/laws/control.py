@@ -118,7 +118,7 @@ class Controller:
         return news
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take new constants and gains without a step of torque.
+        """Apply new constants and gains without a step of torque.
 
         Joints with an unchanged configuration are not touched.
         """
@@ -136,7 +136,7 @@ class Controller:
             fill(*self._bodies[j], after.mass, after.center)
 
     def _configure(self, j: int) -> None:
-        """Give a joint the constants and gains of its configuration."""
+        """Set the constants and gains of a joint from its configuration."""
         joint, own, period = self.joints[j], self._config.joints[j], self._config.period
         self._cap(j)
         set_gains(joint.torque_pid, own.torque_pid, period)
@@ -228,9 +228,9 @@ class Controller:
     def _set_drive(self, j: int, law: Law) -> None:
         """The set-point by which a law reaches the joint's drive (S1)."""
         joint, own = self.joints[j], self._config.joints[j]
-        kind = set_point_of(law, own.takes)
+        kind = set_point_of(law, own.set_points)
         if kind is None or kind is SetPoint.OFF:  # what it would be
-            kind = set_point_of(Law.POSITION, own.takes)
+            kind = set_point_of(Law.POSITION, own.set_points)
         assert kind is not None
         self._state.kinds[j] = kind
         # P8: the PWM as given; Y2: amperes whatever the board's output is
@@ -317,7 +317,7 @@ def set_drive(joint: Joint, own: JointConfig, kind: SetPoint, *, in_amps: bool) 
 
 
 def set_gains(loop: Loop, pid: Pid, period: float) -> None:
-    """Set the gains of a loop; the integral part takes up the change of its output.
+    """Set the gains of a loop; the integral part compensates the change of its output.
 
     An integral beyond its limit returns to it within UNLOADING.
     """

@@ -759,7 +759,7 @@ class Joint:
 
     @cython.ccall
     def drive_at(self, velocity: cython.double) -> cython.void:
-        """Set a velocity reference that acts at once (Y1).
+        """Set a velocity reference without a ramp (Y1).
 
         The position reference equals the followed one: the distance that the acceleration limit
         costs is not made up for.
@@ -868,7 +868,7 @@ class Joint:
 
     @cython.ccall
     def offer_torque(self, torque: cython.double) -> cython.void:
-        """Set τ_ff (P11), which replaces the load taken over."""
+        """Set τ_ff (P11), which replaces the captured load."""
         if self.settling:
             self.take(self.known_load())
         self.offset_given = True
@@ -959,7 +959,7 @@ def weigh(j: Joint) -> cython.void:
 
 @cython.cfunc
 def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
-    """Take the load over once it is known, or after SETTLE_MOST.
+    """Capture the load once it is known, or after SETTLE_MOST.
 
     Args:
         j: The joint, which settles.
@@ -1718,7 +1718,7 @@ class Laws:
 
     @cython.cfunc
     def settle_joints(self) -> cython.void:
-        """Take loads over, of no joint before all of them are at rest."""
+        """Capture the loads, of no joint before all of them are at rest."""
         j: Joint
         braking: cython.bint = False
         rested: cython.bint = True

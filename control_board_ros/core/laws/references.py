@@ -44,7 +44,7 @@ class ReferenceTimeouts:
         self._running: set[int] = set()  # joints with a reference of any kind
 
     def reconfigure(self, cycles: Array) -> None:
-        """Take new durations, also for the references that run."""
+        """Apply new durations, also to active references."""
         self._cycles = cycles
         for j in np.flatnonzero(self._kind >= 0):
             self._deadline[j] = self._renewed[j] + cycles[self._kind[j], j]
@@ -143,7 +143,7 @@ class References:
             joint.upper = max(joint.limit_upper, joint.reference)
 
     def hold(self, joints: Sequence[int], positions: Sequence[float]) -> None:
-        """Set the position reference at once, at rest (P3, M9)."""
+        """Step the position reference, at rest (P3, M9)."""
         state = self._state
         for j, position in zip(joints, positions, strict=True):
             state.position_reference[j], state.velocity_reference[j] = position, 0.0
@@ -170,7 +170,7 @@ class References:
     def _stretched(
         self, joints: Indices, targets: Array, plans: list[Plan], times: list[float]
     ) -> Moves:
-        """Moves as planned, longer than ``times`` (s) where torques of a part's arm ask for it."""
+        """Moves as planned, longer than ``times`` (s) where torques of a part's arm require it."""
         chosen, places = joints.tolist(), targets.tolist()
         efforts = [self._efforts[j] for j in chosen]
         factors, made = [1.0] * len(plans), list(plans)
@@ -224,7 +224,7 @@ class References:
             self._joints[j].ramp(velocity, acceleration)
 
     def set_velocity(self, joints: Indices, velocities: Array, _: Array | None = None) -> None:
-        """Set the velocity references at once (Y1), rad/s; shapes (k,)."""
+        """Set the velocity references without a ramp (Y1), rad/s; shapes (k,)."""
         for j, velocity in zip(joints.tolist(), velocities.tolist(), strict=True):
             self._joints[j].drive_at(velocity)
 

@@ -69,7 +69,7 @@ def durations(
 ) -> tuple[float, float]:
     """Durations of a move that starts with a velocity, and of its braking, s (P1).
 
-    A start velocity that points at the target goes on into the move, which is then shortened to
+    A start velocity towards the target continues in the move, which is then shortened to
     2.5|Δ|/|v0| where that keeps it from overshooting. Where speed or acceleration would pass
     their limits that way, or the velocity points away from the target, it is braked within
     T_b ≥ 1.5|v0|/a_max.
@@ -108,7 +108,7 @@ def durations_within(
 ) -> tuple[float, float]:
     """Durations of a move that arrives at a given time, and of its braking, s.
 
-    T is the time given. A start velocity goes on into the move where that neither overshoots nor
+    T is the time given. A start velocity continues in the move where that neither overshoots nor
     passes a limit within T; else it is braked within T_b ≥ 1.5|v0|/a_max.
 
     Arguments and results are those of :func:`durations`; T is no less than what that asks for.

@@ -36,9 +36,9 @@ from .explanations import explain_brake
 PATIENCE, LEAST_PATIENCE = 5.0, 0.1
 #: How far a joint that has come to rest behind its closed brake may move, rad or m.
 SLIP_ANGLE, SLIP_DISTANCE = 0.5 * DEGREE, 1e-3
-#: For how long a brake may take to bring a joint to rest, and how slow that is, s, rad/s or m/s.
+#: Maximum time for a brake to stop a joint, s, and the speed of a stopped joint, rad/s or m/s.
 STOPPING, REST_ANGLE_RATE, REST_RATE = 1.0, 0.2 * DEGREE, 1e-3
-#: How often closed brakes are looked at, s.
+#: Period of the check of closed brakes, s.
 LOOK = 0.05
 
 
@@ -68,9 +68,9 @@ class Owner(Protocol):
 class JointBrake:
     """One brake.
 
-    Attributes: config, mode (who works it), due (the cycle by which the last order is done, None:
-    it is), since (the cycle of the last order), wanted (the law that waits for it), mark (where
-    the joint came to rest behind it), stuck (it did not open when it last was to), slips.
+    Attributes: config, mode (BrakeMode), due (the cycle in which the last command is complete;
+    None: it is), since (the cycle of the last command), wanted (the law that waits for it), mark
+    (position of the joint at rest behind it), stuck (it did not open at the last command), slips.
     """
 
     def __init__(self, config: Brake) -> None:
@@ -115,7 +115,7 @@ class Brakes:
     # --- for the machine ------------------------------------------------------------------------
 
     def reconfigure(self) -> None:
-        """Take new times and torques."""
+        """Apply new times and torques."""
         for brake, joint in zip(self._brakes, self._machine.config.joints, strict=True):
             if brake is not None:
                 brake.config = joint.brake
@@ -154,7 +154,7 @@ class Brakes:
         return False
 
     def step(self) -> None:
-        """Carry out what is due in this cycle; look at closed brakes now and then."""
+        """Carry out what is due in this cycle; check closed brakes every LOOK."""
         cycle = self._state.cycle
         look = cycle % self._look == 0
         for j, brake in enumerate(self._brakes):

@@ -116,7 +116,7 @@ class Commands:
         self.reconfigure(limits)
 
     def reconfigure(self, limits: BoardLimits) -> None:
-        """Take new limits."""
+        """Apply new limits."""
         self._low, self._high, self._most = (dict.fromkeys(K, limits.lower) for _ in range(3))
         for kind, row in COMMANDS.items():
             high = limits.upper if row.limit is None else getattr(limits, row.limit)

@@ -15,15 +15,15 @@ from ..terms.reply import Answer, JointAnswer, Reason, quantity
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
 from .decisions import Facts, Wanted
 
-ACTIVATE = "activate it first (transition activate of its lifecycle)"
-UNTIL_CALIBRATED = "until it is, it accepts idl, fidl and a calibration"
+ACTIVATE = "activate it first"
+UNTIL_CALIBRATED = "until then it accepts idl, fidl and a calibration"
 
 
 def waits_for(facts: Facts) -> str:
     """The step by which a joint leaves NOT_CONFIGURED (N2)."""
     if facts.stage is Stage.UNCONFIGURED:
-        return "its node waits for configure (a transition of its lifecycle)"
-    return "the board waits for configure (a service)"
+        return "the managed board waits for the transition configure"
+    return "the board waits for configure"
 
 
 #: Why a request for a joint is not carried out.
@@ -42,7 +42,7 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
         f"{facts.joint.name} is {facts.mode.name}; {waits_for(facts)}"
     ),
     Reason.INACTIVE: lambda facts, _: (
-        f"{facts.joint.name} has no power while its node is inactive; {ACTIVATE}"
+        f"{facts.joint.name} has no power while the board is inactive; {ACTIVATE}"
     ),
     Reason.UNSUPPORTED: lambda facts, wanted: (
         f"{facts.joint.name} does not implement {asked(wanted)} and is now in HW_FAULT; "
@@ -54,12 +54,14 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
         f"the brake of {facts.joint.name} is closed by hand; set it to automatic first"
     ),
     Reason.NO_CALIBRATOR: lambda facts, _: (
-        f"{facts.joint.name} has no calibrator; give it {facts.joint.name}.calibration.type"
+        f"{facts.joint.name} has no calibrator; set {facts.joint.name}.calibration.type"
     ),
 }
 
-#: Of a joint that could, where joints are set together or not at all.
-LEFT = JointAnswer(Answer.REFUSED, "the others of the request stay as they are", Reason.TOGETHER)
+#: The answer of a valid joint where another one of an all-or-none request is refused.
+LEFT = JointAnswer(
+    Answer.REFUSED, "unchanged: the request is for all joints or none", Reason.TOGETHER
+)
 
 
 def all_or_none(answers: Sequence[JointAnswer]) -> Sequence[JointAnswer]:
@@ -69,7 +71,7 @@ def all_or_none(answers: Sequence[JointAnswer]) -> Sequence[JointAnswer]:
     return [answer if answer.code else LEFT for answer in answers]
 
 
-#: What to do where a stop does nothing to a joint.
+#: Next step where a stop has no effect on a joint.
 STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
     **dict.fromkeys(CALIBRATES, lambda _: "abort it with FORCE_IDLE, or wait until it is done"),
     **dict.fromkeys(UNCONFIGURED, waits_for),
@@ -83,9 +85,9 @@ def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
 
 
 def explain_stop(facts: Facts) -> str:
-    """Why a stop did nothing to a joint."""
+    """Why a stop had no effect on a joint."""
     advice = STOP_TEXTS[facts.mode](facts) if facts.mode in STOP_TEXTS else STOP_OTHERWISE
-    return f"{facts.joint.name} is {facts.mode.name}, where stop does nothing; {advice}"
+    return f"{facts.joint.name} is {facts.mode.name}, where stop has no effect; {advice}"
 
 
 def explain_brake(reason: Reason, facts: Facts) -> str:
@@ -95,15 +97,15 @@ def explain_brake(reason: Reason, facts: Facts) -> str:
         return f"{name} has no brake"
     if reason is Reason.OTHER_MODE:
         code = UNPOWERED.code
-        return f"{name} is in {mode.name}; a brake is closed by hand in {code} only, ask for it"
+        return f"{name} is in {mode.name}; closing a brake by hand requires {code}; set it first"
     return ""
 
 
 def explain_stuck(facts: Facts) -> str:
-    """The remark on a joint whose brake did not open at the last order (Y4)."""
+    """The note on a joint whose brake did not open at the last command (Y4)."""
     return (
-        f"the brake of {facts.joint.name} did not open when it last was to; the next mode with "
-        "power tries again"
+        f"the brake of {facts.joint.name} did not open at the last command; the next mode with "
+        "power retries"
     )
 
 
@@ -134,7 +136,7 @@ def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...])
     """Why a joint's part of a feed-forward was ignored; empty where it was not."""
     if reason is Reason.NONE:
         return ""
-    mode = f"mode is {facts.mode.name}, where none acts"
+    mode = f"mode is {facts.mode.name}, where it has no effect"
     why = not_finite(values) if reason is Reason.NOT_FINITE else mode
     return f"feedforward for {facts.joint.name} ignored: {why}"
 
@@ -157,11 +159,11 @@ def explain_limit(joint: JointConfig, position: float) -> str:
 
 
 def explain_strain(joint: JointConfig) -> str:
-    """Why a joint in a position mode falls behind its reference."""
+    """Why a joint in a position mode lags its reference."""
     torque = joint.kind.force(joint.limits.torque)
     return (
-        f"its torque is at its limit, {torque}, and it falls behind its reference; "
-        "move slower, carry less, or look what blocks it"
+        f"its torque is at its limit, {torque}, and it lags its reference; "
+        "reduce speed or load, or check for an obstruction"
     )
 
 
@@ -189,7 +191,7 @@ def explain_slower(
         return ""
     mean, asked = joint.kind.velocity(way / time), joint.kind.velocity(speed)
     return (
-        f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} ({asked} was requested), "
+        f"{joint.name}: {time:.3g} s at a mean speed of {mean} ({asked} was requested), bounded "
         f"by {TOGETHER if factor > 1.0 else ALONE}"
     )
 
@@ -203,7 +205,7 @@ def explain_cut(joint: JointConfig, positions: Sequence[float]) -> str:
     shown = [joint.kind.position(q) for q in (low, high, positions[beyond])]
     return (
         f"{joint.name} stays within {shown[0]} to {shown[1]} "
-        f"(point {beyond} asks for {shown[2]}): software limit"
+        f"(point {beyond} requests {shown[2]}): software limit"
     )
 
 
@@ -219,7 +221,7 @@ WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
         f"mode is {facts.mode.name} ({facts.fault.text}), which FORCE_IDLE leaves"
     ),
     Reason.NOT_CONFIGURED: lambda facts: f"mode is {facts.mode.name}; {waits_for(facts)}",
-    Reason.INACTIVE: lambda _: f"its node is inactive; {ACTIVATE}",
+    Reason.INACTIVE: lambda _: f"the board is inactive; {ACTIVATE}",
     Reason.CALIBRATING: lambda facts: f"mode is {facts.mode.name}; wait until it is done",
     Reason.UNCALIBRATED: lambda _: f"it is not calibrated; {UNTIL_CALIBRATED}",
 }
@@ -256,7 +258,7 @@ def asked(wanted: Wanted) -> str:
 
 
 def offered(facts: Facts, wanted: Wanted) -> str:
-    """What a joint has instead of a mode that it does not implement."""
+    """The modes that a joint implements, as alternatives to one that it does not."""
     joint = facts.joint
     compliant = isinstance(wanted, InteractionMode)
     have = joint.interaction_modes if compliant else joint.control_modes

@@ -89,7 +89,7 @@ class Machine:
             self.go(j, Event.POWER_ON)
 
     def reconfigure(self, config: BoardConfig, timeout_cycles: Array) -> None:
-        """Take new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
+        """Apply new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
         before, self.config = self.config, config
         self.timeouts.reconfigure(timeout_cycles)
         self.brakes.reconfigure()
@@ -240,11 +240,11 @@ class Machine:
                     self.report("warning", key, j, text)
 
     def raise_divergence(self) -> None:
-        """Fault the joints whose laws gave an output that is not finite."""
+        """Fault the joints whose control laws have an output that is not finite."""
         for j, joint in enumerate(self.controller.joints):
             if joint.diverged:
                 joint.diverged = False
-                text = "its laws gave an output that is not a number; look at its gains"
+                text = "the output of its control laws is not a number; check its gains"
                 self.raise_fault(j, FaultCode.CONTROLLER, text)
 
     def warn_of_limits(self) -> None:

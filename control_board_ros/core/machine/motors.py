@@ -183,7 +183,7 @@ class MotorAccess:
         return found
 
     def _bounds(self, name: str) -> tuple[str, Floats, bool]:
-        """What it is, the most of each joint of the board, and whether 0 is allowed."""
+        """Description of a bound, maximum of each joint of the board, whether 0 is allowed."""
         limits = self.limits
         constants = np.array([one.motor.torque_constant for one in self._machine.config.joints])
         found: dict[str, tuple[Floats, bool]] = {
@@ -255,7 +255,7 @@ class MotorAccess:
         return decided(chosen.names, answers)
 
     def set_encoders(self, chosen: Selection, positions: Floats) -> Reply:
-        """Take angles as those that joints without power have now, rad; their limits hold then."""
+        """Set the present angles of joints without power, rad; limits apply to these angles."""
         answers = [
             self._take_angle(j, name, position)
             for j, name, position in zip(

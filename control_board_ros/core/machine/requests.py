@@ -55,8 +55,8 @@ class Requests:
     ) -> Reply:
         """Decide a request joint by joint, then carry it out and answer (M7).
 
-        A joint that does not implement its request is in HW_FAULT all the same where the
-        others stay as they are (M5, I7).
+        A joint that does not implement its request enters HW_FAULT also where the others remain
+        unchanged (M5, I7).
 
         Args:
             selection: The joints, shape (k,).
@@ -115,7 +115,7 @@ class Requests:
         return DONE, steps
 
     def _carry_out(self, steps: Sequence[Step]) -> None:
-        """Carry out verdicts; changes into one mode for all of its joints at once."""
+        """Carry out verdicts; changes into one mode together for all of its joints."""
         entering: dict[ControlMode, list[int]] = {}
         for j, verdict, what in steps:
             effect = verdict.effect
@@ -171,7 +171,7 @@ class Requests:
 
 
 class StartUp:
-    """Takes joints out of NOT_CONFIGURED, once per power-on.
+    """Start-up: joints leave NOT_CONFIGURED, once per power-on.
 
     Attributes: due (the joints whose configuration completes with the next reading).
     """
@@ -201,7 +201,7 @@ class StartUp:
                 self._configure(j)
 
     def complete(self) -> None:
-        """Let the joints that are due leave NOT_CONFIGURED; there is a reading (N2, N3)."""
+        """Configure the joints that are due; requires a reading (N2, N3)."""
         due, self.due = sorted(self.due), set()
         for j in due:
             self._configure(j)

@@ -107,7 +107,7 @@ def body_of(link: Link) -> Body:
 def fill(
     link: Link, body: Body, mass: float = 0.0, center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> None:
-    """Give a body the numbers of its link and of what that carries."""
+    """Set the inertial properties of a body from its link and payload."""
     link = link.with_payload(mass, center) if mass else link
     for key, names in PLACES.items():
         for name, value in zip(names, getattr(link, key), strict=True):

@@ -35,7 +35,7 @@ class CType:
 
 
 class Block:
-    """What is a decorator and a context manager at once."""
+    """A decorator and context manager without effect."""
 
     def __call__(self, item: T) -> T:
         return item

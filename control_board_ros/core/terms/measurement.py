@@ -66,7 +66,7 @@ class SetPoints:
     """The set-points of one exchange; the arrays are read-only.
 
     Law and set-point come in one exchange (S3). The kind OFF disables the motor, any other kind
-    gives it. Values that a kind does not have are 0.
+    enables it. Values that a kind does not have are 0.
 
     Attributes:
         kinds: SetPoint of each joint, shape (n,).
@@ -270,7 +270,7 @@ class Plant(Protocol):
         ...
 
     def write(self, actuation: Actuation) -> None:
-        """Apply the actuation and let one control period pass."""
+        """Apply the actuation and advance by one control period."""
         ...
 
     def close(self) -> None:
@@ -281,7 +281,7 @@ class Plant(Protocol):
 #: Why a plant that is not a :class:`Simulation` refuses what only a simulation supports (B4).
 NO_SIMULATION = (
     "this board drives a plant that is no simulation: its time and its faults are real; "
-    "to simulate, start the node without the parameter plant"
+    "to simulate, start it without a plant"
 )
 
 
@@ -304,5 +304,5 @@ class Simulation(Plant, Protocol):
         ...
 
     def reset(self) -> None:
-        """Back to the initial pose; time goes on."""
+        """Return to the initial pose; time continues."""
         ...

@@ -20,7 +20,7 @@ S = SetPoint
 
 
 class Event(Enum):
-    """The events of a joint, besides requests of selectable modes."""
+    """The events of a joint other than requests of selectable modes."""
 
     FORCE_IDLE = auto()  # the command of source Table 5
     UNSUPPORTED = auto()  # a mode requested that the joint does not implement (M5, I7)
@@ -222,7 +222,7 @@ def reachable(
 
 
 def next_mode(mode: ControlMode, trigger: Trigger) -> ControlMode | Choice | None:
-    """Where a joint in ``mode`` goes on ``trigger``; None when that is refused."""
+    """The mode after ``trigger`` in ``mode``; None: refused."""
     return TRANSITIONS.get((mode, trigger))
 
 

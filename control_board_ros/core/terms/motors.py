@@ -53,7 +53,7 @@ class Motors:
         currents: measured, A.
         nominal_currents: continuous currents, A.
         peak_currents: beyond which it is an overcurrent, A.
-        max_currents: the largest that the board asks for now, A.
+        max_currents: the largest that the board requests at present, A.
         outputs: PWM, percent.
         output_limits: the largest PWM now, percent.
         supply_voltages: V; NaN where it is not measured.
@@ -62,7 +62,7 @@ class Motors:
         torque_limits: of the joints, either way, N·m.
         torque_constants: of the motors as the laws use them, N·m/A, as all below.
         back_emf_constants: of the motors, V·s/rad.
-        viscous_positive, viscous_negative: friction at the joints that the laws make up for, in
+        viscous_positive, viscous_negative: friction at the joints that the laws compensate, in
             positive and negative direction, N·m·s/rad.
         coulomb_positive, coulomb_negative: likewise dry friction, N·m.
         velocity_thresholds: speeds of the joints from which on that is whole, rad/s.
@@ -131,9 +131,9 @@ class Pids:
     """One loop of joints, an array of shape (k,) each.
 
     Attributes:
-        references: what it follows, in its unit: rad, rad/s, N·m, A.
+        references: in its unit: rad, rad/s, N·m, A.
         errors: reference less measured value, likewise.
-        outputs: what it puts out: N·m; of the current loop PWM, percent.
+        outputs: N·m; of the current loop PWM, percent.
         offsets: what is added to the output, u_ff, PWM percent.
     """
 

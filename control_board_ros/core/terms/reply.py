@@ -146,6 +146,6 @@ def summary(reasons: Iterable[str]) -> str:
 
 
 def joints_of(reply: Reply, answer: Answer) -> list[str]:
-    """The joints of a reply that gave this answer."""
+    """The joints of a reply with this answer."""
     pairs = zip(reply.joints, reply.answers, strict=True)
     return [name for name, given in pairs if given is answer]

@@ -56,7 +56,7 @@ class EmergencyStop:
         self.timeout = timeout
         self.holds = False
         self._causes: set[tuple[str, str]] = set()
-        self._heard: float | None = None
+        self._last_beat: float | None = None
 
     @property
     def reason(self) -> tuple[str, str]:
@@ -71,14 +71,14 @@ class EmergencyStop:
 
     def beat(self, time: float) -> None:
         """Record a heartbeat, at a time of the board, s."""
-        self._heard = time
+        self._last_beat = time
 
     def watch(self, time: float) -> None:
         """Check the silence at the time of a reading, s."""
         if self.timeout > 0.0:
-            if self._heard is None:  # the first reading: silence counts from now on
-                self._heard = time
-            self._note(SILENCE, time - self._heard > self.timeout)
+            if self._last_beat is None:  # the first reading: silence counts from now on
+                self._last_beat = time
+            self._note(SILENCE, time - self._last_beat > self.timeout)
 
     def _note(self, cause: tuple[str, str], holds: bool) -> None:
         if holds:
@@ -106,7 +106,7 @@ APART = 1e-3
 class FaultMonitor:
     """Finds the causes of hardware faults in the readings of n joints.
 
-    Attributes: joints (of JointMonitor), monitor, take (takes a reading into the state),
+    Attributes: joints (of JointMonitor), monitor, take (stores a reading in the state),
     travelled (by each motor since power-on as its own equation gives while its bridge is on,
     shape (n,), rad; grows every SLOW cycles), used (part of the I²t budget, shape (n,); a fault
     above 1), reasons (of alarms, by joint, where the plant has more than its code).
@@ -151,7 +151,7 @@ class FaultMonitor:
             self._configure(j)
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take new constants; the history is kept.
+        """Apply new constants; the history is kept.
 
         The limits come into force by ``arm`` or ``bound``. Joints whose configuration is as before
         are left alone.

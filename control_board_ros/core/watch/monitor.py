@@ -109,7 +109,7 @@ class JointMonitor:
         self.expect_anything()
 
     def set(self, values: dict[str, float]) -> None:
-        """Take constants or limits: names and values of attributes."""
+        """Set constants or limits: names and values of attributes."""
         for name, value in values.items():
             setattr(self, name, value)
 
@@ -319,7 +319,7 @@ class Monitor:
         self.given, self.given_motors = plain, self.motors if shafts is None else shafts
 
     def take(self, values: object, motors: object) -> None:
-        """Take a reading, shapes (ROWS, n) and, or None, (MOTOR_ROWS, n)."""
+        """Store a reading, shapes (ROWS, n) and (MOTOR_ROWS, n), the latter or None."""
         row: cython.Py_ssize_t
         k: cython.Py_ssize_t
         if values is not self.sources[0] or motors is not self.sources[1]:

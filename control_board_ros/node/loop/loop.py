@@ -221,7 +221,7 @@ class ControlLoop:
         self._wake.set()
 
     def after_cycle(self, done: Callable[[], None]) -> None:
-        """Call ``done`` when a whole cycle has run from now on; at once if time is stopped."""
+        """Call ``done`` when a whole cycle has run from now on; immediately if time is stopped."""
         with self.main.exclusive():
             self._stepping.on_cycle(done)
             if self._paused or self._stopping:
@@ -331,9 +331,10 @@ class ControlLoop:
 class FairLock:
     """A lock that its last holder cannot acquire again while another thread waits.
 
-    A plain lock of Python goes to the first thread that requests it after its release, which is
-    the releasing thread itself where that keeps running: a control loop without pauses would shut
-    all others out. Here the waiting thread holds the gate, and the next one waits at the gate.
+    A plain lock of Python is acquired by the first thread that requests it after its release,
+    which is the releasing thread itself where that keeps running: a control loop without pauses
+    would lock all others out. Here the waiting thread holds the gate, and the next one waits at
+    the gate.
     """
 
     __slots__ = ("_gate", "_lock")

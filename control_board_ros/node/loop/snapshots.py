@@ -57,7 +57,7 @@ class Snapshots:
 
     Attributes: latest, modes, faults; states and mode_changes (not yet consumed, oldest
     first; the newest are ``latest`` and ``modes``); events (of the board, oldest first); on_change
-    (called after a snapshot was replaced, from the thread that did it; must return at once).
+    (called after a snapshot was replaced, from the thread that did it; must return immediately).
     """
 
     def __init__(self, board: JointGroup, base: TimeBase) -> None:

@@ -127,7 +127,7 @@ class Pacer:
         return round(self.due * 1e9) + system_ahead()
 
     def _overrun(self, late: float, period: float) -> float:
-        """Count a cycle that took too long, and skip what cannot be caught up; what is left, s."""
+        """Count an overrun, and skip what cannot be caught up; returns the remaining delay, s."""
         self.overruns += 1
         if late > MAX_LAG * period:
             lost = int(late / period)
@@ -233,7 +233,7 @@ class TimeBase:
         self.follows_system = False
 
     def resume(self) -> None:
-        """Let stamps jump ahead with the next reading: time was stopped."""
+        """Permit a step of the stamps with the next reading: time was stopped."""
         self._jump = True
 
     def note(self, simulated: float, system: int) -> None:

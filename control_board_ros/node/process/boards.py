@@ -180,7 +180,7 @@ class Boards:
     Args:
         start: settings, and the command line for rclpy.
         plant: of the board; closed at the end.
-        on_end: called when the control loop ends by itself; ``loop.failure`` is the reason.
+        on_end: called when the control loop ends unexpectedly; ``loop.failure`` is the reason.
         context: of rclpy; None for the default one.
 
     Attributes: settings, loop, main (the node of the whole board or robot), parts (those of its
@@ -259,7 +259,7 @@ class Boards:
         return Diagnostics(self.loop, self.settings.urdf.name, str(whole).strip("/"))
 
     def start(self) -> None:
-        """Let the control loop and the publisher run."""
+        """Start the control loop and the publisher."""
         search_modules()
         resume_collection()
         self.loop.start()

@@ -57,7 +57,7 @@ def temporary_folder() -> Path:
 
 
 def provide_log_folder() -> None:
-    """Give rcl a folder for its logs where it would find none and refuse to start."""
+    """Set a log folder for rcl where it would find none and refuse to start."""
     home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
     folder = Path(os.environ.get("ROS_LOG_DIR") or Path(home, "log"))
     with contextlib.suppress(OSError):
@@ -107,7 +107,9 @@ def welcome(
         *(f"  cbctl{option} {line}" for line in (*words, "watch")),
         "in a browser: cbctl panel (make panel); or, where ROS itself is installed:",
         *ros2_lines(name, config.joints[0]),
-        "Park and stop with Ctrl-C; a second one stops at once." if parks else "Stop with Ctrl-C.",
+        "Park and stop with Ctrl-C; stop at once with a second one."
+        if parks
+        else "Stop with Ctrl-C.",
         "",
     ]
     return "\n".join(lines)

@@ -65,7 +65,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         super().remove_node(node)
 
     def end(self) -> None:
-        """Let spin() return; safe to call from any thread, unlike shutdown() while it spins."""
+        """Make spin() return; safe to call from any thread, unlike shutdown() while it spins."""
         self._ended = True
         super().wake()
 

@@ -40,9 +40,9 @@ def starts_alone(values: Mapping[str, Any]) -> bool:
 
 
 def manage(node: Node, member: Member, values: Mapping[str, Any], on_error: OnError) -> None:
-    """Let a managed node's transitions control its board; to be called before anything runs.
+    """Connect a managed node's transitions to its board; call before the control loop starts.
 
-    With the parameter ``autostart`` it becomes active at once; another node is left alone.
+    With the parameter ``autostart`` it becomes active immediately. No effect on an unmanaged node.
     """
     if not isinstance(node, LifecycleNode):
         return

@@ -14,7 +14,7 @@ from ..loop.loop import Member
 #: Period in s at which the joints are checked (wall clock).
 PERIOD = 0.02
 
-PAUSED = "the simulation is paused; resume it first, with: cbctl resume"
+PAUSED = "the simulation is paused; resume it first, with ~/pause"
 LEFT = "a second signal came"
 
 

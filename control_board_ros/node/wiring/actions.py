@@ -160,7 +160,7 @@ class Actions:
                 return asked.refused(kind.Result(success=False, message=str(error), codes=why))
             asked.accepted()
             if self._member.loop.paused:
-                text = "the simulation is paused; resume it with: cbctl resume"
+                text = "the simulation is paused; resume it with ~/pause"
                 self._warn(f"{action.short} waits: {text}", "times")
             ended = Future()
             self._goals.append(Goal(handle, task, ended))

@@ -112,7 +112,7 @@ class Diagnostics:
         if fault.active:
             level, text = DiagnosticStatus.ERROR, f"HW_FAULT: {fault.text}; send FORCE_IDLE"
         elif state.brake_slips[j]:
-            text += "; its brake slips: support the joint, and look at the brake"
+            text += "; its brake slips: support the joint, and check the brake"
         elif new := rejected - self._rejected[j]:
             text += f"; {new} commands rejected in the last second"
         elif overload > STRAINED or temperature > self._hottest[j] - HOT:

@@ -126,7 +126,7 @@ class Parameters:
         return SetParametersResult(successful=True)  # rclpy passes no reason of a success on
 
     def _warn(self, changes: Iterable[str]) -> None:
-        """Warn of unstable gains of the changed joints, which are applied all the same."""
+        """Warn of unstable gains of the changed joints, which are applied nevertheless."""
         joints = {name.partition(".")[0] for name in changes if "." in name}
         for name, text in stability.warnings(self.settings.board).items():
             if name.partition(".")[0] in joints:

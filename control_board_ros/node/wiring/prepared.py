@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of which only numbers change, as the bytes that go out.
+"""Messages of which only numbers change, as the bytes that are sent.
 
 A message of the same names has the same layout every time. So it is serialized once, the places
 of its numbers are found, and from then on the bytes of new numbers are joined to the rest. Where
-anything about the layout is unknown, the message itself goes out: slower, and the same.
+anything about the layout is unknown, the message itself is sent: slower, with the same content.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class PreparedMessage:
         return made
 
     def _fall_back(self, reason: str) -> None:
-        self.fallback = f"whole messages are published, which takes longer: {reason}"
+        self.fallback = f"whole messages are published, more slowly: {reason}"
 
     def _cut(self, blank: Any, marked: Any) -> list[bytes]:
         """The bytes of the blank message, cut where its numbers begin and end."""

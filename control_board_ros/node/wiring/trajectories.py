@@ -106,7 +106,7 @@ class FollowTrajectory:
         self._timer.reset()
 
     def _cancel(self, handle: Any) -> CancelResponse:
-        """Stop at once; the timer delivers the result."""
+        """Stop immediately; the timer delivers the result."""
         goal = self._goal
         if goal is not None and goal.handle.goal_id == handle.goal_id:
             with self._member.exclusive():

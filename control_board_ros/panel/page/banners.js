@@ -9,12 +9,12 @@ const STOPPED = 24;
 
 // Next step before a fault is cleared, by its code.
 const ADVICE = {
-  0: "Release the emergency stop.", 1: "Look for what blocks the joint or overloads its motor.",
-  2: "Let the motor cool: it worked above its continuous current.", 8: "Check the torque sensor and its cable.",
+  0: "Release the emergency stop.", 1: "Check the joint for an obstruction or an overload.",
+  2: "Let the motor cool: the load exceeded its continuous current.", 8: "Check the torque sensor and its cable.",
   9: "Check the encoder.", 10: "Check the encoder's cable.", 11: "Check the encoder for noise or a loose cable.",
   14: "Encoder and motor disagree: check the coupling.", 15: "The simulation diverged: lower the gains or the load.",
-  16: "The joint has no such mode: choose one of its list.", 17: "Bring the joint back from its stop.",
-  19: "Let the winding cool.", 20: "Free the way to the stop, then calibrate again.", 21: "Send references more often than the timeout.",
+  16: "The joint has no such mode: choose one of its list.", 17: "Move the joint back from its hard stop.",
+  19: "Let the winding cool.", 20: "Clear the path to the stop, then calibrate again.", 21: "Send references more often than the timeout.",
   24: "Release the emergency stop.",
 };
 
@@ -86,7 +86,7 @@ export class Banners {
     this.until = performance.now() + 1000 * seconds;
     this.countdown = h("span");
     const answer = (yes) => () => this.panel.request("hand_over", { yes });
-    this.ask = h("div", { class: "banner ask" }, h("strong", {}, `${browsers[asking] ?? "Somebody"} asks to take over.`), " ", this.countdown,
+    this.ask = h("div", { class: "banner ask" }, h("strong", {}, `${browsers[asking] ?? "Another browser"} asks to take over.`), " ", this.countdown,
       h("span", { class: "space" }), h("button", { type: "button", onclick: answer(true) }, "Hand over"), h("button", { type: "button", class: "primary", onclick: answer(false) }, "Keep operating"));
     callAttention();
   }

@@ -45,7 +45,7 @@ ON_SILENCE = {
 }
 #: Exchanges with power from which on its loss is the drive's own doing.
 SETTLED = 3
-LOST = DriveFault(0, "it took its power off by itself; is safe torque off released?")
+LOST = DriveFault(0, "drive disabled itself; check that safe torque off is released")
 
 
 @dataclass(slots=True)
@@ -60,11 +60,11 @@ class Drive:
         state, error: As its PDOs report them.
         counts: Its position.
         word: The last control word.
-        powered: Whether it is to have power.
+        powered: Whether power is commanded.
         enabled: Exchanges in which it had power since then.
         idle: Whether it had none since it was set up.
         reset: Whether the next control word resets its fault.
-        left: Why it took its power off by itself.
+        left: Why the drive disabled itself.
     """
 
     scale: Scale = UNKNOWN
@@ -106,7 +106,7 @@ class Cia402Drives:
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """No power, watchdog, PDOs, and what it is; it is operational afterwards."""
+        """Disable, set watchdog and PDOs, start; returns the identification of the drive."""
         line, axis = self._line, self._axes[k]
         types = uploads(line, axis.id, o.DEVICE_TYPE, attempts)
         profile = only(types, axis, self._options.bus, "cia402") & 0xFFFF

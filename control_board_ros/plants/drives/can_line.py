@@ -150,8 +150,8 @@ class CanLine:
             raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
         if found is not None and found.is_error_frame and found.arbitration_id & BUS_OFF:
             raise OSError(
-                f"bus {self._text} is off: the interface left it after too many errors; look at "
-                "wiring, termination and bit rate, and let it come back by itself: "
+                f"bus {self._text} is off: the interface left it after too many errors; check "
+                "wiring, termination and bit rate, and enable automatic restart: "
                 "ip link set can0 type can restart-ms 100"
             )
         return found

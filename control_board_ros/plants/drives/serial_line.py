@@ -187,7 +187,7 @@ class ServoBus:
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
 
     def sync(self, item: Item, values: Mapping[int, bytes]) -> None:
-        """Write an item of several servos at once, by their ids; there is no answer."""
+        """Write an item of several servos in one packet, by their ids; there is no answer."""
         if values:
             data = [byte for drive, value in values.items() for byte in (drive, *value)]
             self.protocol.syncWriteTxOnly(self.port, *item, data, len(data))
@@ -202,7 +202,7 @@ class ServoBus:
             take(*self._parts(packet))
 
     def read(self, item: Item, drives: Sequence[int], take: Take, seconds: float) -> None:
-        """Read an item of several servos at once, until all answered or the time is up, s."""
+        """Read an item of several servos together, until all answered or after a timeout, s."""
         self.port.wait = seconds
         left, more = set(drives), self._library.receive
         self.protocol.syncReadTx(self.port, *item, list(drives), len(drives), *more)

@@ -77,7 +77,7 @@ class DynamixelDrives:
         self._watch = max(1, min(127, int(setup.timeout / t.WATCHDOG_STEP)))  # never longer
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Torque off, what is read, watchdog; returns what it is."""
+        """Disable torque, set indirect reads and watchdog; returns the drive's identification."""
         bus, axis = self._bus, self._axes[k]
         number = only(bus.models(axis.id, attempts), axis, self._options.bus, "dynamixel")
         drive, name = axis.id, axis.name

@@ -72,7 +72,7 @@ class FeetechDrives:
         self._answers, self._wait = answers, budget(setup.period)
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """No torque, no ramps; returns what it is."""
+        """Disable torque and ramps; returns the identification of the drive."""
         bus, axis = self._bus, self._axes[k]
         number = only(bus.models(axis.id, attempts), axis, self._options.bus, "feetech")
         drive = axis.id

@@ -34,7 +34,7 @@ class Motor:
     """One motor.
 
     Attributes: ranges (of its frames), faults (of a RobStride; None: a Damiao), powered (whether
-        it is to have power), enabled (whether it reported power since then).
+        power is commanded), enabled (whether it reported power since then).
     """
 
     ranges: f.Ranges
@@ -88,7 +88,7 @@ class MitDrives:
         self._check_gains()
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """No power, MIT mode, watchdog; returns what it is."""
+        """Disable, set MIT mode and watchdog; returns the identification of the drive."""
         line, axis, motor = self._line, self._axes[k], self._motors[k]
         find = d.masters if motor.faults is None else r.faults
         answer = only(find(line, axis.id, attempts), axis, self._options.bus, "mit_can")

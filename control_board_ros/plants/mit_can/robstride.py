@@ -93,7 +93,7 @@ def fault_word(data: bytes) -> int | None:
 
 
 class Faults:
-    """Faults of a motor, and whether it gives the commanded torque.
+    """Faults of a motor, and whether it applies the commanded torque.
 
     Attributes: word (its faults, as it answers), command (q, q̇, k, d, τ of the last frame).
     """
@@ -103,7 +103,7 @@ class Faults:
         self.reset()
 
     def reset(self) -> None:
-        """A motor that gave no torque gets another try."""
+        """Retry a motor that applied no torque."""
         self._without, self.command = 0, (0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property

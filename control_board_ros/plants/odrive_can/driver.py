@@ -70,7 +70,7 @@ class OdriveDrives:
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
     def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """No power, and the watchdog; returns what it is."""
+        """Disable, set the watchdog; returns the identification of the drive."""
         line, axis = self._line, self._axes[k]
         answers = ask(line, axis.id, f.VERSION, attempts)
         version = f.Version.parse(only(answers, axis, self._options.bus, "odrive_can"))

@@ -56,7 +56,7 @@ class CoupledBody:
         return found
 
     def _read(self) -> None:
-        """Take the state of the axes from that of the joints."""
+        """Update the state of the axes from that of the joints."""
         position, velocity = self.joints
         self._state[0] = self.coupling.axis_positions(position)
         self._state[1] = self.coupling.axis_velocities(velocity, self._state[0])

@@ -44,7 +44,7 @@ def it_describes_itself_before_it_is_connected(subject: Subject) -> None:
     with subject.made() as plant:
         found = plant.describe()
         expect(isinstance(found, Description), f"describe() gives {type(found).__name__}")
-        expect(found == plant.describe(), "describe() gives something else the second time")
+        expect(found == plant.describe(), "the second describe() differs from the first")
         names = [joint.name for joint in found.joints]
         expect(bool(names), "describe() names no joint")
         expect(len(set(names)) == len(names), f"two joints have one name: {', '.join(names)}")
