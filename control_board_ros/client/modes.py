@@ -33,7 +33,6 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Interaction, Joints, Mode, Values
 
 from .operations import Interface, operation, request
-from .services import reply_of
 
 Available = tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]
 
@@ -89,9 +88,8 @@ class ModeRequests(Interface):
             texts = mode_texts(modes, parse)
         except ValueError as error:
             return refused(str(error))
-        response = await self._link.call(service, names=list(names), modes=texts)
-        self._services.states.changed()
-        return reply_of(response, names).with_modes([parse(code) for code in response.modes])
+        reply, response = await self._services.ask(service, names, modes=texts)
+        return reply.with_modes([parse(code) for code in response.modes])
 
     @operation
     async def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:

@@ -24,7 +24,6 @@ from ..interface import (
 )
 from ..protocols import Flags, Floats, Joints, Values
 from .operations import Interface, operation, request
-from .services import reply_of
 
 
 class MotorRequests(Interface):
@@ -291,6 +290,5 @@ class BrakeRequests(Interface):
 
     async def _work(self, joints: Joints, modes: Sequence[str]) -> Reply:
         names = () if joints is None else (await self._services.select(joints)).names
-        response = await self._link.call(SET_BRAKE, names=list(names), modes=list(map(str, modes)))
-        self._services.states.changed()
-        return reply_of(response, names or tuple(response.names))
+        reply, _ = await self._services.ask(SET_BRAKE, names, modes=list(map(str, modes)))
+        return reply

@@ -111,9 +111,25 @@ class Services:
         for field, given in (values or {}).items():
             if given is not None:
                 fields[field] = spread(given, len(names), field, one_for_all=True).tolist()
+        reply, _ = await self.ask(service, names, **fields)
+        return reply
+
+    async def ask(
+        self, service: Endpoint, names: Sequence[str], **fields: Any
+    ) -> tuple[Reply, Any]:
+        """The reply of a service with an answer per joint, and its response.
+
+        Args:
+            service: that changes joints.
+            names: of the request, as sent; empty: the joints are those of the response.
+            fields: other fields of the request.
+
+        Raises:
+            BoardError: the response is invalid.
+        """
         response = await self.link.call(service, names=list(names), **fields)
         self.states.changed()
-        return reply_of(response, names)
+        return reply_of(response, tuple(names) or tuple(response.names)), response
 
     async def trigger(self, service: Endpoint, **fields: Any) -> Reply:
         """The reply of a service of the whole board."""
