@@ -8,7 +8,9 @@ board counts the rejected ones. With ``answered=True`` they call a service as we
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +36,6 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .operations import Interface, operation, request
-from .services import reply_of
 
 
 class References(Interface):
@@ -264,56 +265,58 @@ class References(Interface):
     async def _send(
         self, topic: Endpoint, joints: Joints, answered: bool, **fields: Values | None
     ) -> Reply:
-        """Send by service (``answered``) or topic; the first field holds the references."""
+        """Send by service (``answered``) or topic; the first field holds the references.
+
+        An invalid request is sent as well, for the board to answer or count it (P13).
+        """
         kind = topic.reference
         what = "feedforward" if kind is None else f"{kind} reference"
         words = {} if kind is None else {next(iter(fields)): f"{what}s"}
+        wrong: RequestError | None = None
         try:
-            selection = await self._services.select(joints)
-            values = {
-                name: spread(array, len(selection.names), words.get(name, name)).tolist()
-                for name, array in fields.items()
-                if array is not None
-            }
-        except RequestError as error:  # sent, for the board to count (P13)
-            await self._publish(topic, await self._named(joints), as_given(fields))
-            return refused(f"{what} ignored: {error}")
-        if not answered:
-            await self._publish(topic, selection.names, values)
-            return sent(selection.names)
-        references, along = (values.get(name, []) for name in [*fields, ""][:2])
-        response = await self._link.call(
-            SEND_REFERENCE,
-            names=list(selection.names),
-            kind=topic.short.rpartition("/")[2],
-            values=references,
-            along=along,
-        )
-        self._services.states.changed()
-        return reply_of(response, selection.names)
-
-    async def _publish(
-        self, topic: Endpoint, names: Sequence[str], fields: dict[str, list[float]]
-    ) -> None:
-        await self._link.publish(topic, names=list(names), **fields)
-        self._services.states.changed()
-
-    async def _named(self, joints: Joints) -> list[str]:
-        """Names of joints, which may be unknown."""
-        if joints is None:
-            return []
-        given = [joints] if isinstance(joints, str | int) else joints
-        names = (await self._services.find()).names
-        return [names[j] if isinstance(j, int) and 0 <= j < len(names) else str(j) for j in given]
-
-
-def as_given(fields: Mapping[str, Values | None]) -> dict[str, list[float]]:
-    """The sendable form of invalid values, for the board to count (P13)."""
-    sent = {}
-    for name, given in fields.items():
-        if given is not None:
+            names = (await self._services.select(joints)).names
+        except RequestError as error:
+            wrong, names = error, await self._named(joints)
+        values: dict[str, list[float]] = {}
+        for name, given in fields.items():
+            if given is None:
+                continue
             try:
-                sent[name] = np.atleast_1d(np.asarray(given, dtype=np.float64)).ravel().tolist()
-            except (TypeError, ValueError):
-                sent[name] = []
-    return sent
+                values[name] = spread(given, len(names), words.get(name, name)).tolist()
+            except RequestError as error:
+                wrong = wrong or error
+                if not (numbers := flat(given)):  # no list of numbers: not for the board to answer
+                    numbers, answered = [math.nan], False
+                values[name] = numbers
+        if answered:
+            references, along = (values.get(name, []) for name in [*fields, ""][:2])
+            reply, _ = await self._services.ask(
+                SEND_REFERENCE,
+                names,
+                kind=topic.short.rpartition("/")[2],
+                values=references,
+                along=along,
+            )
+            return reply
+        await self._link.publish(topic, names=list(names), **values)
+        self._services.states.changed()
+        return sent(names) if wrong is None else refused(f"{what} ignored: {wrong}")
+
+    async def _named(self, joints: Any) -> tuple[str, ...]:
+        """Names of joints of which some are unknown."""
+        many = isinstance(joints, Iterable) and not isinstance(joints, str)
+        names = (await self._services.find()).names
+        return tuple(
+            names[j] if isinstance(j, int) and 0 <= j < len(names) else str(j)
+            for j in (joints if many else [joints])
+        )
+
+
+def flat(given: Values) -> list[float]:
+    """Values of any length as a list; empty where they are no list of numbers."""
+    try:
+        array = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError, OverflowError):
+        return []
+    numbers: list[float] = array.tolist() if array.ndim == 1 else []
+    return numbers

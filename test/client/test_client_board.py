@@ -213,6 +213,56 @@ def test_bad_values_are_ignored_and_counted(
     assert client.check_motion_done(0) == [True]
 
 
+@pytest.mark.parametrize(
+    ("joints", "values", "text"),
+    [
+        ([0, 1], [0.1, 0.2, 0.3], "3 position direct references for 2 joints"),
+        ([0, 1], [], "0 position direct references for 2 joints"),
+        ([1, 1], 0.1, "'lbr_iiwa_joint_2' named twice"),
+        ([1, "elbow"], 0.1, "'elbow' unknown"),
+        ([1, 99], 0.1, "unknown"),
+        (1.5, 0.1, "'1.5' unknown"),
+        (0, 10**400, "must be numbers"),
+    ],
+)
+@pytest.mark.parametrize("answered", [True, False])
+def test_wrong_requests_are_answered_by_the_board_and_counted_once(
+    client: ControlBoardClient, joints: Any, values: Any, text: str, answered: bool
+) -> None:
+    """P13, M7: the board words its refusal where it is asked; published ones count likewise."""
+    before = client.get_state().rejected_commands
+    reply = client.set_position(joints, values, answered=answered)
+    assert not reply
+    if answered or text != "unknown":  # of an index, which the board does not know
+        assert text in reply.message
+    known = joints in ([0, 1], 0)
+    by_board = answered and text != "must be numbers" and values != []
+    assert reply.joints == ((NAMES[:2]) if known and by_board else ())
+    counted = (client.get_state().rejected_commands - before).tolist()
+    assert counted == [int(known), int(joints not in (0, 1.5)), *[0] * 5]
+
+
+@pytest.mark.parametrize(
+    ("joints", "positions", "speeds"),
+    [
+        (0, 0.1, "fast"),
+        (0, 0.1, []),
+        ([0, 1], 0.1, []),
+        ([0, 1], [[0.1], [0.1]], None),
+        ([0, 1], 0.1, [[0.2], [0.2]]),
+    ],
+)
+def test_what_is_refused_does_not_move(
+    client: ControlBoardClient, joints: Any, positions: Any, speeds: Any
+) -> None:
+    """P13: values that are no list of numbers refuse the move, they are not left out of it."""
+    before = client.get_state().rejected_commands
+    assert not client.position_move(joints, positions, speeds)
+    assert client.check_motion_done() == [True] * 7
+    counted = (client.get_state().rejected_commands - before).tolist()
+    assert counted == [1, int(joints != 0), *[0] * 5]
+
+
 def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
     """P2: a speed of a command outside what the joint's limit allows makes it ignored."""
     before = client.get_state().rejected_commands
