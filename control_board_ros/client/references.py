@@ -3,7 +3,8 @@
 
 ``position_move``, ``relative_move`` and ``stop`` are services; their reply is the board's. The
 other references are published: their reply confirms only that the message was sent, and the
-board counts the rejected ones. With ``answered=True`` they call a service as well.
+board counts the rejected ones. With ``answered=True`` they call a service as well. With
+``together=True``, also by service, all joints accept their references, or none does.
 """
 
 from __future__ import annotations
@@ -43,7 +44,12 @@ class References(Interface):
 
     @operation
     async def position_move(
-        self, joints: Joints, positions: Values, speeds: Values | None = None
+        self,
+        joints: Joints,
+        positions: Values,
+        speeds: Values | None = None,
+        *,
+        together: bool = False,
     ) -> Reply:
         """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1).
 
@@ -51,12 +57,20 @@ class References(Interface):
             joints: that move.
             positions: targets, rad; one for all joints, or shape (k,).
             speeds: mean speeds, rad/s, likewise.
+            together: all joints move, or none does.
         """
-        return await self._send(POSITION_COMMAND, joints, True, positions=positions, speeds=speeds)
+        return await self._send(
+            POSITION_COMMAND, joints, True, together, positions=positions, speeds=speeds
+        )
 
     @request
     async def relative_move(
-        self, joints: Joints, distances: Values, speeds: Values | None = None
+        self,
+        joints: Joints,
+        distances: Values,
+        speeds: Values | None = None,
+        *,
+        together: bool = False,
     ) -> Reply:
         """Start moves relative to the measured positions (P1).
 
@@ -64,6 +78,7 @@ class References(Interface):
             joints: that move.
             distances: rad; one for all joints, or shape (k,).
             speeds: mean speeds, rad/s, likewise.
+            together: all joints move, or none does.
         """
         services = self._services
         selection = await services.select(joints)
@@ -71,15 +86,22 @@ class References(Interface):
         state = await services.states.latest()
         targets = state.position[selection.joints] + ways
         return await self._send(
-            POSITION_COMMAND, selection.names, True, positions=targets, speeds=speeds
+            POSITION_COMMAND, selection.names, True, together, positions=targets, speeds=speeds
         )
 
     @operation
     async def set_position(
-        self, joints: Joints, positions: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        positions: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Step the position reference, rad (P4); ``answered``: by service."""
-        return await self._send(POSITION_DIRECT_COMMAND, joints, answered, positions=positions)
+        """Step the position reference, rad (P4); ``answered``, ``together``: by service."""
+        return await self._send(
+            POSITION_DIRECT_COMMAND, joints, answered, together, positions=positions
+        )
 
     @operation
     async def velocity_move(
@@ -89,6 +111,7 @@ class References(Interface):
         accelerations: Values | None = None,
         *,
         answered: bool = False,
+        together: bool = False,
     ) -> Reply:
         """Set the reference velocity, reached with the reference acceleration (P5).
 
@@ -97,42 +120,66 @@ class References(Interface):
             velocities: rad/s; one for all joints, or shape (k,). They expire (P12).
             accelerations: rad/s², likewise; None: as set.
             answered: send by service, for the board's answer.
+            together: by service; all joints accept them, or none does.
         """
         return await self._send(
             VELOCITY_COMMAND,
             joints,
             answered,
+            together,
             velocities=velocities,
             accelerations=accelerations,
         )
 
     @operation
     async def set_ref_torque(
-        self, joints: Joints, torques: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        torques: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the reference torque, N·m (P7); ``answered``: by service."""
-        return await self._send(TORQUE_COMMAND, joints, answered, torques=torques)
+        """Set the reference torque, N·m (P7); ``answered``, ``together``: by service."""
+        return await self._send(TORQUE_COMMAND, joints, answered, together, torques=torques)
 
     @operation
     async def set_ref_velocity(
-        self, joints: Joints, velocities: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        velocities: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the velocity, rad/s, at once (Y1); ``answered``: by service."""
-        return await self._send(VELOCITY_DIRECT_COMMAND, joints, answered, velocities=velocities)
+        """Set the velocity, rad/s, at once (Y1); ``answered``, ``together``: by service."""
+        return await self._send(
+            VELOCITY_DIRECT_COMMAND, joints, answered, together, velocities=velocities
+        )
 
     @operation
     async def set_ref_current(
-        self, joints: Joints, currents: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        currents: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the motor current, A (Y2); ``answered``: by service."""
-        return await self._send(CURRENT_COMMAND, joints, answered, currents=currents)
+        """Set the motor current, A (Y2); ``answered``, ``together``: by service."""
+        return await self._send(CURRENT_COMMAND, joints, answered, together, currents=currents)
 
     @operation
     async def set_output(
-        self, joints: Joints, outputs: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        outputs: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the PWM in percent (P8); ``answered``: by service."""
-        return await self._send(OUTPUT_COMMAND, joints, answered, outputs=outputs)
+        """Set the PWM in percent (P8); ``answered``, ``together``: by service."""
+        return await self._send(OUTPUT_COMMAND, joints, answered, together, outputs=outputs)
 
     @operation
     async def set_feedforward(
@@ -142,6 +189,7 @@ class References(Interface):
         torques: Values | None = None,
         *,
         answered: bool = False,
+        together: bool = False,
     ) -> Reply:
         """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
 
@@ -150,11 +198,12 @@ class References(Interface):
             outputs: one for all joints, or shape (k,); None: unchanged.
             torques: likewise.
             answered: send by service, for the board's answer.
+            together: by service; all joints accept them, or none does.
         """
         if outputs is None and torques is None:
             return refused("feedforward ignored: neither outputs nor torques given")
         return await self._send(
-            FEEDFORWARD_COMMAND, joints, answered, outputs=outputs, torques=torques
+            FEEDFORWARD_COMMAND, joints, answered, together, outputs=outputs, torques=torques
         )
 
     @request
@@ -263,9 +312,14 @@ class References(Interface):
         return np.array(getattr(response, field), dtype=np.float64)
 
     async def _send(
-        self, topic: Endpoint, joints: Joints, answered: bool, **fields: Values | None
+        self,
+        topic: Endpoint,
+        joints: Joints,
+        answered: bool,
+        together: bool,
+        **fields: Values | None,
     ) -> Reply:
-        """Send by service (``answered``) or topic; the first field holds the references.
+        """Send by service (``answered``, ``together``) or topic; the first field: references.
 
         An invalid request is sent as well, for the board to answer or count it (P13).
         """
@@ -273,6 +327,7 @@ class References(Interface):
         what = "feedforward" if kind is None else f"{kind} reference"
         words = {} if kind is None else {next(iter(fields)): f"{what}s"}
         wrong: RequestError | None = None
+        by_service = answered or together
         try:
             names = (await self._services.select(joints)).names
         except RequestError as error:
@@ -286,9 +341,9 @@ class References(Interface):
             except RequestError as error:
                 wrong = wrong or error
                 if not (numbers := flat(given)):  # no list of numbers: not for the board to answer
-                    numbers, answered = [math.nan], False
+                    numbers, by_service = [math.nan], False
                 values[name] = numbers
-        if answered:
+        if by_service:
             references, along = (values.get(name, []) for name in [*fields, ""][:2])
             reply, _ = await self._services.ask(
                 SEND_REFERENCE,
@@ -296,6 +351,7 @@ class References(Interface):
                 kind=topic.short.rpartition("/")[2],
                 values=references,
                 along=along,
+                together=together,
             )
             return reply
         await self._link.publish(topic, names=list(names), **values)

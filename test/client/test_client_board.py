@@ -242,6 +242,33 @@ def test_wrong_requests_are_answered_by_the_board_and_counted_once(
     assert counted == [int(known), int(joints not in (0, 1.5)), *[0] * 5]
 
 
+def test_all_accept_or_none_does(client: ControlBoardClient) -> None:
+    """M7: with ``together`` a joint that cannot keeps the others at rest; each says why."""
+    assert client.set_control_mode(1, "idl")
+    for send in (client.position_move, client.relative_move):
+        reply = send([0, 1], 0.1, 0.2, together=True)
+        assert reply.codes == ("together", "other_mode")
+        assert client.check_motion_done(0) == [True]
+        assert send([0, 1], 0.1, 0.2).codes == ("", "other_mode")
+        assert client.stop(0)
+    for mode, send, get in (
+        ("posd", client.set_position, client.get_ref_position),
+        ("vel", client.velocity_move, client.get_target_velocity),
+        ("torq", client.set_ref_torque, client.get_ref_torque),
+        ("open", client.set_output, client.get_output),
+    ):
+        assert client.set_control_mode([0, 2], mode)
+        before = get(0).tolist()
+        assert send([0, 1], 0.01, together=True).codes == ("together", "other_mode")
+        assert get(0).tolist() == before
+        assert send([0, 2], 0.01, together=True).values == (0.01, 0.01)
+    for send in (client.set_ref_velocity, client.set_ref_current):
+        assert send([0, 1], 0.01, together=True).codes == ("unsupported", "unsupported")
+    reply = client.set_feedforward([0, 1], torques=[0.01, math.nan], together=True)
+    assert reply.codes == ("together", "not_finite")
+    assert client.set_feedforward([0, 1], 0.0, 0.0, together=True)
+
+
 @pytest.mark.parametrize(
     ("joints", "positions", "speeds"),
     [
