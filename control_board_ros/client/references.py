@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from control_board_ros.core.selection import RequestError, spread
-from control_board_ros.core.terms.modes import DIRECT_VELOCITY
 from control_board_ros.core.terms.reply import Reply, refused, sent
 from control_board_ros.interface import (
     CURRENT_COMMAND,
     FEEDFORWARD_COMMAND,
-    GET_CONTROL_MODE,
     GET_REFERENCES,
     OUTPUT_COMMAND,
     POSITION_COMMAND,
@@ -37,6 +36,36 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .operations import Interface, operation, request
+from .services import arrays
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AcceptedReferences:
+    """The last accepted references, an array of shape (k,) each; m, m/s, N where a joint slides.
+
+    Attributes:
+        positions: targets of position moves, rad.
+        direct_positions: rad.
+        velocities: of VELOCITY and MIXED, rad/s.
+        direct_velocities: of VELOCITY_DIRECT, rad/s.
+        ref_velocities: of the present control mode: one of these two, rad/s.
+        torques: N·m.
+        currents: of the motors, A.
+        outputs: PWM, percent.
+        speeds: mean speeds of position moves, rad/s.
+        accelerations: of velocity references, rad/s².
+    """
+
+    positions: Floats
+    direct_positions: Floats
+    velocities: Floats
+    direct_velocities: Floats
+    ref_velocities: Floats
+    torques: Floats
+    currents: Floats
+    outputs: Floats
+    speeds: Floats
+    accelerations: Floats
 
 
 class References(Interface):
@@ -232,60 +261,60 @@ class References(Interface):
         return await self._services.change(SET_REFERENCE_SPEED, joints, values)
 
     @operation
+    async def get_references(self, joints: Joints = None) -> AcceptedReferences:
+        """The last accepted references of every kind, in one request (M11)."""
+        response = await self._services.read(GET_REFERENCES, joints)
+        return AcceptedReferences(**arrays(response, AcceptedReferences))
+
+    @operation
     async def get_target_position(self, joints: Joints = None) -> Floats:
         """The last accepted target of a position move, rad, shape (k,)."""
-        return await self._last("positions", joints)
+        return (await self.get_references(joints)).positions
 
     @operation
     async def get_ref_position(self, joints: Joints = None) -> Floats:
         """The last accepted direct position, rad, shape (k,)."""
-        return await self._last("direct_positions", joints)
+        return (await self.get_references(joints)).direct_positions
 
     @operation
     async def get_target_velocity(self, joints: Joints = None) -> Floats:
         """The last accepted velocity of VELOCITY and MIXED, rad/s, shape (k,)."""
-        return await self._last("velocities", joints)
+        return (await self.get_references(joints)).velocities
 
     @operation
     async def get_direct_velocity(self, joints: Joints = None) -> Floats:
         """The last accepted velocity of VELOCITY_DIRECT, rad/s, shape (k,)."""
-        return await self._last("direct_velocities", joints)
+        return (await self.get_references(joints)).direct_velocities
 
     @operation
     async def get_ref_velocity(self, joints: Joints = None) -> Floats:
         """The last accepted velocity, rad/s, shape (k,): in VELOCITY_DIRECT that of this mode."""
-        response = await self._services.read(GET_REFERENCES, joints)
-        velocities = np.array(response.velocities, dtype=np.float64)
-        direct = np.array(response.direct_velocities, dtype=np.float64)
-        if (velocities == direct).all():
-            return velocities
-        modes = (await self._services.read(GET_CONTROL_MODE, joints)).vocabs
-        return np.where(np.isin(modes, list(DIRECT_VELOCITY)), direct, velocities)
+        return (await self.get_references(joints)).ref_velocities
 
     @operation
     async def get_ref_torque(self, joints: Joints = None) -> Floats:
         """The last accepted torque, N·m, shape (k,)."""
-        return await self._last("torques", joints)
+        return (await self.get_references(joints)).torques
 
     @operation
     async def get_ref_current(self, joints: Joints = None) -> Floats:
         """The last accepted motor current, A, shape (k,)."""
-        return await self._last("currents", joints)
+        return (await self.get_references(joints)).currents
 
     @operation
     async def get_output(self, joints: Joints = None) -> Floats:
         """The last accepted output, PWM percent, shape (k,)."""
-        return await self._last("outputs", joints)
+        return (await self.get_references(joints)).outputs
 
     @operation
     async def get_ref_speed(self, joints: Joints = None) -> Floats:
         """Mean speeds of position moves, rad/s, shape (k,)."""
-        return await self._last("speeds", joints)
+        return (await self.get_references(joints)).speeds
 
     @operation
     async def get_ref_acceleration(self, joints: Joints = None) -> Floats:
         """Accelerations of velocity references, rad/s², shape (k,)."""
-        return await self._last("accelerations", joints)
+        return (await self.get_references(joints)).accelerations
 
     @operation
     async def set_traj_speed(self, joints: Joints, speeds: Values) -> Reply:
@@ -306,10 +335,6 @@ class References(Interface):
     async def get_traj_acceleration(self, joints: Joints = None) -> Floats:
         """YARP 4's name of ``get_ref_acceleration``."""
         return await self.get_ref_acceleration(joints)
-
-    async def _last(self, field: str, joints: Joints) -> Floats:
-        response = await self._services.read(GET_REFERENCES, joints)
-        return np.array(getattr(response, field), dtype=np.float64)
 
     async def _send(
         self,

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from enum import StrEnum
 from typing import Any, TypeVar
+
+import numpy as np
 
 from control_board_ros.core.selection import RequestError, Selection, Selector, spread
 from control_board_ros.core.terms.reply import Answer, Reason, Reply, refused
 from control_board_ros.interface import MODES, Endpoint
-from control_board_ros.protocols import Joints, Values
+from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import NAME, clean
 
 from .checking import check_asked
@@ -137,6 +139,11 @@ class Services:
         response = await self.link.call(service, **fields)
         self.states.changed()
         return whole(response.success, response.message, names)
+
+
+def arrays(response: Any, kind: type) -> dict[str, Floats]:
+    """The fields of a response that a dataclass has, as arrays."""
+    return {field.name: np.array(getattr(response, field.name), float) for field in fields(kind)}
 
 
 def reply_of(response: Any, asked: tuple[str, ...]) -> Reply:
