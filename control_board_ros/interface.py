@@ -277,6 +277,12 @@ GET_INTERACTION_MODE = service(
 GET_AVAILABLE_MODES = service(
     "~/get_available_modes", "GetAvailableModes", "Read the modes that each joint implements."
 )
+GET_LIMITS = service(
+    "~/get_limits",
+    "GetLimits",
+    "Read the limits in force of joints: those of the board, or of the drive where they are "
+    "narrower.",
+)
 GET_DRIVES = service(
     "~/get_drives",
     "GetDrives",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The limits of joints, read from the parameters of a board."""
+"""The limits of joints, as a board reports them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class JointLimits:
-    """The parameters ``<joint>.limits.*`` of a joint.
+    """The limits of a joint, by the names of its parameters ``<joint>.limits.*``.
 
     Attributes: lower, upper (software limits), hard_lower, hard_upper (stops), in rad; velocity
     (rad/s), acceleration (rad/s²), torque (N·m), output (PWM percent), peak_current (A); m and N

@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
 from control_board_ros.core.terms.drives import DriveUse
@@ -33,13 +32,32 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Interaction, Joints, Mode, Values
 
 from .operations import Interface, operation, request
-from .services import reply_of
+from .services import arrays
 
 Available = tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]
 
 #: Stack frames from the warning to the caller: _deprecated, _old, its caller, the driver
 #: (run, run_async), the form (blocking, awaitable).
 CALLER = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImpedanceSettings:
+    """The impedance of joints, an array of shape (k,) each; N/m, N·s/m and N where a joint slides.
+
+    Attributes:
+        stiffness: N·m/rad.
+        damping: N·m·s/rad.
+        torque_offset: τ_ff of the impedance law, N·m: as set, or the load taken over.
+        max_stiffness: the largest permitted, N·m/rad.
+        max_damping: likewise, N·m·s/rad.
+    """
+
+    stiffness: Floats
+    damping: Floats
+    torque_offset: Floats
+    max_stiffness: Floats
+    max_damping: Floats
 
 
 class ModeRequests(Interface):
@@ -89,9 +107,8 @@ class ModeRequests(Interface):
             texts = mode_texts(modes, parse)
         except ValueError as error:
             return refused(str(error))
-        response = await self._link.call(service, names=list(names), modes=texts)
-        self._services.states.changed()
-        return reply_of(response, names).with_modes([parse(code) for code in response.modes])
+        reply, response = await self._services.ask(service, names, modes=texts)
+        return reply.with_modes([parse(code) for code in response.modes])
 
     @operation
     async def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
@@ -146,27 +163,32 @@ class ModeRequests(Interface):
         if stiffness is None and damping is None:
             return refused("neither stiffness nor damping given; send one of them, or both")
         if stiffness is None:
-            stiffness = (await self._services.read(GET_IMPEDANCE, joints)).stiffness
+            stiffness = (await self.get_impedance_settings(joints)).stiffness
         values = {"stiffness": stiffness, "damping": damping}
         return await self._services.change(SET_IMPEDANCE, joints, values)
 
     @operation
+    async def get_impedance_settings(self, joints: Joints = None) -> ImpedanceSettings:
+        """Stiffness, damping, τ_ff and limits, in one request."""
+        response = await self._services.read(GET_IMPEDANCE, joints)
+        return ImpedanceSettings(**arrays(response, ImpedanceSettings))
+
+    @operation
     async def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """Stiffness and damping, N·m/rad and N·m·s/rad, two arrays of shape (k,)."""
-        response = await self._services.read(GET_IMPEDANCE, joints)
-        return np.array(response.stiffness), np.array(response.damping)
+        found = await self.get_impedance_settings(joints)
+        return found.stiffness, found.damping
 
     @operation
     async def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The largest permitted stiffness and damping, two arrays of shape (k,)."""
-        response = await self._services.read(GET_IMPEDANCE, joints)
-        return np.array(response.max_stiffness), np.array(response.max_damping)
+        found = await self.get_impedance_settings(joints)
+        return found.max_stiffness, found.max_damping
 
     @operation
     async def get_torque_offset(self, joints: Joints = None) -> Floats:
         """τ_ff of the impedance law, N·m, shape (k,): as set, or the captured load."""
-        response = await self._services.read(GET_IMPEDANCE, joints)
-        return np.array(response.torque_offset)
+        return (await self.get_impedance_settings(joints)).torque_offset
 
     # --- one method per mode; those of the old IControlMode are deprecated (D1) ------------------
 

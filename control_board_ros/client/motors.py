@@ -4,9 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
+from dataclasses import dataclass
 
 from ..core.selection import RequestError, automatic, by_hand, loop_of, spread
 from ..core.terms.motors import TERMS, YARP_TERMS, Motors, MotorTorqueParameters, Pids
@@ -24,7 +22,7 @@ from ..interface import (
 )
 from ..protocols import Flags, Floats, Joints, Values
 from .operations import Interface, operation, request
-from .services import reply_of
+from .services import arrays
 
 
 class MotorRequests(Interface):
@@ -232,12 +230,15 @@ class MotorRequests(Interface):
         return sent(selection.names)
 
 
-def arrays(response: Any, kind: type) -> dict[str, Floats]:
-    """The fields of a response that a class has, as arrays."""
-    return {
-        field: np.array(getattr(response, field), dtype=np.float64)
-        for field in kind.__dataclass_fields__  # type: ignore[attr-defined]
-    }
+@dataclass(frozen=True, slots=True)
+class BrakeStatus:
+    """The brake of a joint.
+
+    Attributes: mode (None: the joint has no brake), closed (false without a brake).
+    """
+
+    mode: BrakeMode | None
+    closed: bool
 
 
 class BrakeRequests(Interface):
@@ -255,16 +256,23 @@ class BrakeRequests(Interface):
         return await self._work(joints, [modes] if isinstance(modes, str) else list(modes))
 
     @operation
+    async def get_brakes(self, joints: Joints = None) -> list[BrakeStatus]:
+        """The brake of each joint: its mode, and whether it is closed."""
+        response = await self._services.read(GET_BRAKE, joints)
+        return [
+            BrakeStatus(BrakeMode(mode) if mode else None, closed)
+            for mode, closed in zip(response.modes, response.closed, strict=True)
+        ]
+
+    @operation
     async def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
         """Brake modes; None where a joint has no brake."""
-        response = await self._services.read(GET_BRAKE, joints)
-        return [BrakeMode(mode) if mode else None for mode in response.modes]
+        return [brake.mode for brake in await self.get_brakes(joints)]
 
     @operation
     async def is_joint_braked(self, joints: Joints = None) -> list[bool]:
         """Whether brakes are closed; false where a joint has none."""
-        response = await self._services.read(GET_BRAKE, joints)
-        return list(response.closed)
+        return [brake.closed for brake in await self.get_brakes(joints)]
 
     @request
     async def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
@@ -286,11 +294,9 @@ class BrakeRequests(Interface):
     @operation
     async def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
         """Whether the board controls the brakes; false where a joint has none."""
-        response = await self._services.read(GET_BRAKE, joints)
-        return [mode == BrakeMode.AUTOMATIC for mode in response.modes]
+        return [mode is BrakeMode.AUTOMATIC for mode in await self.get_brake(joints)]
 
     async def _work(self, joints: Joints, modes: Sequence[str]) -> Reply:
         names = () if joints is None else (await self._services.select(joints)).names
-        response = await self._link.call(SET_BRAKE, names=list(names), modes=list(map(str, modes)))
-        self._services.states.changed()
-        return reply_of(response, names or tuple(response.names))
+        reply, _ = await self._services.ask(SET_BRAKE, names, modes=list(map(str, modes)))
+        return reply

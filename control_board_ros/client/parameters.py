@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board's parameters: limits and gains in force, and setting them."""
+"""The limits in force, and the board's parameters: reading and setting them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from rclpy.parameter import parameter_value_to_python
 
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.reply import Reply
-from control_board_ros.interface import service
+from control_board_ros.interface import GET_LIMITS, service
+from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import nearest
 
@@ -89,26 +90,38 @@ class ParameterRequests(Interface):
         return whole(response.result.successful, response.result.reason, tuple(values))
 
     @operation
+    async def get_joint_limits(self, joints: Joints = None) -> list[JointLimits]:
+        """All limits in force of each joint: the smaller ones of board and drive (S4).
+
+        The parameters ``<joint>.limits.*`` keep the board's own.
+        """
+        response = await self._services.read(GET_LIMITS, joints)
+        columns = [getattr(response, field) for field in FIELDS]
+        return [JointLimits(*row) for row in zip(*columns, strict=True)]
+
+    @operation
     async def get_limits(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The software limits in force, lower and upper, rad, two arrays of shape (k,)."""
-        lower, upper = await self._of_joints(("limits.lower", "limits.upper"), joints)
-        return lower, upper
+        response = await self._services.read(GET_LIMITS, joints)
+        return np.array(response.lower), np.array(response.upper)
 
     @operation
     async def get_velocity_limits(self, joints: Joints = None) -> Floats:
         """The speed limits in force, rad/s, shape (k,)."""
-        (limits,) = await self._of_joints(("limits.velocity",), joints)
-        return limits
+        return np.array((await self._services.read(GET_LIMITS, joints)).velocity)
 
     @operation
     async def get_current_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The least and the greatest current reference, A, two arrays of shape (k,) (Y2)."""
-        (peak,) = await self._of_joints(("limits.peak_current",), joints)
+        peak = np.array((await self._services.read(GET_LIMITS, joints)).peak_current)
         return -peak, peak
 
     @request
     async def set_pos_limits(self, joints: Joints, lower: Values, upper: Values) -> Reply:
-        """Set the software limits, rad, one for all joints or one each; checked together."""
+        """Set the software limits, rad, one for all joints or one each; checked together.
+
+        Narrower ones of a drive stay in force (S4).
+        """
         names = (await self._services.select(joints)).names
         given = {
             f"{name}.limits.{side}": value

@@ -3,22 +3,24 @@
 
 ``position_move``, ``relative_move`` and ``stop`` are services; their reply is the board's. The
 other references are published: their reply confirms only that the message was sent, and the
-board counts the rejected ones. With ``answered=True`` they call a service as well.
+board counts the rejected ones. With ``answered=True`` they call a service as well. With
+``together=True``, also by service, all joints accept their references, or none does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from control_board_ros.core.selection import RequestError, spread
-from control_board_ros.core.terms.modes import DIRECT_VELOCITY
 from control_board_ros.core.terms.reply import Reply, refused, sent
 from control_board_ros.interface import (
     CURRENT_COMMAND,
     FEEDFORWARD_COMMAND,
-    GET_CONTROL_MODE,
     GET_REFERENCES,
     OUTPUT_COMMAND,
     POSITION_COMMAND,
@@ -34,7 +36,36 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .operations import Interface, operation, request
-from .services import reply_of
+from .services import arrays
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AcceptedReferences:
+    """The last accepted references, an array of shape (k,) each; m, m/s, N where a joint slides.
+
+    Attributes:
+        positions: targets of position moves, rad.
+        direct_positions: rad.
+        velocities: of VELOCITY and MIXED, rad/s.
+        direct_velocities: of VELOCITY_DIRECT, rad/s.
+        ref_velocities: of the present control mode: one of these two, rad/s.
+        torques: N·m.
+        currents: of the motors, A.
+        outputs: PWM, percent.
+        speeds: mean speeds of position moves, rad/s.
+        accelerations: of velocity references, rad/s².
+    """
+
+    positions: Floats
+    direct_positions: Floats
+    velocities: Floats
+    direct_velocities: Floats
+    ref_velocities: Floats
+    torques: Floats
+    currents: Floats
+    outputs: Floats
+    speeds: Floats
+    accelerations: Floats
 
 
 class References(Interface):
@@ -42,7 +73,12 @@ class References(Interface):
 
     @operation
     async def position_move(
-        self, joints: Joints, positions: Values, speeds: Values | None = None
+        self,
+        joints: Joints,
+        positions: Values,
+        speeds: Values | None = None,
+        *,
+        together: bool = False,
     ) -> Reply:
         """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1).
 
@@ -50,12 +86,20 @@ class References(Interface):
             joints: that move.
             positions: targets, rad; one for all joints, or shape (k,).
             speeds: mean speeds, rad/s, likewise.
+            together: all joints move, or none does.
         """
-        return await self._send(POSITION_COMMAND, joints, True, positions=positions, speeds=speeds)
+        return await self._send(
+            POSITION_COMMAND, joints, True, together, positions=positions, speeds=speeds
+        )
 
     @request
     async def relative_move(
-        self, joints: Joints, distances: Values, speeds: Values | None = None
+        self,
+        joints: Joints,
+        distances: Values,
+        speeds: Values | None = None,
+        *,
+        together: bool = False,
     ) -> Reply:
         """Start moves relative to the measured positions (P1).
 
@@ -63,6 +107,7 @@ class References(Interface):
             joints: that move.
             distances: rad; one for all joints, or shape (k,).
             speeds: mean speeds, rad/s, likewise.
+            together: all joints move, or none does.
         """
         services = self._services
         selection = await services.select(joints)
@@ -70,15 +115,22 @@ class References(Interface):
         state = await services.states.latest()
         targets = state.position[selection.joints] + ways
         return await self._send(
-            POSITION_COMMAND, selection.names, True, positions=targets, speeds=speeds
+            POSITION_COMMAND, selection.names, True, together, positions=targets, speeds=speeds
         )
 
     @operation
     async def set_position(
-        self, joints: Joints, positions: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        positions: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Step the position reference, rad (P4); ``answered``: by service."""
-        return await self._send(POSITION_DIRECT_COMMAND, joints, answered, positions=positions)
+        """Step the position reference, rad (P4); ``answered``, ``together``: by service."""
+        return await self._send(
+            POSITION_DIRECT_COMMAND, joints, answered, together, positions=positions
+        )
 
     @operation
     async def velocity_move(
@@ -88,6 +140,7 @@ class References(Interface):
         accelerations: Values | None = None,
         *,
         answered: bool = False,
+        together: bool = False,
     ) -> Reply:
         """Set the reference velocity, reached with the reference acceleration (P5).
 
@@ -96,42 +149,66 @@ class References(Interface):
             velocities: rad/s; one for all joints, or shape (k,). They expire (P12).
             accelerations: rad/s², likewise; None: as set.
             answered: send by service, for the board's answer.
+            together: by service; all joints accept them, or none does.
         """
         return await self._send(
             VELOCITY_COMMAND,
             joints,
             answered,
+            together,
             velocities=velocities,
             accelerations=accelerations,
         )
 
     @operation
     async def set_ref_torque(
-        self, joints: Joints, torques: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        torques: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the reference torque, N·m (P7); ``answered``: by service."""
-        return await self._send(TORQUE_COMMAND, joints, answered, torques=torques)
+        """Set the reference torque, N·m (P7); ``answered``, ``together``: by service."""
+        return await self._send(TORQUE_COMMAND, joints, answered, together, torques=torques)
 
     @operation
     async def set_ref_velocity(
-        self, joints: Joints, velocities: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        velocities: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the velocity, rad/s, without a ramp (Y1); ``answered``: by service."""
-        return await self._send(VELOCITY_DIRECT_COMMAND, joints, answered, velocities=velocities)
+        """Set the velocity, rad/s, without a ramp (Y1); ``answered``, ``together``: by service."""
+        return await self._send(
+            VELOCITY_DIRECT_COMMAND, joints, answered, together, velocities=velocities
+        )
 
     @operation
     async def set_ref_current(
-        self, joints: Joints, currents: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        currents: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the motor current, A (Y2); ``answered``: by service."""
-        return await self._send(CURRENT_COMMAND, joints, answered, currents=currents)
+        """Set the motor current, A (Y2); ``answered``, ``together``: by service."""
+        return await self._send(CURRENT_COMMAND, joints, answered, together, currents=currents)
 
     @operation
     async def set_output(
-        self, joints: Joints, outputs: Values, *, answered: bool = False
+        self,
+        joints: Joints,
+        outputs: Values,
+        *,
+        answered: bool = False,
+        together: bool = False,
     ) -> Reply:
-        """Set the PWM in percent (P8); ``answered``: by service."""
-        return await self._send(OUTPUT_COMMAND, joints, answered, outputs=outputs)
+        """Set the PWM in percent (P8); ``answered``, ``together``: by service."""
+        return await self._send(OUTPUT_COMMAND, joints, answered, together, outputs=outputs)
 
     @operation
     async def set_feedforward(
@@ -141,6 +218,7 @@ class References(Interface):
         torques: Values | None = None,
         *,
         answered: bool = False,
+        together: bool = False,
     ) -> Reply:
         """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
 
@@ -149,11 +227,12 @@ class References(Interface):
             outputs: one for all joints, or shape (k,); None: unchanged.
             torques: likewise.
             answered: send by service, for the board's answer.
+            together: by service; all joints accept them, or none does.
         """
         if outputs is None and torques is None:
             return refused("feedforward ignored: neither outputs nor torques given")
         return await self._send(
-            FEEDFORWARD_COMMAND, joints, answered, outputs=outputs, torques=torques
+            FEEDFORWARD_COMMAND, joints, answered, together, outputs=outputs, torques=torques
         )
 
     @request
@@ -182,60 +261,60 @@ class References(Interface):
         return await self._services.change(SET_REFERENCE_SPEED, joints, values)
 
     @operation
+    async def get_references(self, joints: Joints = None) -> AcceptedReferences:
+        """The last accepted references of every kind, in one request (M11)."""
+        response = await self._services.read(GET_REFERENCES, joints)
+        return AcceptedReferences(**arrays(response, AcceptedReferences))
+
+    @operation
     async def get_target_position(self, joints: Joints = None) -> Floats:
         """The last accepted target of a position move, rad, shape (k,)."""
-        return await self._last("positions", joints)
+        return (await self.get_references(joints)).positions
 
     @operation
     async def get_ref_position(self, joints: Joints = None) -> Floats:
         """The last accepted direct position, rad, shape (k,)."""
-        return await self._last("direct_positions", joints)
+        return (await self.get_references(joints)).direct_positions
 
     @operation
     async def get_target_velocity(self, joints: Joints = None) -> Floats:
         """The last accepted velocity of VELOCITY and MIXED, rad/s, shape (k,)."""
-        return await self._last("velocities", joints)
+        return (await self.get_references(joints)).velocities
 
     @operation
     async def get_direct_velocity(self, joints: Joints = None) -> Floats:
         """The last accepted velocity of VELOCITY_DIRECT, rad/s, shape (k,)."""
-        return await self._last("direct_velocities", joints)
+        return (await self.get_references(joints)).direct_velocities
 
     @operation
     async def get_ref_velocity(self, joints: Joints = None) -> Floats:
         """The last accepted velocity, rad/s, shape (k,): in VELOCITY_DIRECT that of this mode."""
-        response = await self._services.read(GET_REFERENCES, joints)
-        velocities = np.array(response.velocities, dtype=np.float64)
-        direct = np.array(response.direct_velocities, dtype=np.float64)
-        if (velocities == direct).all():
-            return velocities
-        modes = (await self._services.read(GET_CONTROL_MODE, joints)).vocabs
-        return np.where(np.isin(modes, list(DIRECT_VELOCITY)), direct, velocities)
+        return (await self.get_references(joints)).ref_velocities
 
     @operation
     async def get_ref_torque(self, joints: Joints = None) -> Floats:
         """The last accepted torque, N·m, shape (k,)."""
-        return await self._last("torques", joints)
+        return (await self.get_references(joints)).torques
 
     @operation
     async def get_ref_current(self, joints: Joints = None) -> Floats:
         """The last accepted motor current, A, shape (k,)."""
-        return await self._last("currents", joints)
+        return (await self.get_references(joints)).currents
 
     @operation
     async def get_output(self, joints: Joints = None) -> Floats:
         """The last accepted output, PWM percent, shape (k,)."""
-        return await self._last("outputs", joints)
+        return (await self.get_references(joints)).outputs
 
     @operation
     async def get_ref_speed(self, joints: Joints = None) -> Floats:
         """Mean speeds of position moves, rad/s, shape (k,)."""
-        return await self._last("speeds", joints)
+        return (await self.get_references(joints)).speeds
 
     @operation
     async def get_ref_acceleration(self, joints: Joints = None) -> Floats:
         """Accelerations of velocity references, rad/s², shape (k,)."""
-        return await self._last("accelerations", joints)
+        return (await self.get_references(joints)).accelerations
 
     @operation
     async def set_traj_speed(self, joints: Joints, speeds: Values) -> Reply:
@@ -257,63 +336,68 @@ class References(Interface):
         """YARP 4's name of ``get_ref_acceleration``."""
         return await self.get_ref_acceleration(joints)
 
-    async def _last(self, field: str, joints: Joints) -> Floats:
-        response = await self._services.read(GET_REFERENCES, joints)
-        return np.array(getattr(response, field), dtype=np.float64)
-
     async def _send(
-        self, topic: Endpoint, joints: Joints, answered: bool, **fields: Values | None
+        self,
+        topic: Endpoint,
+        joints: Joints,
+        answered: bool,
+        together: bool,
+        **fields: Values | None,
     ) -> Reply:
-        """Send by service (``answered``) or topic; the first field holds the references."""
+        """Send by service (``answered``, ``together``) or topic; the first field: references.
+
+        An invalid request is sent as well, for the board to answer or count it (P13).
+        """
         kind = topic.reference
         what = "feedforward" if kind is None else f"{kind} reference"
         words = {} if kind is None else {next(iter(fields)): f"{what}s"}
+        wrong: RequestError | None = None
+        by_service = answered or together
         try:
-            selection = await self._services.select(joints)
-            values = {
-                name: spread(array, len(selection.names), words.get(name, name)).tolist()
-                for name, array in fields.items()
-                if array is not None
-            }
-        except RequestError as error:  # sent, for the board to count (P13)
-            await self._publish(topic, await self._named(joints), as_given(fields))
-            return refused(f"{what} ignored: {error}")
-        if not answered:
-            await self._publish(topic, selection.names, values)
-            return sent(selection.names)
-        references, along = (values.get(name, []) for name in [*fields, ""][:2])
-        response = await self._link.call(
-            SEND_REFERENCE,
-            names=list(selection.names),
-            kind=topic.short.rpartition("/")[2],
-            values=references,
-            along=along,
-        )
-        self._services.states.changed()
-        return reply_of(response, selection.names)
-
-    async def _publish(
-        self, topic: Endpoint, names: Sequence[str], fields: dict[str, list[float]]
-    ) -> None:
-        await self._link.publish(topic, names=list(names), **fields)
-        self._services.states.changed()
-
-    async def _named(self, joints: Joints) -> list[str]:
-        """Names of joints, which may be unknown."""
-        if joints is None:
-            return []
-        given = [joints] if isinstance(joints, str | int) else joints
-        names = (await self._services.find()).names
-        return [names[j] if isinstance(j, int) and 0 <= j < len(names) else str(j) for j in given]
-
-
-def as_given(fields: Mapping[str, Values | None]) -> dict[str, list[float]]:
-    """The sendable form of invalid values, for the board to count (P13)."""
-    sent = {}
-    for name, given in fields.items():
-        if given is not None:
+            names = (await self._services.select(joints)).names
+        except RequestError as error:
+            wrong, names = error, await self._named(joints)
+        values: dict[str, list[float]] = {}
+        for name, given in fields.items():
+            if given is None:
+                continue
             try:
-                sent[name] = np.atleast_1d(np.asarray(given, dtype=np.float64)).ravel().tolist()
-            except (TypeError, ValueError):
-                sent[name] = []
-    return sent
+                values[name] = spread(given, len(names), words.get(name, name)).tolist()
+            except RequestError as error:
+                wrong = wrong or error
+                if not (numbers := flat(given)):  # no list of numbers: not for the board to answer
+                    numbers, by_service = [math.nan], False
+                values[name] = numbers
+        if by_service:
+            references, along = (values.get(name, []) for name in [*fields, ""][:2])
+            reply, _ = await self._services.ask(
+                SEND_REFERENCE,
+                names,
+                kind=topic.short.rpartition("/")[2],
+                values=references,
+                along=along,
+                together=together,
+            )
+            return reply
+        await self._link.publish(topic, names=list(names), **values)
+        self._services.states.changed()
+        return sent(names) if wrong is None else refused(f"{what} ignored: {wrong}")
+
+    async def _named(self, joints: Any) -> tuple[str, ...]:
+        """Names of joints of which some are unknown."""
+        many = isinstance(joints, Iterable) and not isinstance(joints, str)
+        names = (await self._services.find()).names
+        return tuple(
+            names[j] if isinstance(j, int) and 0 <= j < len(names) else str(j)
+            for j in (joints if many else [joints])
+        )
+
+
+def flat(given: Values) -> list[float]:
+    """Values of any length as a list; empty where they are no list of numbers."""
+    try:
+        array = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError, OverflowError):
+        return []
+    numbers: list[float] = array.tolist() if array.ndim == 1 else []
+    return numbers

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from enum import StrEnum
 from typing import Any, TypeVar
+
+import numpy as np
 
 from control_board_ros.core.selection import RequestError, Selection, Selector, spread
 from control_board_ros.core.terms.reply import Answer, Reason, Reply, refused
 from control_board_ros.interface import MODES, Endpoint
-from control_board_ros.protocols import Joints, Values
+from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import NAME, clean
 
 from .checking import check_asked
@@ -111,9 +113,25 @@ class Services:
         for field, given in (values or {}).items():
             if given is not None:
                 fields[field] = spread(given, len(names), field, one_for_all=True).tolist()
+        reply, _ = await self.ask(service, names, **fields)
+        return reply
+
+    async def ask(
+        self, service: Endpoint, names: Sequence[str], **fields: Any
+    ) -> tuple[Reply, Any]:
+        """The reply of a service with an answer per joint, and its response.
+
+        Args:
+            service: that changes joints.
+            names: of the request, as sent; empty: the joints are those of the response.
+            fields: other fields of the request.
+
+        Raises:
+            BoardError: the response is invalid.
+        """
         response = await self.link.call(service, names=list(names), **fields)
         self.states.changed()
-        return reply_of(response, names)
+        return reply_of(response, tuple(names) or tuple(response.names)), response
 
     async def trigger(self, service: Endpoint, **fields: Any) -> Reply:
         """The reply of a service of the whole board."""
@@ -121,6 +139,11 @@ class Services:
         response = await self.link.call(service, **fields)
         self.states.changed()
         return whole(response.success, response.message, names)
+
+
+def arrays(response: Any, kind: type) -> dict[str, Floats]:
+    """The fields of a response that a dataclass has, as arrays."""
+    return {field.name: np.array(getattr(response, field.name), float) for field in fields(kind)}
 
 
 def reply_of(response: Any, asked: tuple[str, ...]) -> Reply:

@@ -32,7 +32,7 @@ from control_board_ros.text import clean, clean_names
 from .errors import BoardError
 from .freeze_frame import FreezeFrame, fault_record
 from .operations import Interface, operation, request
-from .services import reply_of, whole
+from .services import whole
 
 MOST_STEPS = 2**32 - 1  # of one request: a uint32 on the wire
 
@@ -96,9 +96,7 @@ class WholeBoard(Interface):
             ``waits`` the time until a cause can clear, s.
         """
         names = () if joints is None else (await self._services.select(joints)).names
-        response = await self._link.call(RECOVER, names=list(names), partial=partial)
-        self._services.states.changed()
-        reply = reply_of(response, names or tuple(response.names))
+        reply, response = await self._services.ask(RECOVER, names, partial=partial)
         modes = tuple(parse_control_mode(code) for code in response.modes)
         return replace(reply, modes=modes, waits=tuple(response.wait))
 

@@ -28,7 +28,7 @@ from control_board_ros.interface import (
     STATE,
     Endpoint,
 )
-from control_board_ros.joint_limits import FIELDS, JointLimits, limit_parameters, limits_of
+from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.text import clean, clean_name, clean_names
 
 from . import robot
@@ -247,8 +247,8 @@ class Board:
     async def _limits(self, names: list[str]) -> dict[str, list[float | None]]:
         """The limits in force, by kind; those of the URDF if the board does not answer."""
         try:
-            values = await self.client.aio.get_parameters(limit_parameters(names))
-            known = limits_of(names, values.values())
+            limits = await self.client.aio.get_joint_limits(names)
+            known = dict(zip(names, limits, strict=True))
         except (BoardError, RequestError):
             known = {}
         stops = {n: JointLimits(one.lower, one.upper) for n, one in self.robot.joints.items()}

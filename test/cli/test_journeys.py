@@ -58,3 +58,27 @@ def test_a_mode_is_one_round_trip(board: BoardProcess, ask: Asker, asked: list[s
             "set_control_mode",
             "get_brake",
         ]
+
+
+@pytest.mark.parametrize(
+    ("line", "requests"),
+    [
+        (["references"], ["get_references"]),
+        (["impedance"], ["get_impedance"]),
+        (["brake"], ["get_brake"]),
+    ],
+)
+def test_one_request_reads_all_of_a_response(
+    process: BoardProcess, ask: Asker, asked: list[str], line: list[str], requests: list[str]
+) -> None:
+    """Fields of one response are not asked for one by one."""
+    with Session(Options()) as session:
+        assert (
+            invoke(session, ["modes", "--timeout", str(GUARD), "--domain", str(process.domain)])
+            == 0
+        )
+        session.shared = True
+        assert invoke(session, line) == 0
+        asked.clear()
+        assert invoke(session, line) == 0
+        assert asked == requests

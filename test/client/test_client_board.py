@@ -212,6 +212,83 @@ def test_bad_values_are_ignored_and_counted(
     assert client.check_motion_done(0) == [True]
 
 
+@pytest.mark.parametrize(
+    ("joints", "values", "text"),
+    [
+        ([0, 1], [0.1, 0.2, 0.3], "3 position direct references for 2 joints"),
+        ([0, 1], [], "0 position direct references for 2 joints"),
+        ([1, 1], 0.1, "'lbr_iiwa_joint_2' named twice"),
+        ([1, "elbow"], 0.1, "'elbow' unknown"),
+        ([1, 99], 0.1, "unknown"),
+        (1.5, 0.1, "'1.5' unknown"),
+        (0, 10**400, "must be numbers"),
+    ],
+)
+@pytest.mark.parametrize("answered", [True, False])
+def test_wrong_requests_are_answered_by_the_board_and_counted_once(
+    client: ControlBoardClient, joints: Any, values: Any, text: str, answered: bool
+) -> None:
+    """P13, M7: the board words its refusal where it is asked; published ones count likewise."""
+    before = client.get_state().rejected_commands
+    reply = client.set_position(joints, values, answered=answered)
+    assert not reply
+    if answered or text != "unknown":  # of an index, which the board does not know
+        assert text in reply.message
+    known = joints in ([0, 1], 0)
+    by_board = answered and text != "must be numbers" and values != []
+    assert reply.joints == ((NAMES[:2]) if known and by_board else ())
+    counted = (client.get_state().rejected_commands - before).tolist()
+    assert counted == [int(known), int(joints not in (0, 1.5)), *[0] * 5]
+
+
+def test_all_accept_or_none_does(client: ControlBoardClient) -> None:
+    """M7: with ``together`` a joint that cannot keeps the others at rest; each says why."""
+    assert client.set_control_mode(1, "idl")
+    for send in (client.position_move, client.relative_move):
+        reply = send([0, 1], 0.1, 0.2, together=True)
+        assert reply.codes == ("together", "other_mode")
+        assert client.check_motion_done(0) == [True]
+        assert send([0, 1], 0.1, 0.2).codes == ("", "other_mode")
+        assert client.stop(0)
+    for mode, send, get in (
+        ("posd", client.set_position, client.get_ref_position),
+        ("vel", client.velocity_move, client.get_target_velocity),
+        ("torq", client.set_ref_torque, client.get_ref_torque),
+        ("open", client.set_output, client.get_output),
+    ):
+        assert client.set_control_mode([0, 2], mode)
+        before = get(0).tolist()
+        assert send([0, 1], 0.01, together=True).codes == ("together", "other_mode")
+        assert get(0).tolist() == before
+        assert send([0, 2], 0.01, together=True).values == (0.01, 0.01)
+    for send in (client.set_ref_velocity, client.set_ref_current):
+        assert send([0, 1], 0.01, together=True).codes == ("unsupported", "unsupported")
+    reply = client.set_feedforward([0, 1], torques=[0.01, math.nan], together=True)
+    assert reply.codes == ("together", "not_finite")
+    assert client.set_feedforward([0, 1], 0.0, 0.0, together=True)
+
+
+@pytest.mark.parametrize(
+    ("joints", "positions", "speeds"),
+    [
+        (0, 0.1, "fast"),
+        (0, 0.1, []),
+        ([0, 1], 0.1, []),
+        ([0, 1], [[0.1], [0.1]], None),
+        ([0, 1], 0.1, [[0.2], [0.2]]),
+    ],
+)
+def test_what_is_refused_does_not_move(
+    client: ControlBoardClient, joints: Any, positions: Any, speeds: Any
+) -> None:
+    """P13: values that are no list of numbers refuse the move, they are not left out of it."""
+    before = client.get_state().rejected_commands
+    assert not client.position_move(joints, positions, speeds)
+    assert client.check_motion_done() == [True] * 7
+    counted = (client.get_state().rejected_commands - before).tolist()
+    assert counted == [1, int(joints != 0), *[0] * 5]
+
+
 def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
     """P2: a speed of a command outside what the joint's limit allows makes it ignored."""
     before = client.get_state().rejected_commands

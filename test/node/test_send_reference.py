@@ -222,6 +222,18 @@ def test_feedforward_terms(board: InProcess) -> None:
     assert send(board, "feedforward", [first], [0.0], along=[0.0]).success
 
 
+def test_the_velocity_of_the_present_mode(board: InProcess) -> None:
+    """M11, Y1: the direct one in VELOCITY_DIRECT, else that of VELOCITY, in one response."""
+    first, second = board.names[:2]
+    assert board.set_mode([first, second], "vel", "veld").success
+    assert send(board, "velocity", [first], [0.1]).success
+    assert send(board, "velocity_direct", [second], [0.2]).success
+    assert last(board, "ref_velocities", [second, first]) == [0.2, 0.1]
+    assert board.set_mode([first, second], "veld", "vel").success
+    read = board.call(GET_REFERENCES, names=[first, second])
+    assert list(read.ref_velocities) == [read.direct_velocities[0], read.velocities[1]]
+
+
 def test_kinds_that_are_none() -> None:
     """M4, Y1, Y2: no joint of the iiwa implements two; nothing faults by a reference."""
     board = InProcess(load("iiwa"))

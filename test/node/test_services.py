@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from control_board_ros.interface import (
     GET_DRIVES,
     GET_IMPEDANCE,
     GET_INTERACTION_MODE,
+    GET_LIMITS,
     GET_MOTORS,
     GET_PIDS,
     GET_REFERENCES,
@@ -34,6 +36,9 @@ from control_board_ros.interface import (
     SET_REFERENCE_SPEED,
     Endpoint,
 )
+from control_board_ros.joint_limits import FIELDS
+from control_board_ros.plants import DriveLimits
+from control_board_ros.plants.offers import bounded
 from control_board_ros.settings.loading import Settings, load
 
 
@@ -127,6 +132,21 @@ def test_available_modes_and_drives(board: InProcess) -> None:
     for field in ("set_points", "position", "impedance", "torque", "output"):
         assert list(getattr(drives, field)) == ["pwm"]
     assert list(drives.on_silence) == ["free"]
+
+
+def test_limits(board: InProcess) -> None:
+    """P9, P14, S4: those in force: of the board, or of drives that allow less."""
+    second, first = board.names[1], board.names[0]
+    read = board.call(GET_LIMITS, names=[second, first])
+    own = [board.settings.board.joints[j].limits for j in (1, 0)]
+    for field in FIELDS:
+        assert list(getattr(read, field)) == [getattr(limits, field) for limits in own]
+    narrow = (DriveLimits(upper=0.5, velocity=0.4), *[DriveLimits()] * 6)
+    board.rig.board.engine.narrow(partial(bounded, drives=narrow))
+    read = board.call(GET_LIMITS, names=[second, first])
+    assert list(read.upper) == [own[0].upper, 0.5]
+    assert list(read.velocity) == [own[0].velocity, 0.4]
+    assert list(read.acceleration) == [limits.acceleration for limits in own]
 
 
 def test_impedance(board: InProcess) -> None:

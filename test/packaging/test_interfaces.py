@@ -46,12 +46,14 @@ PROMISED = {
     "srv/GetImpedance": f"names | {OK} names stiffness damping torque_offset max_stiffness "
     "max_damping",
     "srv/GetInteractionMode": f"names | {OK} names modes vocabs",
+    "srv/GetLimits": f"names | {OK} names lower upper hard_lower hard_upper velocity acceleration "
+    "torque output peak_current",
     "srv/GetMotors": f"names | {OK} names gear_ratios positions velocities accelerations "
     "currents nominal_currents peak_currents max_currents outputs output_limits supply_voltages "
     "temperatures temperature_limits torque_limits torque_constants",
     "srv/GetPids": f"loop names | {OK} names references errors outputs offsets",
     "srv/GetReferences": f"names | {OK} names positions direct_positions velocities torques "
-    "outputs speeds accelerations direct_velocities currents",
+    "outputs speeds accelerations direct_velocities currents ref_velocities",
     "srv/InjectFault": f"names fault persistent | {OK}",
     "srv/ListPoses": f"name | {OK} poses names positions speed",
     "srv/Recover": f"names partial | {OK} names answers reasons codes wait modes",

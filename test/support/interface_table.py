@@ -47,6 +47,7 @@ SERVICES = {
     "~/set_interaction_mode": "control_board_msgs/srv/SetInteractionMode",
     "~/get_interaction_mode": "control_board_msgs/srv/GetInteractionMode",
     "~/get_available_modes": "control_board_msgs/srv/GetAvailableModes",
+    "~/get_limits": "control_board_msgs/srv/GetLimits",
     "~/get_drives": "control_board_msgs/srv/GetDrives",
     "~/send_reference": "control_board_msgs/srv/SendReference",
     "~/set_impedance": "control_board_msgs/srv/SetImpedance",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from control_board_ros.plants import Clock, Description, JointDescription, Readings
+from control_board_ros.plants import Clock, Description, DriveLimits, JointDescription, Readings
 
 SPEED = 1.0  # rad/s at 100 %
 HERE = str(Path(__file__).parent)
@@ -86,6 +86,11 @@ def make(names: Sequence[str], arguments: Mapping[str, str]) -> Levers:
     if unknown := set(arguments) - {"speed"}:
         raise ValueError(f"arguments {sorted(unknown)} are unknown")
     return Levers(*names)
+
+
+def make_narrow(names: Sequence[str], _: Mapping[str, str]) -> Levers:
+    """As ``make``, with drives that allow less than any board."""
+    return Levers(*names, limits=DriveLimits(upper=1.0, velocity=0.5, torque=3.0))
 
 
 class Logged(Levers):

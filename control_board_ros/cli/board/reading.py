@@ -101,42 +101,33 @@ def read_faults(session: Session, names: list[str]) -> Rows:
 
 
 def read_references(session: Session, names: list[str]) -> Rows:
-    client = session.client
-    read = {
-        "position": client.get_target_position,
-        "direct_position": client.get_ref_position,
-        "velocity": client.get_target_velocity,
-        "torque": client.get_ref_torque,
-        "output": client.get_output,
-        "direct_velocity": client.get_direct_velocity,
-        "current": client.get_ref_current,
-        "speed": client.get_ref_speed,
-        "acceleration": client.get_ref_acceleration,
-    }
-    return rows_of(names, {kind: get(names) for kind, get in read.items()})
-
-
-def read_impedance(session: Session, names: list[str]) -> Rows:
-    client = session.client
-    stiffness, damping = client.get_impedance(names)
-    max_stiffness, max_damping = client.get_max_impedance(names)
+    """The last accepted reference of each kind."""
+    last = session.client.get_references(names)
     columns = {
-        "stiffness": stiffness,
-        "damping": damping,
-        "max_stiffness": max_stiffness,
-        "max_damping": max_damping,
-        "torque_offset": client.get_torque_offset(names),
+        "position": last.positions,
+        "direct_position": last.direct_positions,
+        "velocity": last.velocities,
+        "torque": last.torques,
+        "output": last.outputs,
+        "direct_velocity": last.direct_velocities,
+        "current": last.currents,
+        "speed": last.speeds,
+        "acceleration": last.accelerations,
     }
     return rows_of(names, columns)
 
 
+def read_impedance(session: Session, names: list[str]) -> Rows:
+    """Impedance of each joint, and its limits."""
+    found = session.client.get_impedance_settings(names)
+    columns = ("stiffness", "damping", "max_stiffness", "max_damping", "torque_offset")
+    return rows_of(names, {field: getattr(found, field) for field in columns})
+
+
 def read_brakes(session: Session, names: list[str]) -> Rows:
     """Brake mode of each joint (empty: no brake), and whether the brake is closed."""
-    modes, closed = session.client.get_brake(names), session.client.is_joint_braked(names)
-    return {
-        name: {"mode": str(mode or ""), "closed": shut}
-        for name, mode, shut in zip(names, modes, closed, strict=True)
-    }
+    brakes = zip(names, session.client.get_brakes(names), strict=True)
+    return {name: {"mode": str(one.mode or ""), "closed": one.closed} for name, one in brakes}
 
 
 def read_joints(session: Session) -> Rows:

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ...core.terms.joint_kind import JointKind
-from ...joint_limits import JointLimits, limit_parameters, limits_of
+from ...joint_limits import JointLimits
 from ...startup import announce_often, leave_out_the_generator
 from ...urdf_xml import DescribedJoint, published_joints
 from ..line.offers import Typed
@@ -225,15 +225,15 @@ class Session:
         return values
 
     def limits(self, names: Sequence[str]) -> dict[str, JointLimits | None]:
-        """The limits in force, from the board's parameters; None where it does not report them."""
+        """The limits in force; None where the board does not report them."""
         from control_board_ros.client import BoardError
         from control_board_ros.core.selection import RequestError
 
         try:
-            values = self.client.get_parameters(limit_parameters(names)).values()
+            found = self.client.get_joint_limits(names)
         except (BoardError, RequestError):
             return dict.fromkeys(names)
-        return limits_of(names, values)
+        return dict(zip(names, found, strict=True))
 
     def kind(self, name: str) -> JointKind:
         """The kind of a joint; REVOLUTE where the board's URDF has none."""

@@ -39,12 +39,8 @@ def what_they_do(session: Session, names: list[str]) -> str:
     client = session.client
     modes = client.get_control_mode(names)
     positions = client.get_encoder(names).tolist()
-    references = zip(
-        client.get_ref_torque(names),
-        client.get_output(names),
-        client.get_ref_current(names),
-        strict=True,
-    )
+    last = client.get_references(names)
+    references = zip(last.torques, last.outputs, last.currents, strict=True)
     doing = [
         DOING.get(mode.code, "is").format(
             torque=torque, output=output, current=current, unit=session.kind(name).force_unit

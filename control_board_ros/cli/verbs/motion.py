@@ -21,9 +21,6 @@ from ..line.jogging import Jog, keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
 from ..text.output import complain, conclude, console
 
-#: Tolerance of an arrival, rad and m.
-NEAR, NEAR_SLIDING = 0.01, 1e-3
-
 
 @with_arguments(
     VALUES,
@@ -74,7 +71,10 @@ def arrived(
 
 
 def near(session: Session, name: str) -> float:
-    return session.kind(name).choose(NEAR, NEAR_SLIDING)
+    """The board's tolerance of an arrival, rad or m."""
+    from control_board_ros.core.goals.tasks import tolerance  # with numpy
+
+    return tolerance(session.kind(name))
 
 
 @with_arguments(VALUES)

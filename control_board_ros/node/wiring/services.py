@@ -22,6 +22,7 @@ from ...core.terms.measurement import Simulation
 from ...core.terms.motors import TERMS
 from ...core.terms.reply import Reply
 from ...core.terms.vocabs import ControlMode, encode
+from ...joint_limits import FIELDS
 from ..loop.loop import Member
 from .messages import (
     answered,
@@ -111,6 +112,14 @@ class Services:
         response.interaction_modes = [",".join(codes(interaction)) for _, interaction in values]
         return succeeded(response)
 
+    def get_limits(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            limits = [joint.limits for joint in board.get_config(joints)]
+        for field in FIELDS:
+            setattr(response, field, doubles([getattr(one, field) for one in limits]))
+        return succeeded(response)
+
     def get_drives(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
@@ -174,6 +183,7 @@ class Services:
             response.accelerations = doubles(board.get_ref_acceleration(joints))
             response.direct_velocities = doubles(board.get_direct_velocity(joints))
             response.currents = doubles(board.get_ref_current(joints))
+            response.ref_velocities = doubles(board.get_ref_velocity(joints))
         return succeeded(response)
 
     def stop(self, request: Any, response: Any) -> Any:
