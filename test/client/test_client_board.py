@@ -236,7 +236,7 @@ def test_wrong_requests_are_answered_by_the_board_and_counted_once(
         assert text in reply.message
     known = joints in ([0, 1], 0)
     by_board = answered and text != "must be numbers" and values != []
-    assert reply.joints == ((NAMES[:2]) if known and by_board else ())
+    assert reply.joints == ((JOINTS[:2]) if known and by_board else ())
     counted = (client.get_state().rejected_commands - before).tolist()
     assert counted == [int(known), int(joints not in (0, 1.5)), *[0] * 5]
 

@@ -314,14 +314,31 @@ def digest_of(files: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-def code_of(module: Path) -> str:
-    """A short digest of what a module does: of its code without comments and docstrings."""
-    tree = ast.parse(module.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
+class WithoutTexts(ast.NodeTransformer):
+    """Leaves out docstrings and texts for people, which mutants leave alone, too."""
+
+    def visit(self, node: ast.AST) -> Any:
+        """Leave out a docstring, too."""
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
             node
         ):
             node.body[0] = ast.Pass()
+        return super().visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        """A word may be a key; several are a text."""
+        text = isinstance(node.value, str) and " " in node.value.strip()
+        return ast.Constant("") if text else node
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.JoinedStr:
+        """What a text is made of stays."""
+        values = [self.visit(one) for one in node.values if isinstance(one, ast.FormattedValue)]
+        return ast.JoinedStr(values)
+
+
+def code_of(module: Path) -> str:
+    """A short digest of what a module does: of its code without comments and texts."""
+    tree = WithoutTexts().visit(ast.parse(module.read_text(encoding="utf-8")))
     return hashlib.sha256(ast.unparse(tree).encode()).hexdigest()[:16]
 
 
