@@ -306,7 +306,7 @@ SET_REFERENCE_SPEED = service(
     "~/set_reference_speed",
     "SetReferenceSpeed",
     "Set the speeds of position moves and the accelerations of velocity ramps, for commands "
-    "without them.",
+    "that give none.",
 )
 GET_REFERENCES = service(
     "~/get_references", "GetReferences", "Read the last accepted reference of every kind."

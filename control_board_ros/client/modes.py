@@ -194,6 +194,7 @@ class ModeRequests(Interface):
 
     @operation
     async def set_position_direct_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION_DIRECT; not deprecated (D1)."""
         return await self.set_control_mode(joints, ControlMode.POSITION_DIRECT)
 
     @operation

@@ -25,6 +25,7 @@ class ModeShortcuts:
     get_control_mode: Any
 
     def set_position_direct_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION_DIRECT; not deprecated (D1)."""
         reply: Reply = self.set_control_mode(joints, ControlMode.POSITION_DIRECT)
         return reply
 

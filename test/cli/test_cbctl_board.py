@@ -527,9 +527,9 @@ def test_other_boards(cbctl: Any, ask: Any) -> None:
     assert cbctl("modes", "--namespace", "left", "--timeout", "0.1").code == 1
 
 
-def test_domains(alone: Any, process: Any, ask: Any) -> None:
+def test_domains(alone: Any, board: Any, ask: Any) -> None:
     """--domain comes before ROS_DOMAIN_ID."""
-    done = alone("modes", "0", "--json", "--domain", str(process.domain))
+    done = alone("modes", "0", "--json", "--domain", str(board.domain))
     assert done.code == 0, done.err + done.out
     assert list(done.json) == [FIRST]
 

@@ -69,13 +69,12 @@ def test_a_mode_is_one_round_trip(board: BoardProcess, ask: Asker, asked: list[s
     ],
 )
 def test_one_request_reads_all_of_a_response(
-    process: BoardProcess, ask: Asker, asked: list[str], line: list[str], requests: list[str]
+    board: BoardProcess, ask: Asker, asked: list[str], line: list[str], requests: list[str]
 ) -> None:
     """Fields of one response are not asked for one by one."""
     with Session(Options()) as session:
         assert (
-            invoke(session, ["modes", "--timeout", str(GUARD), "--domain", str(process.domain)])
-            == 0
+            invoke(session, ["modes", "--timeout", str(GUARD), "--domain", str(board.domain)]) == 0
         )
         session.shared = True
         assert invoke(session, line) == 0

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 from cbctl_process import Asker, Cbctl
-from levers import IIWA, path_with
+from iiwa import JOINTS
+from levers import path_with
 from talk import patient, until
 
 from control_board_ros.client import ControlBoardClient
@@ -43,7 +44,7 @@ def test_the_smaller_limits_are_shown(client: ControlBoardClient) -> None:
     first, *_ = client.get_joint_limits()
     assert (first.upper, first.velocity, first.torque) == (1.0, 0.5, 3.0)
     assert client.get_current_range(0)[1].tolist() == [first.peak_current]
-    name = f"{IIWA[0]}.limits.upper"
+    name = f"{JOINTS[0]}.limits.upper"
     before = client.get_parameters([name])
     assert before[name] > 2.0
     for asked, acts in ((2.0, 1.0), (0.5, 0.5), (before[name], 1.0)):
@@ -56,7 +57,7 @@ def test_cbctl_shows_and_checks_them(process: BoardProcess, client: ControlBoard
     """S4: in ``info``, and before a move."""
     cbctl = Cbctl(process.environment)
     ask = Asker(cbctl)
-    row = ask("info")["joints"][IIWA[0]]
+    row = ask("info")["joints"][JOINTS[0]]
     assert (row["upper"], row["velocity"], row["torque"]) == (1.0, 0.5, 3.0)
     assert row["hard_upper"] > 2.0
     refused = ask("move", "0=1.5")["message"]

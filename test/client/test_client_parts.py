@@ -22,7 +22,7 @@ from control_board_ros.client.operations import (
     operation,
     run,
 )
-from control_board_ros.client.references import as_given
+from control_board_ros.client.references import flat
 from control_board_ros.client.services import Services
 from control_board_ros.client.state import CalibrationView, StateView
 from control_board_ros.client.waiting import Wait
@@ -222,9 +222,10 @@ def test_modes_of_a_request() -> None:
 
 def test_malformed_values_are_sent_as_far_as_they_go() -> None:
     """P13: so that the board counts them."""
-    assert as_given({"positions": [1, 2], "speeds": None}) == {"positions": [1.0, 2.0]}
-    assert as_given({"positions": "x"}) == {"positions": []}
-    assert as_given({"positions": 3}) == {"positions": [3.0]}
+    assert flat([1, 2]) == [1.0, 2.0]
+    assert flat(3) == [3.0]
+    assert flat("x") == []
+    assert flat([[1.0]]) == []
 
 
 def test_a_condition_that_fails_ends_its_wait_only() -> None:

@@ -64,7 +64,7 @@ def test_a_module_that_cannot_be_imported_is_one_line(
 ) -> None:
     offer(tmp_path, "no_such_module_of_levers:make")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(PlantSettingsError, match=r"cannot be imported .*look at no_such_module"):
+    with pytest.raises(PlantSettingsError, match=r"cannot be imported .*check no_such_module"):
         find("levers")
 
 
