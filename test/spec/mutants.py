@@ -10,7 +10,8 @@ by a run of all of them, later of those whose file has changed. A test that hang
 CPU time, so a busy machine changes no result.
 
 Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
-run that was interrupted goes on from there. When one of these tests changes, or with "--again",
+run that was interrupted goes on from there. What is known of whole modules is in known.txt, in the
+repository, written anew at the end of a run. When one of these tests changes, or with "--again",
 those that survived are tried again; when the code of a module changes, all of that module; with
 "--anew", all.
 
@@ -52,6 +53,7 @@ from mutations import Mutant, mutants, rows  # noqa: E402
 from reach import interval, module_name  # noqa: E402
 
 SURVIVORS = HERE / "survivors.txt"
+KNOWN = HERE / "known.txt"
 RECORD = ROOT / "build" / "mutants.txt"
 REACH = ROOT / "build" / "mutants_reach.json"
 LEAST = 0.95
@@ -96,11 +98,21 @@ class Record:
     """The results so far, each with the code of its module, in a file that a stopped run leaves.
 
     Those of a module whose code has changed are forgotten; where tests have, the mutants that
-    survived. What tests reach is recorded anew when any file of the package has changed.
+    survived. What tests reach is recorded anew when any file of the package has changed. Of a
+    module that is not in the file, those of ``KNOWN`` count.
+
+    Args:
+        path: the file.
+        made: all mutants.
+        anew: whether to forget everything.
+        again: whether to forget the mutants that survived.
     """
 
-    def __init__(self, path: Path, *, anew: bool, again: bool) -> None:
+    def __init__(self, path: Path, made: list[Mutant], *, anew: bool, again: bool) -> None:
         self.path, self.fates = path, dict[str, str]()
+        self._made: dict[str, list[str]] = {}
+        for mutant in made:
+            self._made.setdefault(mutant.module, []).append(str(mutant))
         self._codes = {
             module_name(PACKAGE / "core", module): code_of(module)
             for module in (PACKAGE / "core").rglob("*.py")
@@ -108,9 +120,12 @@ class Record:
         tests = [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
         tests += [ROOT / PAGES, *(ROOT / "docs").glob("*.py")]
         heads = [f"# {digest_of(files)}" for files in (PACKAGE.rglob("*.py"), tests)]
+        self._tests = heads[1]
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() and not anew else []
         if lines[:1] != heads[:1]:
             REACH.unlink(missing_ok=True)
+        if KNOWN.exists() and not anew:
+            self._remember(KNOWN.read_text(encoding="utf-8").splitlines(), again=again)
         retry = lines[1:2] != heads[1:] or again
         for fate, code, name in (line.split(" ", 2) for line in lines[2:]):
             module = name.partition(":")[0]
@@ -120,6 +135,21 @@ class Record:
         kept = [self._line(name, fate) for name, fate in self.fates.items()]
         path.write_text("\n".join([*heads, *kept, ""]), encoding="utf-8")
 
+    def _remember(self, lines: list[str], *, again: bool) -> None:
+        """The results of modules, as :meth:`keep` writes them."""
+        retry = lines[1:2] != [self._tests] or again
+        for line in lines[2:]:
+            if line.startswith(" "):
+                survivor = line.strip()
+                if retry:
+                    self.fates.pop(survivor, None)
+                elif survivor in self.fates:
+                    self.fates[survivor] = "passed"
+            else:
+                module, code = line.split()
+                if self._codes.get(module) == code:
+                    self.fates |= dict.fromkeys(self._made.get(module, []), "failed")
+
     def _line(self, name: str, fate: str) -> str:
         return f"{fate} {self._codes[name.partition(':')[0]]} {name}"
 
@@ -128,6 +158,18 @@ class Record:
         self.fates[str(mutant)] = fate
         with self.path.open("a", encoding="utf-8") as file:
             file.write(self._line(str(mutant), fate) + "\n")
+
+    def keep(self) -> None:
+        """Write ``KNOWN``: modules all of whose mutants were tried, and those that survived."""
+        lines = [
+            "# Written by make mutants: modules, digests of their code, what survived.",
+            self._tests,
+        ]
+        for module, names in self._made.items():
+            if all(name in self.fates for name in names):
+                lines.append(f"{module} {self._codes[module]}")
+                lines += [f"  {name}" for name in names if self.fates[name] == "passed"]
+        KNOWN.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 def chosen(made: list[Mutant], wanted: Any) -> list[Mutant]:
@@ -154,9 +196,14 @@ def arguments(words: list[str]) -> Any:
     return parser.parse_args(words)
 
 
-def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list[Mutant]:
-    """Try mutants and report each; those that survive. Listed ones run only with --all."""
-    record = Record(RECORD, anew=wanted.anew, again=wanted.again)
+def attempt_all(
+    tried: list[Mutant], made: list[Mutant], known: dict[str, str], wanted: Any
+) -> list[Mutant]:
+    """Try mutants, of all that were made, and report each; those that survive.
+
+    Listed ones run only with --all.
+    """
+    record = Record(RECORD, made, anew=wanted.anew, again=wanted.again)
     skipped = set() if wanted.all else set(known)
     left = [one for one in tried if str(one) not in {*record.fates, *skipped}]
     if len(left) < len(tried):
@@ -168,6 +215,8 @@ def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list
             result = "listed" if fate == "passed" and str(mutant) in known else result
             print(f"{result:<15}{mutant}", flush=True)
             record.add(mutant, fate)
+    if wanted.all and not wanted.only:
+        record.keep()
     return [one for one in tried if record.fates.get(str(one), "passed") == "passed"]
 
 
@@ -230,7 +279,7 @@ def main(words: list[str]) -> int:
 
     for name in [name for name in sys.modules if name.split(".")[0] == PACKAGE.name]:
         del sys.modules[name]
-    alive = attempt_all(tried, known, wanted)
+    alive = attempt_all(tried, made, known, wanted)
     killed = len(tried) - len(alive)
     rate = 100.0 * killed / len(tried) if tried else 100.0
     took = time.monotonic() - begin

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from mutations import mutants
 from reach import Reach, Recorder, interval, merged
 
 MODULE = """
@@ -141,3 +144,31 @@ def test_new_records_replace_old_ones() -> None:
     assert found["lines"] == {"laws": {"5": [0, 2], "7": [1], "9": [3]}, "state": {}}
     assert found["imported"] == {"laws": [1, 2, 3], "state": [1]}
     assert found["often"] == {"laws": {"4 7": [1, 3]}}
+
+
+def test_results_in_the_repository_count_while_code_and_tests_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed mutants while the code of their module stays; survivors while the tests do, too."""
+    where = importlib.util.spec_from_file_location("tool", Path(__file__).with_name("mutants.py"))
+    assert where is not None
+    assert where.loader is not None
+    tool: Any = importlib.util.module_from_spec(where)
+    where.loader.exec_module(tool)
+    monkeypatch.setattr(tool, "KNOWN", tmp_path / "known.txt")
+    monkeypatch.setattr(tool, "REACH", tmp_path / "reach.json")
+    made = mutants("state", (tool.PACKAGE / "core" / "state.py").read_text(encoding="utf-8"))
+
+    def record(name: str, *, again: bool = False) -> Any:
+        return tool.Record(tmp_path / name, made, anew=False, again=again)
+
+    first = record("first.txt")
+    assert first.fates == {}
+    for k, mutant in enumerate(made):
+        first.add(mutant, "failed" if k else "passed")
+    first.keep()
+    survivor, *killed = map(str, made)
+    assert record("second.txt").fates == {survivor: "passed"} | dict.fromkeys(killed, "failed")
+    assert record("third.txt", again=True).fates == dict.fromkeys(killed, "failed")
+    monkeypatch.setattr(tool, "code_of", lambda _: "other")
+    assert record("fourth.txt").fates == {}
