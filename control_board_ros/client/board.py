@@ -65,6 +65,9 @@ class ControlBoardClient(Blocking, Interfaces):
 
     Attributes:
         aio: the awaitable forms: ``await client.aio.move(…)``.
+
+    Raises:
+        TypeError: ``node`` is no rclpy node.
     """
 
     def __init__(
@@ -75,6 +78,8 @@ class ControlBoardClient(Blocking, Interfaces):
         find_timeout: float = 5.0,
         answer_timeout: float = 2.0,
     ) -> None:
+        if not hasattr(node, "resolve_topic_name"):
+            raise TypeError(f"node must be an rclpy node, not {node!r}; connect() makes its own")
         with gone_as_board_error():
             services = Services(Link(node, board, find_timeout, answer_timeout))
         inside = Interfaces(services)

@@ -12,6 +12,7 @@ from typing import Any, cast
 import pytest
 from control_board_msgs.msg import BoardState
 
+from control_board_ros.client.board import ControlBoardClient
 from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
 from control_board_ros.client.link import Link
 from control_board_ros.client.modes import mode_texts
@@ -266,3 +267,8 @@ def test_one_kind_of_error() -> None:
     """Users catch BoardError."""
     assert issubclass(BoardNotFound, BoardError)
     assert issubclass(BoardTimeout, BoardError)
+
+
+def test_a_client_needs_a_node() -> None:
+    with pytest.raises(TypeError, match=r"an rclpy node, not 'control_board'; connect\(\) makes"):
+        ControlBoardClient("control_board")
