@@ -10,8 +10,8 @@ by a run of all of them, later of those whose file has changed. A test that hang
 CPU time, so a busy machine changes no result.
 
 Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
-run that was interrupted goes on from there. What is known of whole modules is in known.txt, in the
-repository, written anew at the end of a run. When one of these tests changes, or with "--again",
+run that was interrupted goes on from there. At the end of a run all that is known is written into
+known.txt, for the repository. When one of these tests changes, or with "--again",
 those that survived are tried again; when the code of a module changes, all of that module; with
 "--anew", all.
 
@@ -54,6 +54,9 @@ from reach import interval, module_name  # noqa: E402
 
 SURVIVORS = HERE / "survivors.txt"
 KNOWN = HERE / "known.txt"
+#: Letters of results there.
+SURVIVED = "s"
+FATES = {"k": "failed", "e": "endless", SURVIVED: "passed"}
 RECORD = ROOT / "build" / "mutants.txt"
 REACH = ROOT / "build" / "mutants_reach.json"
 LEAST = 0.95
@@ -98,8 +101,8 @@ class Record:
     """The results so far, each with the code of its module, in a file that a stopped run leaves.
 
     Those of a module whose code has changed are forgotten; where tests have, the mutants that
-    survived. What tests reach is recorded anew when any file of the package has changed. Of a
-    module that is not in the file, those of ``KNOWN`` count.
+    survived. What tests reach is recorded anew when any file of the package has changed. Those of
+    ``KNOWN`` count, too.
 
     Args:
         path: the file.
@@ -136,19 +139,14 @@ class Record:
         path.write_text("\n".join([*heads, *kept, ""]), encoding="utf-8")
 
     def _remember(self, lines: list[str], *, again: bool) -> None:
-        """The results of modules, as :meth:`keep` writes them."""
+        """The results of modules whose code is the same, as :meth:`keep` writes them."""
         retry = lines[1:2] != [self._tests] or again
-        for line in lines[2:]:
-            if line.startswith(" "):
-                survivor = line.strip()
-                if retry:
-                    self.fates.pop(survivor, None)
-                elif survivor in self.fates:
-                    self.fates[survivor] = "passed"
-            else:
-                module, code = line.split()
-                if self._codes.get(module) == code:
-                    self.fates |= dict.fromkeys(self._made.get(module, []), "failed")
+        for module, code, letters in map(str.split, lines[2:]):
+            names = self._made.get(module, [])
+            if self._codes.get(module) == code and len(names) == len(letters):
+                for name, letter in zip(names, letters, strict=True):
+                    if letter in FATES and not (retry and letter == SURVIVED):
+                        self.fates[name] = FATES[letter]
 
     def _line(self, name: str, fate: str) -> str:
         return f"{fate} {self._codes[name.partition(':')[0]]} {name}"
@@ -160,15 +158,15 @@ class Record:
             file.write(self._line(str(mutant), fate) + "\n")
 
     def keep(self) -> None:
-        """Write ``KNOWN``: modules all of whose mutants were tried, and those that survived."""
+        """Write ``KNOWN``: each module, the digest of its code, a letter for each mutant."""
+        letters = {fate: letter for letter, fate in FATES.items()}
         lines = [
-            "# Written by make mutants: modules, digests of their code, what survived.",
-            self._tests,
+            f"# Written by make mutants: {', '.join(map(' '.join, FATES.items()))}, - untried."
         ]
+        lines.append(self._tests)
         for module, names in self._made.items():
-            if all(name in self.fates for name in names):
-                lines.append(f"{module} {self._codes[module]}")
-                lines += [f"  {name}" for name in names if self.fates[name] == "passed"]
+            fates = "".join(letters.get(self.fates.get(name, ""), "-") for name in names)
+            lines.append(f"{module} {self._codes[module]} {fates}")
         KNOWN.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
@@ -215,8 +213,7 @@ def attempt_all(
             result = "listed" if fate == "passed" and str(mutant) in known else result
             print(f"{result:<15}{mutant}", flush=True)
             record.add(mutant, fate)
-    if wanted.all and not wanted.only:
-        record.keep()
+    record.keep()
     return [one for one in tried if record.fates.get(str(one), "passed") == "passed"]
 
 
