@@ -48,7 +48,7 @@ class ImpedanceSettings:
     Attributes:
         stiffness: N·m/rad.
         damping: N·m·s/rad.
-        torque_offset: τ_ff of the impedance law, N·m: as set, or the load taken over.
+        torque_offset: τ_ff of the impedance law, N·m: as set, or the captured load.
         max_stiffness: the largest permitted, N·m/rad.
         max_damping: likewise, N·m·s/rad.
     """
