@@ -116,6 +116,27 @@ def test_positions(page: Any, client: ControlBoardClient) -> None:
     choose(page, client, "joint_3", "pos")
 
 
+def test_typing_goes_on_while_limits_arrive(page: Any, client: ControlBoardClient) -> None:
+    """Limits of the board that come late change the slider, not what is being typed."""
+    typed = page.get_by_label("Position reference of joint_1, typed; Enter sends")
+    slider = page.get_by_label("Position reference of joint_1", exact=True)
+    limits_arrive = """(less) => {
+      const [board] = panel.model.boards.values();
+      const info = structuredClone(board.info);
+      info.limits.upper[0] -= less;
+      panel.model.setInfo(board, info);
+    }"""
+    upper = float(slider.get_attribute("max"))
+    typed.fill("3.5 deg")
+    page.evaluate(limits_arrive, 0.1)
+    assert float(slider.get_attribute("max")) == pytest.approx(upper - 0.1)
+    assert typed.input_value() == "3.5 deg"
+    page.keyboard.press("Enter")
+    until(lambda: abs(target(client, "joint_1") - 3.5) < 0.01)
+    page.evaluate(limits_arrive, -0.1)
+    assert float(slider.get_attribute("max")) == pytest.approx(upper)
+
+
 def moves(client: ControlBoardClient, joint: int, signal: str, least: float) -> None:
     client.wait_for_state(lambda s: bool(abs(getattr(s, signal)[joint]) > least), GUARD)
 

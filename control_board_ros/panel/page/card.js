@@ -11,7 +11,7 @@ const VALUES = ["velocity", "torque", "position_reference", "output", "current",
 
 export class Card {
   constructor(joint, panel) {
-    Object.assign(this, { joint, panel, sliders: [], shownMode: null });
+    Object.assign(this, { joint, panel, sliders: [], shownMode: null, shownModes: null, scale: null });
     const { short, name } = joint;
     this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${short}` });
     chooseOnce(this.mode, (mode) => this.setMode(mode), () => this.joint.mode);
@@ -47,7 +47,7 @@ export class Card {
     if (!falls || await panel.questions.ask(`${joint.short} to ${MODES[mode] ?? mode}? ${falls}`, "Set")) {
       await panel.request("mode", { ...this.where, mode });
     }
-    this.shownMode = null;
+    this.shownModes = null;
     this.refresh();
   }
 
@@ -81,12 +81,12 @@ export class Card {
   refresh() {
     const { joint } = this;
     this.element.dataset.mode = joint.mode;
-    const key = `${joint.mode}|${joint.modes}|${joint.interactions}|${joint.interaction}|${joint.limits.lower}|${joint.limits.upper}|${joint.limits.velocity}|${unitOf("position", joint.sliding)[1]}|${joint.sliding}`;
-    if (key !== this.shownMode) {
-      this.shownMode = key;
-      this.drawModes();
-      this.drawSliders();
-    }
+    const modes = [joint.mode, joint.modes, joint.interactions, joint.interaction].join("|");
+    const scale = [joint.limits.lower, joint.limits.upper, joint.limits.velocity, joint.kind].join("|");
+    if (modes !== this.shownModes) this.drawModes();
+    if (joint.mode !== this.shownMode) this.drawSliders();
+    else if (scale !== this.scale) for (const slider of this.sliders) slider.layout(); // keeps what is typed
+    Object.assign(this, { shownModes: modes, shownMode: joint.mode, scale });
     this.panel.permit(this.element);
     this.details?.permit();
   }

@@ -227,7 +227,9 @@ export class HoldSlider {
     Object.assign(this.input, { min: String(-limit), max: String(limit) });
     const speed = joint.sliding ? 0.02 : Math.PI / 18;
     const usual = { velocity: speed, torque: limit / 20, output: 5, veldirect: speed, current: limit / 20 }[kind];
-    this.box.value = number(Math.min(usual, limit), kind, joint.sliding);
+    const shown = number(Math.min(usual, limit), kind, joint.sliding);
+    if (this.box.value === (this.usual ?? "")) this.box.value = shown; // else it is typed
+    this.usual = shown;
     this.unit.textContent = unitOf(kind, joint.sliding)[1];
   }
 
