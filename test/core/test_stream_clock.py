@@ -408,20 +408,31 @@ def test_slow_streams_are_steps(flows: bool) -> None:
     least = LAWS.SLOWER if flows else LAWS.SLOWEST
     for factor, expected in ((0.99, True), (1.01, False)):
         d = factor * least
-        made = stream(flows=flows)
+        made = stream()
         taken(made, 0.01, d)
+        made.flows = flows
+        taken(made, 0.02, d)
         assert made.interval == pytest.approx(d)
         assert made.uneven == pytest.approx(0.0)
         assert bool(made.flows) is expected
 
 
+@pytest.mark.parametrize("velocity", [None, 0.3])
+def test_two_samples_are_steps_unless_they_have_velocities(velocity: float | None) -> None:
+    made = stream()
+    taken(made, 0.001, 0.01, velocity)
+    assert bool(made.flows) is (velocity is not None)
+    taken(made, 0.002, 0.01, velocity)
+    assert made.flows
+
+
 @pytest.mark.parametrize(("ways", "flows"), [((0.9, 1.15), True), ((0.95, 1.1), False)])
 def test_an_uneven_stream_may_be_slower(ways: tuple[float, float], flows: bool) -> None:
     """By half its unevenness: both are 1.025 of the limit in the mean."""
-    made = stream(flows=True)
+    made = stream()
     for k, way in enumerate(ways):
-        taken(made, 0.01 * (k + 1), way * LAWS.SLOWER)
-    assert made.interval > LAWS.SLOWER
+        taken(made, 0.01 * (k + 1), way * LAWS.SLOWEST)
+    assert made.interval > LAWS.SLOWEST
     assert bool(made.flows) is flows
 
 

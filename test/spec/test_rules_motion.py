@@ -231,6 +231,24 @@ def test_direct_position_is_the_step_itself() -> None:
         assert shown.motion_done[0]
 
 
+@pytest.mark.parametrize("gap", [0.005, 0.02, 0.04, 0.051])
+@pytest.mark.parametrize("step", [0.002, 0.01, 0.03])
+def test_two_steps_are_no_motion(gap: float, step: float) -> None:
+    """P4: a single step is the same soon after another as after a long time, and is not passed."""
+
+    def stepped(after: float) -> Any:
+        rig = moving("posd", position_pid=Pid(kp=400.0, kd=40.0))
+        start = float(rig.board.snapshot().position[0])
+        assert rig.board.set_position("left", start)
+        rig.run(after)
+        assert rig.board.set_position("left", start + step)
+        return column(rig.record(0.5), "position") - start
+
+    travelled = stepped(gap)
+    assert travelled == pytest.approx(stepped(0.3), abs=1e-6)
+    assert travelled.max() < 1.1 * step
+
+
 def test_velocity_is_ramped_and_integrated() -> None:
     """P5: v grows by a·dt per cycle up to its reference; its sum is the position reference."""
     rig = moving("vel", position_pid=Pid(kp=400.0, kd=40.0))

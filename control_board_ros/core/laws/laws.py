@@ -423,7 +423,8 @@ class Stream:
                 self.sent.fit(self.values, 5 if few else self.knots, max_acceleration)
         self.last, self.last_velocity = x, velocity
         reach = SLOWER if self.flows else SLOWEST
-        self.flows = self.interval < reach + 0.5 * self.uneven
+        reach += 0.5 * self.uneven
+        self.flows = self.interval < reach and (given or self.count > 2.0)  # two may be two steps
 
     @cython.cfunc
     def begin(self, x: cython.double, velocity: cython.double, given: cython.bint) -> cython.void:
