@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motor encoders, amplifiers and control loops (SPEC Y5)."""
+"""SPEC Y5: motor encoders, amplifiers and control loops."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far the joints of a managed board may go: no power before ACTIVE, none after."""
+"""SPEC N: how far the joints of a managed board may go: no power before ACTIVE, none after."""
 
 from __future__ import annotations
 
 import pytest
-from rig import COMPLIANT, STIFF, Rig, board_config, joint
+from rig import COMPLIANT, STIFF, Rig, board_config, in_status, joint, ready
 
 from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.terms.faults import FaultCode
@@ -185,3 +185,34 @@ def test_cleaned_up_while_it_moves(rig: Rig) -> None:
     assert set(modes(rig)) == {M.NOT_CONFIGURED}
     rig.tick()
     assert not rig.board.state.powered.any()
+
+
+# --- the end of a program --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", sorted(SELECTABLE))
+def test_the_end_of_a_program_is_idle_from_every_mode(mode: ControlMode) -> None:
+    """Every joint without power."""
+    every = {"control_modes": SELECTABLE}
+    rig = ready(board_config(joint("left", **every), joint("right", **every)))
+    assert rig.board.set_control_mode(["left", "right"], mode)
+    rig.tick()
+    rig.board.power_off()
+    assert set(rig.modes()) == {M.IDLE}
+    assert not rig.board.tick(rig.plant.read()).powered.any()
+
+
+@pytest.mark.parametrize(
+    ("status", "after"),
+    [
+        (M.CALIBRATING, M.IDLE),  # K2
+        (M.HW_FAULT, M.HW_FAULT),  # F2: what happened stays shown
+        (M.NOT_CONFIGURED, M.NOT_CONFIGURED),  # N4
+    ],
+)
+def test_no_status_keeps_power(status: ControlMode, after: ControlMode) -> None:
+    """K2, F2, N4: at the end of a program."""
+    rig = in_status(status)
+    rig.board.power_off()
+    assert rig.modes() == [after]
+    assert not rig.board.tick(rig.plant.read()).powered.any()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""machine.py, requests.py: what starts afresh, what is kept, and what is reported as new."""
+"""SPEC M, N, P: what starts afresh, what is kept, and what is reported as new."""
 
 from __future__ import annotations
 

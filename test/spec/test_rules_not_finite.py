@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings that are not finite: a fault before any law sees them, and none after it (F1, F3)."""
+"""SPEC F1, F3: readings that are not finite: a fault before any law sees them, none after it."""
 
 from __future__ import annotations
 
