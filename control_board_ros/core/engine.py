@@ -46,7 +46,7 @@ class Engine:
         self.config, self.limits = config, BoardLimits.of(config)
         self._asked = config
         self._narrowed: Callable[[BoardConfig], BoardConfig] = lambda config: config
-        self.state = state = StateArrays(config)
+        self.state = state = StateArrays(config.names)
         self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
         self.torques = ExternalTorques(config, state)
         self.torque_sensor = self.torques.known

@@ -10,7 +10,6 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from .config.config import BoardConfig
 from .terms.drives import SetPoint
 from .terms.faults import FaultRecord
 from .terms.measurement import MOTOR_ROWS, ROWS, VALUES, Array, Motor, Row
@@ -146,9 +145,8 @@ class StateArrays:
     joint changed last), stages (how far each joint may go).
     """
 
-    def __init__(self, config: BoardConfig) -> None:
-        n = len(config.joints)
-        self.n = n
+    def __init__(self, names: Sequence[str]) -> None:
+        self.n = n = len(names)
         self.block: Array = np.zeros((BLOCK_ROWS, n))
         self.measured: Array = self.block[:ROWS]
         self.position: Array = self.block[Row.POSITION]
@@ -172,7 +170,7 @@ class StateArrays:
         self.accepts: NDArray[np.bool_] = np.zeros((len(CommandKind), n), dtype=np.bool_)
         self.control_modes = [INITIAL] * n
         self.interaction_modes = [INITIAL_INTERACTION] * n
-        self.faults = [FaultRecord(name) for name in config.names]
+        self.faults = [FaultRecord(name) for name in names]
         self.before = [(INITIAL, INITIAL_INTERACTION)] * n
         self.time = 0.0
         self.cycle = 0

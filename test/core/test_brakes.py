@@ -32,7 +32,7 @@ class Made:
             "a", brake=brake, kind=kind, position_pid=Pid(kp=10.0), direct_pid=Pid(kp=20.0)
         )
         self.config = board_config(first, joint("b"), control_rate=rate)
-        self.state = StateArrays(self.config)
+        self.state = StateArrays(self.config.names)
         self.state.control_modes[:] = [M.IDLE, M.IDLE]
         self.controller = Controller(self.config, self.state)
         self.powers: list[tuple[int, int, Wanted]] = []
@@ -226,7 +226,7 @@ def test_one_joint_that_waits_for_its_brake_is_enough() -> None:
     """Y4: another one, asked for power meanwhile, does not hide it."""
     made = Made()
     config = board_config(*(replace(made.config.joints[0], name=name) for name in "ab"))
-    made.config, made.state = config, StateArrays(config)
+    made.config, made.state = config, StateArrays(config.names)
     made.controller = Controller(config, made.state)
     made.state.control_modes[:] = [M.IDLE, M.IDLE]
     made.brakes = Brakes(cast("Any", made))

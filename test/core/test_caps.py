@@ -112,7 +112,7 @@ def test_a_position_error_asks_for_a_velocity(kd: float, delay: float, pursuit: 
 def test_load_of_a_joint_where_its_law_begins() -> None:
     """M9: the measured torque; of a joint without a sensor what its current makes."""
     config = board_config(joint("a"), plain("b"), plain("c"))
-    state = StateArrays(config)
+    state = StateArrays(config.names)
     made = Controller(config, state)
     state.torque[:], state.current[:] = 7.0, 2.0
     made.joints[2].braked, made.joints[2].gravity = True, 3.0

@@ -168,7 +168,7 @@ def test_direct_gains_are_those_of_position_direct() -> None:
 def test_a_law_switches_the_power_on_and_off() -> None:
     """M1, M10: of the joints that get it, and of no other."""
     config = board_config(joint("a"), joint("b"))
-    state = StateArrays(config)
+    state = StateArrays(config.names)
     made = Controller(config, state)
     state.output[:] = 7.0
     made.arm(np.array([1]), Law.TORQUE, direct=False, feeds=True)
@@ -193,7 +193,7 @@ def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
 
 def test_at_power_on_no_reference_is_accepted() -> None:
     """N1, M3: whatever a joint took before."""
-    state = StateArrays(board_config(joint("a"), joint("b")))
+    state = StateArrays(["a", "b"])
     state.accepts[:] = True
     state.power_on(range(2))
     assert not state.accepts.any()
@@ -203,7 +203,7 @@ def test_a_configured_payload_is_carried_from_the_start() -> None:
     """G1: and after a power-on."""
     config = load("panda", {"panda_joint7.payload.mass": 2.0}).board
     assert config.model is not None
-    controller = Controller(config, StateArrays(config))
+    controller = Controller(config, StateArrays(config.names))
     k = config.names.index("panda_joint7")
     for _ in range(2):
         assert controller._bodies[k][1].mass == pytest.approx(config.model.links[k].mass + 2.0)

@@ -78,7 +78,7 @@ def test_no_durations_by_torques_that_are_not_known(panda: Simulation) -> None:
     assert config.model is not None
     doubtful = replace(config, model=replace(config.model, trusted=False))
     for board, known in ((config, True), (doubtful, False)):
-        efforts = Controller(board, StateArrays(board)).efforts
+        efforts = Controller(board, StateArrays(board.names)).efforts
         assert [one is not None for one in efforts] == [known] * len(efforts)
 
 

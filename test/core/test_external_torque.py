@@ -32,7 +32,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.config = config_of()
-        self.state = StateArrays(self.config)
+        self.state = StateArrays(self.config.names)
         self.torques = ExternalTorques(self.config, self.state)
 
     def modes(self, control: M, interaction: object = STIFF) -> None:

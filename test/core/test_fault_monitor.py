@@ -191,7 +191,7 @@ def test_causes_are_in_the_units_of_the_joint(kind: str, check: Check, units: st
 
 def watched(*joints: JointConfig, **changes: Any) -> FaultMonitor:
     config = board_config(*joints, **changes)
-    return FaultMonitor(config, StateArrays(config))
+    return FaultMonitor(config, StateArrays(config.names))
 
 
 def test_the_forgetting_of_travel_errors() -> None:

@@ -20,7 +20,7 @@ class Recorder:
     """Frames of three joints; in cycle k the time is k, the position 100·joint + k."""
 
     def __init__(self) -> None:
-        self.state = StateArrays(board_config())
+        self.state = StateArrays(board_config().names)
         self.frames = FreezeFrames(self.state, PERIOD)
         self.cycle = 0
 

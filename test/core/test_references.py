@@ -27,7 +27,7 @@ class Made:
     """References of two joints, with the laws that follow them."""
 
     def __init__(self) -> None:
-        self.state = StateArrays(CONFIG)
+        self.state = StateArrays(CONFIG.names)
         self.controller = Controller(CONFIG, self.state)
         self.laws = self.controller.joints
         self.limits = BoardLimits.of(CONFIG)

@@ -29,7 +29,7 @@ ROW_OF = {
 
 
 def state() -> StateArrays:
-    return StateArrays(board_config())
+    return StateArrays(board_config().names)
 
 
 def test_each_view_is_its_row_of_the_block() -> None:

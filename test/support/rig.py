@@ -96,7 +96,7 @@ def board_config(*joints: JointConfig, **changes: Any) -> BoardConfig:
 
 def controller(config: BoardConfig) -> Controller:
     """The controller of a board's joints, with arrays of its own."""
-    return Controller(config, StateArrays(config))
+    return Controller(config, StateArrays(config.names))
 
 
 def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> SimulationConfig:
