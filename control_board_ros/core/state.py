@@ -136,13 +136,15 @@ class StateArrays:
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
     joint angle), motors (rows of Motor as measured), motor_offset (rad: reading of its
-    encoder less the value it was set to), calibrated, powered (1.0 where the bridge is on), kinds
-    and set_points (of the drives: SetPoint, and rows of Value), done (no move runs),
-    control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
-    (commands ignored so far), faults (the last one of each joint), before (its modes when that was
-    raised), time (s, of the last reading), cycle, modes_version and faults_version (they grow
-    when a mode or a fault record changes), modes_changed and faults_changed (at which of them each
-    joint changed last), stages (how far each joint may go).
+    encoder less the value it was set to), travelled (rad, by each motor since power-on as its own
+    equation gives while its bridge is on; the monitor lets it grow every SLOW cycles), calibrated,
+    powered (1.0 where the bridge is on), kinds and set_points (of the drives: SetPoint, and rows
+    of Value), done (no move runs), control_modes and interaction_modes, accepts (by kind of
+    reference, shape (kinds, n)), rejected (commands ignored so far), faults (the last one of each
+    joint), before (its modes when that was raised), time (s, of the last reading), cycle,
+    modes_version and faults_version (they grow when a mode or a fault record changes),
+    modes_changed and faults_changed (at which of them each joint changed last), stages (how far
+    each joint may go).
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -161,6 +163,7 @@ class StateArrays:
         self.offset: Array = np.zeros(n)
         self.motors: Array = np.full((MOTOR_ROWS, n), np.nan)
         self.motor_offset: Array = np.zeros(n)
+        self.travelled: Array = np.zeros(n)
         self.powered: Array = np.zeros(n)
         self.kinds: NDArray[np.int8] = np.full(n, SetPoint.PWM, dtype=np.int8)
         self.set_points: Array = np.zeros((VALUES, n))
@@ -184,7 +187,7 @@ class StateArrays:
         """Reset joints as at power-on (N1); fault records stay readable (F5)."""
         for j in joints:
             self.offset[j], self.calibrated[j] = 0.0, False
-            self.motor_offset[j] = 0.0
+            self.motor_offset[j] = self.travelled[j] = 0.0
             self.accepts[:, j] = False
             self.interaction_modes[j] = INITIAL_INTERACTION
             self.faults[j] = self.faults[j].cleared()

@@ -169,7 +169,7 @@ def parts_of(rig: Rig) -> dict[str, bytes]:
         "powered": state.powered.tobytes(),
         "offset": state.offset.tobytes(),
         "rejected": state.rejected.tobytes(),
-        "travelled": watch.travelled.tobytes(),
+        "travelled": state.travelled.tobytes(),
         "used": watch.used.tobytes(),
         "readings": rig.plant._sensors.values.tobytes(),
         "body": motors.state.tobytes(),

@@ -50,7 +50,7 @@ def test_travel_is_independent_of_inductance(rate: float, electrical: float) -> 
     watch, state = rig.board.engine.monitor, rig.board.state
     while watch.monitor.countdown != 8:
         rig.tick()
-    travelled = watch.travelled[0]
+    travelled = state.travelled[0]
     assert abs(state.position[0] - start) > 0.1
     assert travelled == pytest.approx(state.position[0] - start, abs=rig.period * fastest)
     assert rig.modes() == [M.OPENLOOP]
@@ -218,7 +218,7 @@ def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:
     """N1: nothing is bounded until the joint is configured; others go on."""
     watch = watched(joint("a"), joint("b"))
     watch.arm([0, 1], on=True, calibrated=np.array([True, True]))
-    watch.travelled[:] = watch.used[:] = 0.5
+    watch.used[:] = 0.5
     for one in watch.joints:
         one.hot = True
     assert [list(watch.warnings(j)) for j in (0, 1)] == [["temperature"]] * 2
@@ -226,7 +226,7 @@ def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:
     watch.power_on([0])
     assert watch.joints[0] is not before[0]
     assert watch.joints[1] is before[1]
-    assert watch.travelled.tolist() == watch.used.tolist() == [0.0, 0.5]
+    assert watch.used.tolist() == [0.0, 0.5]
     assert math.isinf(watch.joints[0].max_travel)
     assert watch.joints[0].max_current == CREDIBLE
     assert watch.joints[1].max_current == 25.0

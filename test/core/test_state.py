@@ -69,13 +69,14 @@ def test_at_first_nothing_is_known_and_nothing_has_power() -> None:
 def test_a_power_on_clears_the_state_of_its_joints() -> None:
     """N1, F5: offsets and modes; the record of a fault stays readable."""
     made = state()
-    made.offset[:] = made.motor_offset[:] = 1.5
+    made.offset[:] = made.motor_offset[:] = made.travelled[:] = 1.5
     made.calibrated[:] = made.accepts[:] = True
     made.interaction_modes = [InteractionMode.COMPLIANT] * N
     made.faults = [replace(fault, active=True, code=3, text="hot") for fault in made.faults]
     before = made.faults_version
     made.power_on([0, 2])
     assert made.offset.tolist() == made.motor_offset.tolist() == [0.0, 1.5, 0.0]
+    assert made.travelled.tolist() == [0.0, 1.5, 0.0]
     assert made.calibrated.tolist() == [False, True, False]
     assert (made.accepts == [False, True, False]).all()
     assert made.interaction_modes == [

@@ -181,7 +181,7 @@ def inside(board: Board, j: int) -> dict[str, Any]:
         "fault": state.faults[j].active,
         "status": board.engine.machine.calibrations.status(j),
         "running": j in board.engine.machine.calibrations.running,
-        "travelled": (board.engine.monitor.travelled[j], board.engine.monitor.used[j]),
+        "travelled": (state.travelled[j], board.engine.monitor.used[j]),
         "output": state.output[j],
         "due": j in board.engine.start_up.due,
     }

@@ -18,7 +18,6 @@ from ..state import StateArrays
 from ..terms.faults import FaultCode
 from ..terms.modes import Event, Law, Trigger
 from ..terms.vocabs import CommandKind
-from ..watch.fault_monitor import FaultMonitor
 from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
 
 
@@ -29,7 +28,6 @@ class CalibratedMachine(Protocol):
     state: StateArrays
     controller: Controller
     references: References
-    monitor: FaultMonitor
     calibrations: Calibrations
 
     def go(self, j: int, trigger: Trigger) -> bool: ...
@@ -198,7 +196,7 @@ class JointAccess:
 
     @property
     def travelled(self) -> float:
-        return float(self._machine.monitor.travelled[self._j])
+        return float(self._machine.state.travelled[self._j])
 
     @property
     def current(self) -> float:

@@ -106,10 +106,9 @@ APART = 1e-3
 class FaultMonitor:
     """Finds the causes of hardware faults in the readings of n joints.
 
-    Attributes: joints (of JointMonitor), monitor, take (stores a reading in the state),
-    travelled (by each motor since power-on as its own equation gives while its bridge is on,
-    shape (n,), rad; grows every SLOW cycles), used (part of the I²t budget, shape (n,); a fault
-    above 1), reasons (of alarms, by joint, where the plant has more than its code).
+    Attributes: joints (of JointMonitor), monitor, take (stores a reading in the state), used (part
+    of the I²t budget, shape (n,); a fault above 1), reasons (of alarms, by joint, where the plant
+    has more than its code).
     """
 
     def __init__(
@@ -119,13 +118,12 @@ class FaultMonitor:
         self._period = config.period
         self._values = np.zeros((ROWS, state.n))
         self._before = state.measured.copy()
-        self.travelled: Array = np.zeros(state.n)
         self.used: Array = np.zeros(state.n)
         self.joints = [JointMonitor() for _ in config.joints]
         self.reasons: Mapping[int, str] | None = None
         self._emergency = emergency or EmergencyStop(0.0)
         self._warned: list[set[str]] = [set() for _ in config.joints]
-        rows = (state.position, state.current, state.output, self.travelled, self.used)
+        rows = (state.position, state.current, state.output, state.travelled, self.used)
         self._movers, self._fed = movers_of(config), b""
         self.monitor = Monitor(
             self.joints,
@@ -146,7 +144,7 @@ class FaultMonitor:
         for j in joints:
             self.joints[j] = JointMonitor()
             self.joints[j].set(UNLIMITED)
-            self.travelled[j] = self.used[j] = 0.0
+            self.used[j] = 0.0
             self._warned[j] = set()
             self._configure(j)
 
