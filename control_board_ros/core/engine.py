@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control cycle and its components (SPEC A).
 
-Components: ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes, and stops),
-``start_up``, ``commands`` (references of users), ``references`` (those that run), ``controller``
-(the laws), ``monitor`` (causes of faults), ``timeouts`` (of references), ``emergency`` (the
-stop of all), ``frames`` (freeze frames of faults), ``motors`` and ``feedforward``, ``mix`` (of
-coupled motors).
+Components: ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes and brakes,
+and stops), ``start_up``, ``commands`` (references of users), ``references`` (those that run),
+``controller`` (the laws), ``monitor`` (causes of faults), ``timeouts`` (of references),
+``emergency`` (the stop of all), ``frames`` (freeze frames of faults), ``motors`` and
+``feedforward``, ``mix`` (of coupled motors).
 """
 
 from __future__ import annotations

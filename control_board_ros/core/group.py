@@ -259,7 +259,7 @@ class JointGroup(ModeShortcuts):
             wanted = brake_modes(modes, len(chosen.names))
         except ValueError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.brakes.request(chosen, wanted)
+        return self.engine.requests.set_brakes(chosen, wanted)
 
     def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
         """Brake modes; None where a joint has no brake."""

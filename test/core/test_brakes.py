@@ -105,7 +105,7 @@ def test_a_brake_closes_before_its_joint_loses_power(made: Made) -> None:
 def test_a_fault_waits_for_no_brake(mode: M, made: Made) -> None:
     """Y4: the power goes at once; a brake set by hand is automatic from then on."""
     made.run()
-    made.brakes._set_mode(0, BrakeMode.OPEN)
+    made.brakes.set_mode(0, BrakeMode.OPEN)
     made.state.control_modes[0] = mode
     assert list(made.brakes.admit([0], STOP)) == [0]
     assert made.brakes.mode(0) is BrakeMode.AUTOMATIC

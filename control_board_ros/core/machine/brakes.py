@@ -21,15 +21,11 @@ import numpy as np
 from ..config.config import BoardConfig
 from ..config.parts import DEGREE, Brake
 from ..laws.control import Controller
-from ..selection import Selection
 from ..state import StateArrays
 from ..terms.faults import FaultCode
 from ..terms.measurement import Array
 from ..terms.modes import DRIVEN, FAULTED, UNCONFIGURED, Law
-from ..terms.reply import JointAnswer, Reply, decided
 from ..terms.vocabs import BrakeMode
-from .decisions import Facts, decide_brake
-from .explanations import explain_brake
 
 #: A brake that is to open and whose switch reports closed gets this multiple of its release
 #: time, and s at least, before that is a fault.
@@ -59,7 +55,6 @@ class Owner(Protocol):
     def state(self) -> StateArrays: ...
     @property
     def controller(self) -> Controller: ...
-    def facts(self, j: int) -> Facts: ...
     def give_power(self, j: int, wanted: Wanted) -> None: ...
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None: ...
     def report(self, level: str, key: str, j: int, text: str) -> None: ...
@@ -214,20 +209,7 @@ class Brakes:
             text = f"its brake slips: it is closed, and the joint moved by {kind.position(moved)}"
             self._machine.report("warning", "brake slips", j, text)
 
-    # --- for users ------------------------------------------------------------------------------
-
-    def request(self, selection: Selection, wanted: Sequence[BrakeMode]) -> Reply:
-        """Decide the brake mode of each joint, then set it (M7)."""
-        answers = []
-        for j, mode in zip(selection.numbers, wanted, strict=True):
-            facts = self._machine.facts(j)
-            verdict = decide_brake(facts, mode, present=self.has(j))
-            text = explain_brake(verdict.reason, facts)
-            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
-        for j, mode, answer in zip(selection.numbers, wanted, answers, strict=True):
-            if not answer.code:
-                self._set_mode(j, mode)
-        return decided(selection.names, answers)
+    # --- for requests ---------------------------------------------------------------------------
 
     def has(self, j: int) -> bool:
         """Whether a joint has a brake."""
@@ -247,7 +229,7 @@ class Brakes:
         """Whether a brake is closed by hand."""
         return self.mode(j) is BrakeMode.CLOSED
 
-    def _set_mode(self, j: int, mode: BrakeMode) -> None:
+    def set_mode(self, j: int, mode: BrakeMode) -> None:
         """Set a brake mode; ``closed`` only where the joint has no power."""
         brake = self._brakes[j]
         assert brake is not None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From power-on to power-off: the start-up of joints (SPEC N), requests for modes and
-calibrations, decided for every joint, then written (M7), and stops (P3, I10).
+"""From power-on to power-off: the start-up of joints (SPEC N), requests for modes, calibrations
+and brakes, decided for every joint, then written (M7), and stops (P3, I10).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from ..terms.modes import (
     law_of,
 )
 from ..terms.reply import JointAnswer, Reply, decided
-from ..terms.vocabs import ControlMode, InteractionMode
-from .decisions import Verdict, Wanted, decide, decide_stop
-from .explanations import all_or_none, explain, explain_stop, explain_stuck
+from ..terms.vocabs import BrakeMode, ControlMode, InteractionMode
+from .decisions import Verdict, Wanted, decide, decide_brake, decide_stop
+from .explanations import all_or_none, explain, explain_brake, explain_stop, explain_stuck
 from .machine import Machine
 
 #: Answer of a joint that does what was requested.
@@ -168,6 +168,20 @@ class Requests:
             mode = state.control_modes[j]
             if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
                 machine.set_law([j], law, direct=mode in DIRECT_GAINS, feeds=True)
+
+    def set_brakes(self, selection: Selection, wanted: Sequence[BrakeMode]) -> Reply:
+        """Decide the brake mode of each joint, then set it (M7)."""
+        brakes = self._machine.brakes
+        answers = []
+        for j, mode in zip(selection.numbers, wanted, strict=True):
+            facts = self._machine.facts(j)
+            verdict = decide_brake(facts, mode, present=brakes.has(j))
+            text = explain_brake(verdict.reason, facts)
+            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
+        for j, mode, answer in zip(selection.numbers, wanted, answers, strict=True):
+            if not answer.code:
+                brakes.set_mode(j, mode)
+        return decided(selection.names, answers)
 
 
 class StartUp:
