@@ -16,8 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from .config.config import BoardConfig
-from .config.layout import Zone, zones_of
+from .config.config import BoardConfig, Zone
 from .config.parameter import ConfigError
 from .engine import Engine
 from .group import JointGroup
@@ -137,7 +136,7 @@ class Board(JointGroup):
     """
 
     def __init__(self, config: BoardConfig, levels: Sequence[Sequence[str]] = ()) -> None:
-        zones = zones_of(config)
+        zones = config.zones()
         engine = Engine(config, zones)
         super().__init__(engine, Zone("", slice(0, engine.state.n), config))
         groups = {zone.name: JointGroup(engine, zone) for zone in zones}

@@ -14,8 +14,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .config.config import BoardConfig, ConfigError
-from .config.layout import BoardLimits, Zone, joined
+from .config.config import BoardConfig, ConfigError, Zone
+from .config.layout import BoardLimits, joined
 from .laws.control import Controller
 from .laws.references import References, ReferenceTimeouts
 from .machine.commands import Commands, timeout_cycles

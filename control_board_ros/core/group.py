@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .calibration.calibration import CalibrationStatus
-from .config.config import BoardConfig, ConfigError, JointConfig
-from .config.layout import Zone
+from .config.config import BoardConfig, ConfigError, JointConfig, Zone
 from .engine import Engine
 from .machine.commands import spread_along
 from .machine.decisions import Wanted

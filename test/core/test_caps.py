@@ -10,7 +10,6 @@ import pytest
 from rig import LIMITS, board_config, controller, joint, plain
 
 from control_board_ros.core.config.config import Pid
-from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.config.parts import Payload
 from control_board_ros.core.laws.control import Controller, set_gains
 from control_board_ros.core.state import StateArrays
@@ -42,7 +41,7 @@ def test_a_smaller_pwm_bounds_the_output() -> None:
     made.set_caps(np.array([1]), None, np.array([40.0]))
     assert [one.max_output for one in made.joints] == [LIMITS.output, 40.0]
     assert [one.max_drive for one in made.joints] == [LIMITS.output, 40.0]
-    (zone,) = zones_of(config)
+    (zone,) = config.zones()
     made.power_on(zone)
     assert [one.max_output for one in made.joints] == [LIMITS.output] * 2
 
@@ -63,7 +62,7 @@ def test_a_restart_forgets_the_law_that_ran() -> None:
     config = board_config(joint("a", drive=(SetPoint.POSITION, SetPoint.TORQUE)))
     made = controller(config)
     made.arm([0], Law.TORQUE, direct=False, feeds=True)
-    (zone,) = zones_of(config)
+    (zone,) = config.zones()
     made.power_on(zone)
     assert made._state.kinds.tolist() == [SetPoint.POSITION]
 
@@ -76,7 +75,7 @@ def test_constants_of_a_motor_that_users_set_are_those_in_force() -> None:
     made.set_terms(np.array([0]), {Term.TORQUE_CONSTANT: np.array([0.2])})
     assert made.terms_in_force(0) == [0.2, *usual[1:]]
     assert made.joints[0].torque_per_ampere == 2.0 * PER_AMPERE
-    (zone,) = zones_of(config)
+    (zone,) = config.zones()
     made.power_on(zone)
     assert made.terms_in_force(0) == usual
 

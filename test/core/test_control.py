@@ -14,7 +14,6 @@ from joints import OneJoint, gains, outputs, resting
 from rig import LIMITS, MOTOR, board_config, controller, joint
 
 from control_board_ros.core.config.config import Impedance, Pid
-from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.laws.control import Controller, set_constants, set_gains
 from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.modes import Law
@@ -207,5 +206,5 @@ def test_a_configured_payload_is_carried_from_the_start() -> None:
     k = config.names.index("panda_joint7")
     for _ in range(2):
         assert controller._bodies[k][1].mass == pytest.approx(config.model.links[k].mass + 2.0)
-        (zone,) = zones_of(config)
+        (zone,) = config.zones()
         controller.power_on(zone)

@@ -11,7 +11,7 @@ import pytest
 from rig import board_config, joint
 
 from control_board_ros.core.config.config import BoardConfig, ConfigError, Impedance
-from control_board_ros.core.config.layout import BoardLimits, frozen, joined, zones_of
+from control_board_ros.core.config.layout import BoardLimits, frozen, joined
 from control_board_ros.core.model.coupling import Coupling
 
 
@@ -32,17 +32,17 @@ def test_the_joints_of_all_parts_in_their_order() -> None:
     config = joined(parts)
     assert config.names == ("a", "b", "c")
     assert config.parts == parts
-    assert [(zone.name, list(zone.joints)) for zone in zones_of(config)] == [
+    assert [(zone.name, list(zone.joints)) for zone in config.zones()] == [
         ("arm", [0, 1]),
         ("hand", [2]),
     ]
-    assert [zone.columns for zone in zones_of(config)] == [slice(0, 2), slice(2, 3)]
-    assert [zone.config for zone in zones_of(config)] == list(parts.values())
+    assert [zone.columns for zone in config.zones()] == [slice(0, 2), slice(2, 3)]
+    assert [zone.config for zone in config.zones()] == list(parts.values())
 
 
 def test_a_board_without_parts_is_one_zone() -> None:
     config = arm()
-    [(name, columns, own)] = zones_of(config)
+    [(name, columns, own)] = config.zones()
     assert (name, columns) == ("", slice(0, 2))
     assert own is config
 

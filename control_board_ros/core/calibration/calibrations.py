@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ..config.config import BoardConfig, JointConfig
-from ..config.layout import zones_of
 from ..config.parts import Calibration
 from ..laws.control import Controller
 from ..laws.references import References
@@ -166,7 +165,7 @@ class Group(NamedTuple):
 def groups_of(config: BoardConfig) -> list[Group]:
     """The calibration group of each joint; joints in none form the last one of their part."""
     found = []
-    for part, zone in enumerate(zones_of(config)):
+    for part, zone in enumerate(config.zones()):
         groups = zone.config.calibration_groups
         turns = {name: turn for turn, names in enumerate(groups) for name in names}
         found += [Group(part, turns.get(name, len(turns))) for name in zone.config.names]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -68,6 +69,7 @@ __all__ = [
     "Payload",
     "Pid",
     "Timeouts",
+    "Zone",
     "check_number",
 ]
 
@@ -343,6 +345,21 @@ def damping_for(stiffness: float, joint: JointConfig) -> float:
     return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
 
 
+class Zone(NamedTuple):
+    """A part on its board: its name (empty: the board has no parts), its joints, its own
+    configuration.
+    """
+
+    name: str
+    columns: slice
+    config: BoardConfig
+
+    @property
+    def joints(self) -> range:
+        """The board's numbers of its joints."""
+        return range(self.columns.start, self.columns.stop)
+
+
 @configuration
 class BoardConfig:
     """A whole board.
@@ -433,6 +450,15 @@ class BoardConfig:
     def period(self) -> float:
         """The control period, s."""
         return 1.0 / self.control_rate
+
+    def zones(self) -> list[Zone]:
+        """The parts of the board in its order; the board itself where it has none."""
+        zones, start = [], 0
+        for name, config in (self.parts or {"": self}).items():
+            end = start + len(config.joints)
+            zones.append(Zone(name, slice(start, end), config))
+            start = end
+        return zones
 
 
 def _one_of(choices: tuple[str, ...]) -> str:

@@ -1,42 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The joints of a board in its order: its parts (SPEC R1, R2), and their limits as arrays."""
+"""The configuration of a robot of several parts (SPEC R1, R2), and limits as arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from ..model.coupling import Coupling, side_by_side
 from ..terms.measurement import Array
 from .config import BoardConfig, ConfigError
-
-
-class Zone(NamedTuple):
-    """A part on its board: its name (empty: the board has no parts), its joints, its own
-    configuration.
-    """
-
-    name: str
-    columns: slice
-    config: BoardConfig
-
-    @property
-    def joints(self) -> range:
-        """The board's numbers of its joints."""
-        return range(self.columns.start, self.columns.stop)
-
-
-def zones_of(config: BoardConfig) -> list[Zone]:
-    """The parts of a board in its order; the board itself where it has none."""
-    zones, start = [], 0
-    for name, part in (config.parts or {"": config}).items():
-        end = start + len(part.joints)
-        zones.append(Zone(name, slice(start, end), part))
-        start = end
-    return zones
 
 
 def joined(parts: Mapping[str, BoardConfig]) -> BoardConfig:

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config.layout import zones_of
 from ..group import JointGroup
 from ..machine.explanations import explain_cut
 from ..selection import Selection
@@ -250,7 +249,7 @@ class Follower:
 
 def incomplete(board: JointGroup, names: Sequence[str]) -> str:
     """Why parts of a board refuse a trajectory for these joints only; empty where they accept."""
-    for zone in zones_of(board.config):
+    for zone in board.config.zones():
         missing = [name for name in zone.config.names if name not in names]
         some = 0 < len(missing) < len(zone.joints)
         if some and not zone.config.allow_partial_joints_goal:

@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config.layout import zones_of
 from ..group import JointGroup
 from ..selection import RequestError, Selection
 from ..terms.arguments import Joints
@@ -235,7 +234,7 @@ def configured(board: JointGroup, selection: Selection) -> Tolerances:
     own = [
         (board.config.joints[j].constraints, zone.config.constraints)
         for j in selection.joints.tolist()
-        for zone in zones_of(board.config)
+        for zone in board.config.zones()
         if j in zone.joints
     ]
     times = [part.goal_time for _, part in own if part.goal_time > 0.0]

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..config.config import BoardConfig, JointConfig, Pid, damping_for
-from ..config.layout import Zone, zones_of
+from ..config.config import BoardConfig, JointConfig, Pid, Zone, damping_for
 from ..config.parts import Payload
 from ..model.arm_model import Link, fill
 from ..model.dynamics import Body
@@ -68,8 +67,8 @@ class Controller:
         self._position_pids: list[Pid | None] = [None] * n  # in force
         self._laws: dict[str, Laws] = {}
         self._steps: list[Callable[[], bool]] = []
-        self._laws_of = [zone.name for zone in zones_of(config) for _ in zone.joints]
-        for zone in zones_of(config):
+        self._laws_of = [zone.name for zone in config.zones() for _ in zone.joints]
+        for zone in config.zones():
             self.power_on(zone)
 
     def power_on(self, zone: Zone) -> None:
