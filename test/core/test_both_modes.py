@@ -19,8 +19,8 @@ from pure import as_python, load_python
 from rig import COMMANDS, LIMITS, MOTOR, Rig, board_config, joint, plain, simulation_config
 
 from control_board_ros import compiled
-from control_board_ros.core.config.config import BoardConfig
-from control_board_ros.core.config.parts import Calibration, Timeouts
+from control_board_ros.core.config.config import BoardConfig, Calibration
+from control_board_ros.core.config.parts import Timeouts
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode

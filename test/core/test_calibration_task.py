@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 from rig import Rig, board_config, joint
 
-from control_board_ros.core.config.parts import Calibration
+from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.goals.tasks import CalibrationTask
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode

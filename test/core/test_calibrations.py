@@ -10,8 +10,7 @@ import pytest
 from rig import Rig, board_config, joint, ready
 
 from control_board_ros.core.calibration.calibration import TYPES, Calibrator, register
-from control_board_ros.core.config.config import Calibration
-from control_board_ros.core.config.parts import CALIBRATION_TYPES
+from control_board_ros.core.config.config import CALIBRATION_TYPES, Calibration
 
 SENSOR = Calibration(type=12, required=False, zero=0.7)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rig import COMPLIANT, MOTOR, STIFF, M, board_config, joint, plain
 
-from control_board_ros.core.config.config import BoardConfig
-from control_board_ros.core.config.parts import Calibration, Timeouts
+from control_board_ros.core.config.config import BoardConfig, Calibration
+from control_board_ros.core.config.parts import Timeouts
 from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.measurement import ROWS, Measurement, Row
 from control_board_ros.core.watch.external_torque import ExternalTorques, without_torque

@@ -16,8 +16,9 @@ from following import Following
 from rig import Held, Rig, board_config, held, joint, ready
 
 from control_board_ros.core.board import Board
+from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.config.layout import joined
-from control_board_ros.core.config.parts import Calibration, Constraints
+from control_board_ros.core.config.parts import Constraints
 from control_board_ros.core.goals.path import Path, Points, braking, make_path
 from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.poses import made_pose, plan_move, pose_now

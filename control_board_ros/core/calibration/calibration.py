@@ -13,8 +13,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import NoReturn, Protocol
 
-from ..config.config import JointConfig
-from ..config.parts import CALIBRATION_TYPES, Calibration
+from ..config.config import CALIBRATION_TYPES, Calibration, JointConfig
 
 #: Tolerances are written in rad; of a sliding joint this many metres count as one.
 METRES_PER_RADIAN = 0.05

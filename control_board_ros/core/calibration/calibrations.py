@@ -9,8 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..config.config import BoardConfig, JointConfig
-from ..config.parts import Calibration
+from ..config.config import BoardConfig, Calibration, JointConfig
 from ..laws.control import Controller
 from ..laws.references import References
 from ..state import StateArrays

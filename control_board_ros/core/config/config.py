@@ -45,7 +45,6 @@ from .parameter import (
 from .parts import (
     DEGREE,
     Brake,
-    Calibration,
     Constraints,
     Impedance,
     JointConstraints,
@@ -84,6 +83,96 @@ DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
 _POSITION = {"kp": "N·m/rad", "ki": "N·m/(rad·s)", "kd": "N·m·s/rad", "kff": "N·m/rad"}
 _TORQUE = {"kp": "1", "ki": "1/s", "kd": "s", "kff": "1"}
 _CURRENT = {"kp": "V/A", "ki": "V/(A·s)", "kd": "V·s/A", "kff": "V/A", "integral_limit": "V"}
+
+
+#: Types of calibration and their names; core.calibration has the class of each.
+CALIBRATION_TYPES = {3: "offset and move", 5: "move to a hard stop", 12: "absolute sensor"}
+
+#: A hard stop is confirmed by a push that is harder by PUSH, and by LEAST_PUSH at least; it stays
+#: below the peak current by PUSH_CURRENT.
+PUSH, LEAST_PUSH, PUSH_CURRENT = 1.5, 1.2, 0.9
+
+
+@configuration
+class Calibration:
+    """Calibration of a joint's zero (SPEC K5), with the iCub's type numbers."""
+
+    type: int = parameter(
+        ", ".join(["0 none", *(f"{n} {text}" for n, text in CALIBRATION_TYPES.items())]),
+        default=0,
+        low=0,
+        high=12,
+    )
+    required: bool = parameter("Require a calibration to leave NOT_CONFIGURED", default=True)
+    zero: float = parameter("Encoder reading at angle 0 (types 3 and 12)", "rad or m", default=0.0)
+    start: float = parameter(
+        "Target position after calibration", "rad or m", default=0.0, derived="home"
+    )
+    speed: float = parameter(
+        "Speed of the move to calibration.start",
+        "rad/s or m/s",
+        default=10.0 * DEGREE,
+        above=0.0,
+        high="limits.velocity",
+        derived="reference_speed",
+    )
+    output: float = parameter(
+        "PWM towards the hard stop, within limits.output; the sign sets the direction (type 5)",
+        "percent",
+        default=0.0,
+        low=-100.0,
+        high=100.0,
+    )
+    stop: float = parameter("Position of the hard stop (type 5)", "rad or m", default=0.0)
+    stall_time: float = parameter(
+        "Time without motion that counts as a stall (type 5)", "s", default=0.1, above=0.0
+    )
+    timeout: float = parameter("Maximum duration of a calibration", "s", default=30.0, above=0.0)
+    control_mode: ControlMode = parameter(
+        "Control mode after calibration", default=MOVES, choices=SELECTABLE
+    )
+    interaction_mode: InteractionMode = parameter(
+        "Interaction mode after calibration", default=INITIAL_INTERACTION, choices=InteractionMode
+    )
+
+    def push(self, limits: Limits, motor: Motor) -> float:
+        """PWM that confirms a hard stop, percent: 1.5 times the output, within the joint's limits.
+
+        The limits are those of output, torque and peak current; the sign is left out.
+        """
+        per_percent = motor.stall_current(1.0)
+        current = min(limits.torque / motor.torque_per_ampere, PUSH_CURRENT * limits.peak_current)
+        return min(PUSH * abs(self.output), limits.output, current / per_percent)
+
+    def check(self, key: str, limits: Limits, motor: Motor) -> None:
+        """Raise ConfigError unless the joint can be calibrated like this."""
+        if self.type not in CALIBRATION_TYPES:
+            known = (f"{number} ({text})" for number, text in sorted(CALIBRATION_TYPES.items()))
+            raise ConfigError(f"{key}.type", self.type, ", ".join(known))
+        if self.type != 12:
+            check_number(f"{key}.start", self.start, limits.lower, limits.upper)
+        check_number(f"{key}.output", self.output, -limits.output, limits.output)
+        if self.type == 5:
+            self._check_stop(key, limits, motor)
+
+    def _check_stop(self, key: str, limits: Limits, motor: Motor) -> None:
+        """The stop is where the joint can be, and its drive leaves room for a harder push."""
+        if self.output == 0.0:
+            raise ConfigError(
+                f"{key}.output", self.output, "not zero: the PWM that finds the stop"
+            )
+        margin = limits.hard_margin
+        check_number(
+            f"{key}.stop", self.stop, limits.hard_lower - margin, limits.hard_upper + margin
+        )
+        push = self.push(limits, motor)
+        if push < LEAST_PUSH * abs(self.output):
+            raise ConfigError(
+                f"{key}.output",
+                self.output,
+                f"at most {push / LEAST_PUSH:.4g} %, so that limits.output, limits.torque and "
+                "limits.peak_current let a harder push confirm the stop",
+            )
 
 
 @configuration
