@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from ..core.board import complete_levels
-from ..core.config import stability
 from ..core.config.config import BoardConfig, ConfigError
 from ..core.config.parameter import Parameter
 from ..core.goals.pose import Pose
@@ -29,7 +28,7 @@ from ..description.derive import complete
 from ..description.robots import EXTENDS, NAMES, load_robot, located
 from ..description.urdf import Urdf, UrdfError
 from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
-from . import build
+from . import build, stability
 from .couplings import (
     COUPLINGS,
     Coupled,

@@ -22,9 +22,9 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from ...core.config import stability
 from ...core.config.parameter import Kind, Parameter
 from ...core.terms.measurement import NO_SIMULATION
+from ...settings import stability
 from ...settings.loading import Settings
 from ...settings.schema import BOARD, JOINT, JOINT_DEFAULTS, table_row
 from ...text import clean

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 
-from .config import BoardConfig, JointConfig
-from .parts import DERIVATIVE_CUTOFF, Pid
+from ..core.config.config import BoardConfig, JointConfig
+from ..core.config.parts import DERIVATIVE_CUTOFF, Pid
 
 #: Growth rate that friction can still damp, 1/s.
 GROWTH = 10.0

@@ -11,8 +11,8 @@ import pytest
 from rig import MOTOR, board_config, joint
 
 from control_board_ros.core.config.config import Impedance, Pid
-from control_board_ros.core.config.stability import bounds, filters, loops, warnings
 from control_board_ros.settings.loading import load
+from control_board_ros.settings.stability import bounds, filters, loops, warnings
 
 GOOD = Pid(kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0, derivative_cutoff=100.0)
 
