@@ -14,16 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
-from .core.terms import arguments
+from .core.terms import arguments, vocabs
 from .core.terms.reply import Reply
 from .core.terms.vocabs import ControlMode, InteractionMode
 
 Joints = arguments.Joints
-Mode = arguments.Mode
-Interaction = arguments.Interaction
+Mode = vocabs.Mode
+Interaction = vocabs.Interaction
 Values = arguments.Values
 Flags = arguments.Flags
-Floats = arguments.Floats
+Floats = arguments.Array
 
 
 @runtime_checkable

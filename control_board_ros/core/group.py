@@ -39,14 +39,21 @@ from .selection import (
     spread,
 )
 from .state import Snapshot, StateArrays
-from .terms.arguments import Flags, Floats, Interaction, Joints, Mode, Values
+from .terms.arguments import Array, Flags, Joints, Values
 from .terms.drives import DriveUse
 from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
 from .terms.motors import Motors, Pids
 from .terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided, refused
-from .terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
+from .terms.vocabs import (
+    BrakeMode,
+    CommandKind,
+    ControlMode,
+    Interaction,
+    InteractionMode,
+    Mode,
+)
 from .watch.freeze_frame import FreezeFrame
 
 K = CommandKind
@@ -233,7 +240,7 @@ class JointGroup(ModeShortcuts):
         self._unknown += not known
         return self.selector.refuse(joints, RequestError(message, code))
 
-    def get_move_time(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
+    def get_move_time(self, joints: Joints, positions: Array, speeds: Array) -> Array:
         """The duration of position moves that start now (P1), s, shape (k,).
 
         Args:
@@ -317,7 +324,7 @@ class JointGroup(ModeShortcuts):
         self.engine.controller.set_impedance(chosen.joints, spring, damper)
         return accepted(chosen.names)
 
-    def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
+    def get_max_impedance(self, joints: Joints = None) -> tuple[Array, Array]:
         """Maximum stiffness, N·m/rad, and damping, N·m·s/rad (or N/m, N·s/m); shape (k,) each."""
         limits, chosen = self.engine.limits, self.selector.select(joints).joints
         return limits.stiffness[chosen], limits.damping[chosen]
@@ -493,43 +500,43 @@ class JointGroup(ModeShortcuts):
 
     # --- what is measured ---------------------------------------------------------------------
 
-    def get_encoder(self, joints: Joints = None) -> Floats:
+    def get_encoder(self, joints: Joints = None) -> Array:
         """Measured positions, rad or m, shape (k,)."""
         return self.state.position[self._chosen(joints)]
 
-    def get_encoder_speed(self, joints: Joints = None) -> Floats:
+    def get_encoder_speed(self, joints: Joints = None) -> Array:
         """Measured velocities, rad/s or m/s, shape (k,)."""
         return self.state.velocity[self._chosen(joints)]
 
-    def get_torque(self, joints: Joints = None) -> Floats:
+    def get_torque(self, joints: Joints = None) -> Array:
         """Measured torques, N·m or N, shape (k,); NaN without a torque sensor."""
         chosen = self._chosen(joints)
         return np.where(self.engine.torque_sensor[chosen], self.state.torque[chosen], np.nan)
 
-    def get_current(self, joints: Joints = None) -> Floats:
+    def get_current(self, joints: Joints = None) -> Array:
         """Measured motor currents, A, shape (k,)."""
         return self.state.current[self._chosen(joints)]
 
-    def get_current_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
+    def get_current_range(self, joints: Joints = None) -> tuple[Array, Array]:
         """Minimum and maximum current reference, A, shape (k,) each (Y2)."""
         most = self.engine.limits.current[self._chosen(joints)]
         return -most, most.copy()
 
     # --- references, read ---------------------------------------------------------------------
 
-    def get_target_position(self, joints: Joints = None) -> Floats:
+    def get_target_position(self, joints: Joints = None) -> Array:
         """The last accepted target of a position move, rad or m, shape (k,) (M11)."""
         return self._last(K.POSITION, joints)
 
-    def get_ref_position(self, joints: Joints = None) -> Floats:
+    def get_ref_position(self, joints: Joints = None) -> Array:
         """The last accepted direct position, rad or m, shape (k,) (M11)."""
         return self._last(K.POSITION_DIRECT, joints)
 
-    def get_target_velocity(self, joints: Joints = None) -> Floats:
+    def get_target_velocity(self, joints: Joints = None) -> Array:
         """The last accepted velocity of VELOCITY and MIXED, rad/s or m/s, shape (k,) (M11)."""
         return self._last(K.VELOCITY, joints)
 
-    def get_ref_velocity(self, joints: Joints = None) -> Floats:
+    def get_ref_velocity(self, joints: Joints = None) -> Array:
         """The last accepted velocity, rad/s or m/s, shape (k,) (M11).
 
         In VELOCITY_DIRECT the velocity of that mode (Y1).
@@ -538,19 +545,19 @@ class JointGroup(ModeShortcuts):
         target = self.get_target_velocity(joints)
         return np.where(direct, self._last(K.VELOCITY_DIRECT, joints), target)
 
-    def get_direct_velocity(self, joints: Joints = None) -> Floats:
+    def get_direct_velocity(self, joints: Joints = None) -> Array:
         """The last accepted velocity of VELOCITY_DIRECT in any mode, rad/s or m/s, shape (k,)."""
         return self._last(K.VELOCITY_DIRECT, joints)
 
-    def get_ref_torque(self, joints: Joints = None) -> Floats:
+    def get_ref_torque(self, joints: Joints = None) -> Array:
         """The last accepted torque, N·m or N, shape (k,) (M11)."""
         return self._last(K.TORQUE, joints)
 
-    def get_output(self, joints: Joints = None) -> Floats:
+    def get_output(self, joints: Joints = None) -> Array:
         """The last accepted output, percent, shape (k,) (M11)."""
         return self._last(K.OUTPUT, joints)
 
-    def get_ref_current(self, joints: Joints = None) -> Floats:
+    def get_ref_current(self, joints: Joints = None) -> Array:
         """The last accepted motor current, A, shape (k,) (M11)."""
         return self._last(K.CURRENT, joints)
 
@@ -559,27 +566,27 @@ class JointGroup(ModeShortcuts):
         done: list[bool] = self.state.done[self._chosen(joints)].tolist()
         return done
 
-    def get_remaining_time(self, joints: Joints = None) -> Floats:
+    def get_remaining_time(self, joints: Joints = None) -> Array:
         """Time until the position moves end, s, shape (k,)."""
         return self.engine.references.remaining(self._chosen(joints))
 
     # --- settings, read -----------------------------------------------------------------------
 
-    def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
+    def get_impedance(self, joints: Joints = None) -> tuple[Array, Array]:
         """Stiffness, N·m/rad, and damping, N·m·s/rad (or N/m, N·s/m); shape (k,) each."""
         own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
         return np.array([j.stiffness for j in own]), np.array([j.damping for j in own])
 
-    def get_torque_offset(self, joints: Joints = None) -> Floats:
+    def get_torque_offset(self, joints: Joints = None) -> Array:
         """τ_ff of the impedance law, N·m or N, shape (k,): as set, else the load at COMPLIANT."""
         own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
         return np.array([j.torque_offset if j.offset_given else j.load_taken for j in own])
 
-    def get_ref_speed(self, joints: Joints = None) -> Floats:
+    def get_ref_speed(self, joints: Joints = None) -> Array:
         """Mean speeds of position moves, rad/s or m/s, shape (k,)."""
         return self.engine.references.speed[self._chosen(joints)]
 
-    def get_ref_acceleration(self, joints: Joints = None) -> Floats:
+    def get_ref_acceleration(self, joints: Joints = None) -> Array:
         """Accelerations of velocity references, rad/s² or m/s², shape (k,)."""
         return self.engine.references.acceleration[self._chosen(joints)]
 
@@ -725,6 +732,6 @@ class JointGroup(ModeShortcuts):
     def _numbers(self, joints: Joints) -> list[int]:
         return self.selector.select(joints).numbers
 
-    def _last(self, kind: CommandKind, joints: Joints) -> Floats:
-        values: Floats = self.engine.references.last[kind, self._chosen(joints)]
+    def _last(self, kind: CommandKind, joints: Joints) -> Array:
+        values: Array = self.engine.references.last[kind, self._chosen(joints)]
         return values

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..text import nearest
 from .state import Indices
-from .terms.measurement import Array
+from .terms.arguments import Array
 from .terms.modes import REQUESTABLE, REQUESTS
 from .terms.motors import Loop
 from .terms.reply import Reason, Reply, refused

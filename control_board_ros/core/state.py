@@ -10,9 +10,10 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from .terms.arguments import Array
 from .terms.drives import SetPoint
 from .terms.faults import FaultRecord
-from .terms.measurement import MOTOR_ROWS, ROWS, VALUES, Array, Motor, Row
+from .terms.measurement import MOTOR_ROWS, ROWS, VALUES, Motor, Row
 from .terms.modes import INITIAL, INITIAL_INTERACTION, Stage
 from .terms.vocabs import CommandKind
 

@@ -24,7 +24,7 @@ from control_board_ros.core.goals.trajectory_goal import (
     Points,
     Wish,
 )
-from control_board_ros.core.terms.arguments import Floats
+from control_board_ros.core.terms.arguments import Array
 
 NAMES = ("a", "b")
 #: rad/s², of the joints.
@@ -44,7 +44,7 @@ class Goals(Following):
         super().__init__(board_config(*joints, **board))
         self.blocked: list[str] = []
 
-    def cycle(self, count: int = 1) -> Floats:
+    def cycle(self, count: int = 1) -> Array:
         for name in self.blocked:
             q, rate = self.board.get_encoder(name)[0], self.board.get_encoder_speed(name)[0]
             self.plant.push(name, -1e4 * q - 60.0 * rate)

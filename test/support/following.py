@@ -11,7 +11,7 @@ from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import Points
 from control_board_ros.core.goals.trajectory_goal import TrajectoryGoal, Wishes, start_goal
-from control_board_ros.core.terms.arguments import Floats
+from control_board_ros.core.terms.arguments import Array
 
 
 class Following(Rig):
@@ -46,7 +46,7 @@ class Following(Rig):
         self.goal = goal
         return goal
 
-    def cycle(self, count: int = 1) -> Floats:
+    def cycle(self, count: int = 1) -> Array:
         """Some cycles; the last accepted direct positions after them, shape (n,)."""
         for _ in range(count):
             measurement = self.plant.read()

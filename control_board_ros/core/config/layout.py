@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.coupling import Coupling, side_by_side
-from ..terms.measurement import Array
+from ..terms.arguments import Array
 from .config import BoardConfig, ConfigError
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..group import JointGroup
 from ..machine.explanations import explain_cut
 from ..selection import Selection
-from ..terms.arguments import Joints
+from ..terms.arguments import Array, Joints
 from ..terms.reply import Answer, JointAnswer, Reply, accepted, decided, joints_of
 from ..terms.vocabs import CommandKind
 from .path import SAME_TIME, Bools, Path, Run, Sample, Spline, braking
@@ -36,9 +36,9 @@ class Follower:
         self._known = self._last.copy()
 
     @property
-    def _last(self) -> NDArray[np.float64]:
+    def _last(self) -> Array:
         """The last direct positions that the board accepted, shape (n,)."""
-        row: NDArray[np.float64] = self.board.engine.references.last[CommandKind.POSITION_DIRECT]
+        row: Array = self.board.engine.references.last[CommandKind.POSITION_DIRECT]
         return row
 
     @property
@@ -206,7 +206,7 @@ class Follower:
         run.path = run.path.joined(board.time - run.start, present)
         run.spline = Spline(run.path)
 
-    def _accelerations(self) -> NDArray[np.float64]:
+    def _accelerations(self) -> Array:
         """Accelerations of the last references, shape (n,), rad/s²; 0 without a path."""
         found = np.zeros(self.board.count)
         for run in self._runs:

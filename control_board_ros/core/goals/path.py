@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..selection import RequestError
-from ..terms.measurement import CREDIBLE, Array
+from ..terms.arguments import Array
+from ..terms.measurement import CREDIBLE
 from ..terms.vocabs import InteractionMode
 
 #: A trajectory of more points is refused.

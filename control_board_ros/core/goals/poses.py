@@ -18,7 +18,7 @@ import numpy as np
 
 from ..machine.explanations import explain_slower
 from ..selection import RequestError
-from ..terms.arguments import Floats
+from ..terms.arguments import Array
 from ..terms.modes import FAULTED, MOVES, POWERED, modes_accepting
 from ..terms.vocabs import CommandKind, ControlMode
 from .pose import NAME, Pose
@@ -62,7 +62,7 @@ class PoseTask:
         """Outcome; None while active."""
         return self._move.outcome()
 
-    def remaining(self) -> Floats:
+    def remaining(self) -> Array:
         """Remaining distances, signed, rad or m, one per joint."""
         return self._targets - self._board.get_encoder(self.names)
 

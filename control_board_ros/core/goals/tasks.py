@@ -17,7 +17,7 @@ import numpy as np
 
 from ..calibration.calibration import CalibrationStatus
 from ..selection import RequestError
-from ..terms.arguments import Floats, Joints
+from ..terms.arguments import Array, Joints
 from ..terms.joint_kind import JointKind
 from ..terms.modes import ACCEPTS, CALIBRATES, POWER_OFF
 from ..terms.reply import Answer, joints_of, summary
@@ -199,8 +199,8 @@ class MoveTask:
         self,
         board: JointGroup,
         joints: Joints,
-        positions: Sequence[float] | Floats,
-        speeds: Sequence[float] | Floats | None = None,
+        positions: Sequence[float] | Array,
+        speeds: Sequence[float] | Array | None = None,
         *,
         time: float | None = None,
         note: str = "",

@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from ..group import JointGroup
 from ..selection import RequestError, Selection
-from ..terms.arguments import Joints
+from ..terms.arguments import Array, Joints
 from ..terms.joint_kind import JointKind
-from ..terms.measurement import Array
 from ..terms.reply import summary
 from .follower import Follower, admitted, cuts, incomplete, overdue
 from .path import Path, Points, Run, Sample, make_path
@@ -346,9 +345,7 @@ class TrajectoryGoal:
         kind = self._board.config.joints[int(self.joints[found.column])].kind
         return explain(found, self.names[found.column], kind, which)
 
-    def _miss(
-        self, code: Code, text: str, errors: NDArray[np.float64], tolerances: NDArray[np.float64]
-    ) -> None:
+    def _miss(self, code: Code, text: str, errors: Array, tolerances: Array) -> None:
         """End it: joints beyond a tolerance stop where they are, others at their references."""
         state, joints = self._board.state, self.joints
         beyond = ((tolerances > 0.0) & (np.abs(errors) > tolerances)).any(axis=0)

@@ -22,8 +22,8 @@ from ..config.config import BoardConfig
 from ..config.parts import DEGREE, Brake
 from ..laws.control import Controller
 from ..state import StateArrays
+from ..terms.arguments import Array
 from ..terms.faults import FaultCode
-from ..terms.measurement import Array
 from ..terms.modes import DRIVEN, FAULTED, UNCONFIGURED, Law
 from ..terms.vocabs import BrakeMode
 

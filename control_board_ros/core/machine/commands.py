@@ -21,8 +21,7 @@ from ..config.layout import BoardLimits
 from ..laws.references import Moves, References
 from ..selection import RequestError, Selection, spread
 from ..state import Indices
-from ..terms.arguments import Floats, Values
-from ..terms.measurement import Array
+from ..terms.arguments import Array, Values
 from ..terms.reply import Answer, JointAnswer, Reply, decided
 from ..terms.vocabs import CommandKind
 from .decisions import decide_reference
@@ -32,7 +31,7 @@ from .machine import Machine
 K = CommandKind
 #: Effects of limits on references, by joint.
 Notes = dict[int, str]
-Start = Callable[[References, Indices, Floats, Any], Any]
+Start = Callable[[References, Indices, Array, Any], Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,8 +128,8 @@ class Commands:
         self,
         kind: CommandKind,
         selection: Selection,
-        asked: Floats,
-        along: Floats | None,
+        asked: Array,
+        along: Array | None,
         *,
         together: bool,
         time: float | None,
@@ -168,23 +167,23 @@ class Commands:
         answers = answers or [JointAnswer()] * len(selection.names)
         return reply_of(selection, answers, started, notes)
 
-    def get_move_time(self, chosen: Indices, positions: Floats, speeds: Floats) -> Floats:
+    def get_move_time(self, chosen: Indices, positions: Array, speeds: Array) -> Array:
         """The duration of position moves that start now (P1), s, shape (k,)."""
         taken = self._taken(chosen, positions)
         return np.array(self._references.plan_moves(chosen, taken, speeds).times)
 
-    def _taken(self, chosen: Indices, positions: Floats) -> Floats:
+    def _taken(self, chosen: Indices, positions: Array) -> Array:
         """Targets within the software limits (P9)."""
         return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
 
-    def _standing(self, kind: CommandKind, selection: Selection) -> Floats | None:
+    def _standing(self, kind: CommandKind, selection: Selection) -> Array | None:
         """The stored accompanying values, one per joint; None: the kind has none."""
         if (name := COMMANDS[kind].standing) is None:
             return None
-        standing: Floats = getattr(self._references, name)
+        standing: Array = getattr(self._references, name)
         return standing[selection.joints]
 
-    def _fits(self, kind: CommandKind, chosen: Indices, extra: Floats) -> NDArray[np.bool_]:
+    def _fits(self, kind: CommandKind, chosen: Indices, extra: Array) -> NDArray[np.bool_]:
         """Whether accompanying values are in range: above 0 up to the most, or finite."""
         if COMMANDS[kind].standing is None:
             return np.isfinite(extra)
@@ -194,10 +193,10 @@ class Commands:
         self,
         kind: CommandKind,
         chosen: Indices,
-        asked: Floats,
-        extra: Floats | None,
+        asked: Array,
+        extra: Array | None,
         time: float | None,
-    ) -> tuple[Floats, Notes]:
+    ) -> tuple[Array, Notes]:
         """Start references within the limits.
 
         Returns:
@@ -222,7 +221,7 @@ class Commands:
             self._machine.timeouts.renew(kind, chosen, self._state.cycle)
         return taken, notes
 
-    def _bounded(self, kind: CommandKind, chosen: Indices, asked: Floats, taken: Floats) -> Notes:
+    def _bounded(self, kind: CommandKind, chosen: Indices, asked: Array, taken: Array) -> Notes:
         """Effect of limits on references (P1, P9, P14)."""
         joints = self._machine.config.joints
         return {
@@ -231,7 +230,7 @@ class Commands:
             if one != other
         }
 
-    def _slower(self, chosen: Indices, ways: Floats, speeds: Floats, moves: Moves) -> Notes:
+    def _slower(self, chosen: Indices, ways: Array, speeds: Array, moves: Moves) -> Notes:
         """Where limits make a move slower than requested (P1)."""
         notes = {}
         joints = self._machine.config.joints
@@ -248,7 +247,7 @@ class Commands:
         return notes
 
     def _judged(
-        self, kind: CommandKind, selection: Selection, asked: Floats, along: Floats | None
+        self, kind: CommandKind, selection: Selection, asked: Array, along: Array | None
     ) -> list[JointAnswer]:
         """The answer of each joint; ignored references are counted (M4)."""
         answers = []
@@ -281,7 +280,7 @@ def reply_of(
     return replace(decided(selection.names, texts), values=values)
 
 
-def spread_along(kind: CommandKind, along: Values, count: int) -> Floats:
+def spread_along(kind: CommandKind, along: Values, count: int) -> Array:
     """Values that accompany references of a kind, one per joint.
 
     Raises:
@@ -293,6 +292,6 @@ def spread_along(kind: CommandKind, along: Values, count: int) -> Floats:
     return spread(along, count, what)
 
 
-def same(one: Floats, other: Floats) -> bool:
+def same(one: Array, other: Array) -> bool:
     """Whether two arrays of numbers are equal to the bit; a tenth of the time of numpy's ==."""
     return one.tobytes() == other.tobytes()

@@ -17,9 +17,10 @@ from ..config.config import BoardConfig, JointConfig
 from ..laws.control import Controller
 from ..laws.references import References, ReferenceTimeouts
 from ..state import Indices, StateArrays
+from ..terms.arguments import Array
 from ..terms.events import Events
 from ..terms.faults import Cause, FaultCode, FaultRecord
-from ..terms.measurement import Array, Row
+from ..terms.measurement import Row
 from ..terms.modes import (
     ACCEPTS,
     CALIBRATES,

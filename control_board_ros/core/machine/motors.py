@@ -18,7 +18,7 @@ from ..laws.laws import Pid as Gains
 from ..model.coupling import MotorMix
 from ..selection import RequestError, Selection, all_within, spread
 from ..state import StateArrays
-from ..terms.arguments import Floats, Values
+from ..terms.arguments import Array, Values
 from ..terms.measurement import Motor
 from ..terms.modes import CALIBRATES, CONFIGURED, UNPOWERED
 from ..terms.motors import TERMS, Loop, Motors, Pids, Term
@@ -35,7 +35,7 @@ class Feedforward:
         self._machine = machine
 
     def set_feedforward(
-        self, selection: Selection, terms: Sequence[Floats | None], *, together: bool
+        self, selection: Selection, terms: Sequence[Array | None], *, together: bool
     ) -> Reply:
         """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
 
@@ -69,7 +69,7 @@ class Feedforward:
 
 def terms_of(
     count: int, outputs: Values | None, torques: Values | None
-) -> tuple[Floats | None, Floats | None]:
+) -> tuple[Array | None, Array | None]:
     """u_ff and τ_ff, shape (count,) each; None where not given.
 
     Raises:
@@ -151,12 +151,12 @@ class MotorAccess:
             **self._terms(joints),
         )
 
-    def _terms(self, joints: list[int]) -> dict[str, Floats]:
+    def _terms(self, joints: list[int]) -> dict[str, Array]:
         rows = [self._machine.controller.terms_in_force(j) for j in joints]
         columns = np.array(rows).reshape(len(joints), len(Term)).T
         return {name: columns[row].copy() for name, row in TERMS.items()}
 
-    def check(self, chosen: Selection, given: Mapping[str, Values | None]) -> dict[str, Floats]:
+    def check(self, chosen: Selection, given: Mapping[str, Values | None]) -> dict[str, Array]:
         """Values to be set, one per joint, by their names: caps, and those of TERMS.
 
         Raises:
@@ -182,11 +182,11 @@ class MotorAccess:
                     )
         return found
 
-    def _bounds(self, name: str) -> tuple[str, Floats, bool]:
+    def _bounds(self, name: str) -> tuple[str, Array, bool]:
         """Description of a bound, maximum of each joint of the board, whether 0 is allowed."""
         limits = self.limits
         constants = np.array([one.motor.torque_constant for one in self._machine.config.joints])
-        found: dict[str, tuple[Floats, bool]] = {
+        found: dict[str, tuple[Array, bool]] = {
             "max_currents": (limits.current, False),
             "output_limits": (limits.output, True),
             "torque_constants": (FAR_OFF * constants, False),
@@ -199,7 +199,7 @@ class MotorAccess:
         }
         return name.removesuffix("s"), *found[name]
 
-    def set(self, chosen: Selection, given: Mapping[str, Floats]) -> Reply:
+    def set(self, chosen: Selection, given: Mapping[str, Array]) -> Reply:
         """Set what ``check`` found to be allowed."""
         controller = self._machine.controller
         controller.set_caps(chosen.joints, given.get("max_currents"), given.get("output_limits"))
@@ -222,7 +222,7 @@ class MotorAccess:
         return Pids(rows[:, 0], rows[:, 0] - rows[:, 1], rows[:, 2], offsets)
 
     def set_pids(
-        self, chosen: Selection, loop: Loop, *, reset: bool, offsets: Floats | None
+        self, chosen: Selection, loop: Loop, *, reset: bool, offsets: Array | None
     ) -> Reply:
         """Drop what a loop has integrated, set what is added to its output (percent), or both."""
         machine, answers = self._machine, []
@@ -240,7 +240,7 @@ class MotorAccess:
             answers.append(JointAnswer())
         return decided(chosen.names, answers)
 
-    def set_motor_encoders(self, chosen: Selection, positions: Floats) -> Reply:
+    def set_motor_encoders(self, chosen: Selection, positions: Array) -> Reply:
         """Set the readings of motor encoders, rad."""
         state, answers = self._machine.state, []
         for name, j, position in zip(
@@ -254,7 +254,7 @@ class MotorAccess:
             answers.append(JointAnswer())
         return decided(chosen.names, answers)
 
-    def set_encoders(self, chosen: Selection, positions: Floats) -> Reply:
+    def set_encoders(self, chosen: Selection, positions: Array) -> Reply:
         """Set the present angles of joints without power, rad; limits apply to these angles."""
         answers = [
             self._take_angle(j, name, position)
@@ -291,15 +291,15 @@ def mix_of(config: BoardConfig, joints: Sequence[Joint]) -> MotorMix | None:
     return MotorMix(config.motor_coupling, *constants_of(joints))
 
 
-def constants_of(joints: Sequence[Joint]) -> Floats:
+def constants_of(joints: Sequence[Joint]) -> Array:
     """Torque per ampere, resistance, back-EMF, percent per volt of the motors that laws lead."""
     rows = [(one.torque_per_ampere, one.ohms, one.emf, one.percent_per_volt) for one in joints]
     return np.array(rows).T
 
 
-def shaft_readings(state: StateArrays) -> Floats:
+def shaft_readings(state: StateArrays) -> Array:
     """Rows of Motor of all joints, as last set, shape (rows, n)."""
-    found: Floats = state.motors.copy()
+    found: Array = state.motors.copy()
     found[Motor.POSITION] -= state.motor_offset
     return found
 

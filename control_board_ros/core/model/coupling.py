@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..terms.measurement import Array
+from ..terms.arguments import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

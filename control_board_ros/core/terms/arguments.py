@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the methods of SPEC A accept: joints, one value for all or one for each, modes."""
+"""What the methods of SPEC A accept and return: joints, one value for all or one for each."""
 
 from __future__ import annotations
 
@@ -8,11 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .vocabs import ControlMode, InteractionMode
-
 Joints = int | str | Sequence[int | str] | None
-Values = float | Sequence[float] | NDArray[np.float64]
+Array = NDArray[np.float64]
+Values = float | Sequence[float] | Array
 Flags = bool | Sequence[bool]
-Floats = NDArray[np.float64]
-Mode = ControlMode | str | int
-Interaction = InteractionMode | str | int

@@ -28,10 +28,11 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from . import arguments
 from .drives import SetPoint
 from .faults import FaultCode
 
-Array = NDArray[np.float64]
+Array = arguments.Array
 
 
 class Value(IntEnum):

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
-from .arguments import Floats, Values
+from .arguments import Array, Values
 
 
 class Loop(StrEnum):
@@ -68,27 +68,27 @@ class Motors:
         velocity_thresholds: speeds of the joints from which on that is whole, rad/s.
     """
 
-    gear_ratios: Floats
-    positions: Floats
-    velocities: Floats
-    accelerations: Floats
-    currents: Floats
-    nominal_currents: Floats
-    peak_currents: Floats
-    max_currents: Floats
-    outputs: Floats
-    output_limits: Floats
-    supply_voltages: Floats
-    temperatures: Floats
-    temperature_limits: Floats
-    torque_limits: Floats
-    torque_constants: Floats
-    back_emf_constants: Floats
-    viscous_positive: Floats
-    viscous_negative: Floats
-    coulomb_positive: Floats
-    coulomb_negative: Floats
-    velocity_thresholds: Floats
+    gear_ratios: Array
+    positions: Array
+    velocities: Array
+    accelerations: Array
+    currents: Array
+    nominal_currents: Array
+    peak_currents: Array
+    max_currents: Array
+    outputs: Array
+    output_limits: Array
+    supply_voltages: Array
+    temperatures: Array
+    temperature_limits: Array
+    torque_limits: Array
+    torque_constants: Array
+    back_emf_constants: Array
+    viscous_positive: Array
+    viscous_negative: Array
+    coulomb_positive: Array
+    coulomb_negative: Array
+    velocity_thresholds: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,7 +137,7 @@ class Pids:
         offsets: what is added to the output, u_ff, PWM percent.
     """
 
-    references: Floats
-    errors: Floats
-    outputs: Floats
-    offsets: Floats
+    references: Array
+    errors: Array
+    outputs: Array
+    offsets: Array

@@ -141,6 +141,10 @@ class BrakeMode(StrEnum):
     CLOSED = "closed"  # by hand
 
 
+#: Modes as methods accept them: themselves, their texts or their numbers.
+Mode = ControlMode | str | int
+Interaction = InteractionMode | str | int
+
 #: Other names a user may type: YARP's PWM mode is the source's OPENLOOP.
 YARP_4_PWM = "ipwm"
 ALIASES = {YARP_4_PWM: ControlMode.OPENLOOP, "pwm": ControlMode.OPENLOOP}

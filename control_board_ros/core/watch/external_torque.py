@@ -12,7 +12,8 @@ import numpy as np
 
 from ..config.config import BoardConfig, JointConfig
 from ..state import StateArrays
-from ..terms.measurement import Array, Measurement, Row
+from ..terms.arguments import Array
+from ..terms.measurement import Measurement, Row
 from ..terms.modes import INITIAL_INTERACTION, SENSE_TORQUE, UNPOWERED, Law, law_of
 
 #: Laws that follow a torque: without one, the joint is in fault.

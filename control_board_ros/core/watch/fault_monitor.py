@@ -24,8 +24,9 @@ from ...text import clean
 from ..config.config import BoardConfig, JointConfig
 from ..config.parts import DEGREE
 from ..state import StateArrays
+from ..terms.arguments import Array
 from ..terms.faults import Cause, FaultCode
-from ..terms.measurement import CREDIBLE, ROWS, Array, Row
+from ..terms.measurement import CREDIBLE, ROWS, Row
 from .causes import (
     ROWS_OF,
     STRAINED,
