@@ -15,7 +15,7 @@ from __future__ import annotations
 try:
     import cython
 except ImportError:
-    from ..core.model import nocython as cython
+    from .. import nocython as cython
 
 from ..core.terms.measurement import doubles
 

@@ -19,8 +19,7 @@ from pure import SUFFIX as AS_PYTHON
 from pure import as_python, load_python
 
 import control_board_ros
-from control_board_ros import compiled
-from control_board_ros.core.model import nocython
+from control_board_ros import compiled, nocython
 
 MODULES = [ROOT / f"{name.replace('.', '/')}.py" for name in compiled.MODULES]
 SUFFIX = EXTENSION_SUFFIXES[0]

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 try:
     import cython
 except ImportError:
-    from ..model import nocython as cython
+    from ... import nocython as cython
 
 if cython.compiled:
     from cython.cimports.libc.math import ceil, fabs, floor, sqrt

@@ -23,7 +23,7 @@ from typing import Any
 try:
     import cython
 except ImportError:
-    from . import nocython as cython
+    from ... import nocython as cython
 
 if cython.compiled:
     from cython.cimports.libc.math import cos, fabs, sin

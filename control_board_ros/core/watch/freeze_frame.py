@@ -9,7 +9,7 @@ from __future__ import annotations
 try:
     import cython
 except ImportError:
-    from ..model import nocython as cython
+    from ... import nocython as cython
 
 from collections import deque
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ from __future__ import annotations
 try:
     import cython
 except ImportError:
-    from ..model import nocython as cython
+    from ... import nocython as cython
 
 from ..terms.measurement import CREDIBLE, MOTOR_ROWS, ROWS, doubles
 

@@ -7,7 +7,7 @@ names only; their meaning is in Cython's manual, "Pure Python Mode". To be impor
     try:
         import cython
     except ImportError:
-        from . import nocython as cython
+        from .. import nocython as cython
 """
 
 from __future__ import annotations
