@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from attempts import code_of
 from mutations import mutants
 from reach import Reach, Recorder, interval, merged
 
@@ -172,3 +173,20 @@ def test_results_in_the_repository_count_while_code_and_tests_stay(
     assert record("third.txt", again=True).fates == dict.fromkeys(killed, "failed")
     monkeypatch.setattr(tool, "code_of", lambda _: "other")
     assert record("fourth.txt").fates == {}
+
+
+@pytest.mark.parametrize(
+    ("code", "same"),
+    [
+        ('"""A text."""\nfrom b import x\ny = x + 1\n', True),
+        ('"""Another."""\nfrom a import x\ny = x + 1  # one more\n', True),
+        ('"""A text."""\nfrom a import x\ny = x + 2\n', False),
+    ],
+)
+def test_results_outlast_changes_that_no_mutant_sees(
+    tmp_path: Path, code: str, same: bool
+) -> None:
+    before, after = tmp_path / "before.py", tmp_path / "after.py"
+    before.write_text('"""A text."""\nfrom a import x\ny = x + 1\n', encoding="utf-8")
+    after.write_text(code, encoding="utf-8")
+    assert (code_of(before) == code_of(after)) is same

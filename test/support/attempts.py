@@ -314,8 +314,8 @@ def digest_of(files: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-class WithoutTexts(ast.NodeTransformer):
-    """Leaves out docstrings and texts for people, which mutants leave alone, too."""
+class OnlyCode(ast.NodeTransformer):
+    """Leaves out docstrings, texts for people and imports: mutants leave them alone, too."""
 
     def visit(self, node: ast.AST) -> Any:
         """Leave out a docstring, too."""
@@ -330,6 +330,12 @@ class WithoutTexts(ast.NodeTransformer):
         text = isinstance(node.value, str) and " " in node.value.strip()
         return ast.Constant("") if text else node
 
+    def visit_Import(self, node: ast.Import) -> None:
+        """A name is the same wherever it comes from."""
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
+        """A name is the same wherever it comes from."""
+
     def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.JoinedStr:
         """What a text is made of stays."""
         values = [self.visit(one) for one in node.values if isinstance(one, ast.FormattedValue)]
@@ -337,8 +343,8 @@ class WithoutTexts(ast.NodeTransformer):
 
 
 def code_of(module: Path) -> str:
-    """A short digest of what a module does: of its code without comments and texts."""
-    tree = WithoutTexts().visit(ast.parse(module.read_text(encoding="utf-8")))
+    """A short digest of what a module does: of its code without comments, texts and imports."""
+    tree = OnlyCode().visit(ast.parse(module.read_text(encoding="utf-8")))
     return hashlib.sha256(ast.unparse(tree).encode()).hexdigest()[:16]
 
 
