@@ -21,6 +21,7 @@ from ..interface import (
     SET_PIDS,
 )
 from ..protocols import Flags, Floats, Joints, Values
+from ..text import nearest
 from .operations import Interface, operation, request
 from .services import arrays
 
@@ -52,8 +53,9 @@ class MotorRequests(Interface):
         The latter by the names of ``get_motors``, ``torque_constants`` to
         ``velocity_thresholds``; None: unchanged. A power-on resets all of it.
         """
-        if unknown := terms.keys() - TERMS:
-            raise TypeError(f"no such values: {', '.join(sorted(unknown))}; one of {list(TERMS)}")
+        if unknown := sorted(terms.keys() - TERMS):
+            hint = nearest(unknown[0], TERMS)
+            raise TypeError(f"no such values: {', '.join(unknown)}{hint}; one of {list(TERMS)}")
         given = {"max_currents": max_currents, "output_limits": output_limits} | terms
         return await self._services.change(SET_MOTORS, joints, given)
 

@@ -150,8 +150,9 @@ class ParameterRequests(Interface):
             RequestError: a joint or controller that does not exist.
         """
         if controller not in CONTROLLERS:
+            hint = nearest(controller, CONTROLLERS)
             raise RequestError(
-                f"controller {controller!r} unknown; one of {', '.join(CONTROLLERS)}"
+                f"controller {controller!r} unknown{hint}; one of {', '.join(CONTROLLERS)}"
             )
         return Gains(*await self._of_joints([f"{controller}_pid.{g}" for g in GAINS], joints))
 

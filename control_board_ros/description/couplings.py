@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.model.coupling import Coupling, side_by_side
 from ..core.terms.joint_kind import JointKind
+from ..text import nearest
 from .urdf import CoupledAxes, Urdf, UrdfJoint
 
 Range = tuple[float, float]
@@ -38,7 +39,10 @@ def couple(urdf: Urdf, name: str, coupling: Coupling) -> Urdf:
                 f"joints that drive themselves; {joint} follows {urdf.mimics[joint].leader}"
             )
         if joint not in free:
-            raise ValueError(f"joints of the robot, not {joint!r}; they are: {', '.join(free)}")
+            hint = nearest(joint, free)
+            raise ValueError(
+                f"joints of the robot, not {joint!r}{hint}; they are: {', '.join(free)}"
+            )
         if coupling.physical_joints.count(joint) > 1:
             raise ValueError(f"{joint} once")
     taken = set(urdf.independent) - set(coupling.physical_joints)

@@ -15,6 +15,7 @@ from ..core.config.parameter import ConfigError
 from ..core.terms.joint_kind import JointKind
 from ..settings.loading import Settings, load
 from ..settings.params_file import SettingsError
+from ..text import nearest
 from .drives.axes import Axis
 from .drives.bring_up import Moved, Trial, corrections, write
 from .drives.plant import DrivesPlant
@@ -83,8 +84,9 @@ def put_trial(given: argparse.Namespace) -> int:
     names = [name for name in given.joints.split(",") if name] or list(settings.board.names)
     turned = pairs(given.turned)
     if unknown := [name for name in (*names, *turned) if name not in settings.board.names]:
+        hint = nearest(unknown[0], settings.board.names)
         raise PlantSettingsError(
-            f"joint {unknown[0]!r} unknown: {', '.join(settings.board.names)}"
+            f"joint {unknown[0]!r} unknown{hint}; joints: {', '.join(settings.board.names)}"
         )
     kinds = {joint.name: joint.kind for joint in settings.board.joints}
     seen = {name: moved_by(kinds[name], words) for name, words in turned.items()}

@@ -18,6 +18,7 @@ from ..core.config.config import JointConfig, Limits
 from ..core.terms.drives import SetPoint
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Array, Row
+from ..text import nearest
 
 #: Minimum duration of a transient fault, s; rounded to readings, at least one.
 TRANSIENT = 0.02
@@ -139,8 +140,10 @@ class Injector:
         """Raise ValueError where a joint cannot have a fault: unknown kind, or no such sensor."""
         config = self._joints[joint]
         if kind not in KINDS and kind not in LASTING:
-            known = ", ".join((*KINDS, *LASTING))
-            raise ValueError(f"fault {kind!r} unknown; faults: {known}")
+            known = (*KINDS, *LASTING)
+            raise ValueError(
+                f"fault {kind!r} unknown{nearest(kind, known)}; faults: {', '.join(known)}"
+            )
         if kind == "torque_sensor" and not config.torque_sensor:
             raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
         if kind in BRAKES and not config.brake.present:

@@ -25,6 +25,8 @@ from control_board_ros import __version__
         (["move", "joint_1"], "'joint_1' is not valid; write JOINT=VALUE"),
         (["velocity", "0=1", "--for", "1s", "--once"], "exclude each other"),
         (["modes", "--nonsense"], "unrecognized arguments: --nonsense; see cbctl modes --help"),
+        (["watch", "--rat", "3"], "arguments: --rat; did you mean '--rate'?; see cbctl watch"),
+        (["completion", "fisch"], "shell 'fisch' unknown; did you mean 'fish'?; one of bash"),
         (["modes", "--timeout", "0"], "--timeout 0 is not valid"),
         (["modes", "--domain", "300"], "--domain 300 is not valid; ROS domains are 0 to 232"),
         (["inject", "0"], "name joints, then a fault"),

@@ -29,6 +29,7 @@ from control_board_ros.cli.text.output import bar, conclude, plain
 from control_board_ros.cli.verbs.look import when
 from control_board_ros.cli.verbs.modes import MODE_CODES, joints_and_mode
 from control_board_ros.cli.verbs.motion import move
+from control_board_ros.cli.verbs.param import holding
 from control_board_ros.cli.verbs.streams import feedforward
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.reply import Answer, Reply
@@ -218,7 +219,7 @@ def test_options_of_a_verb() -> None:
     ("words", "text"),
     [
         (["--speed", "--no-wait", "0=1"], "argument --speed: expected one argument"),
-        (["0=1", "--spe", "2"], "unrecognized arguments: --spe 2"),
+        (["0=1", "--spe", "2"], r"unrecognized arguments: --spe 2; did you mean '--speed'\?"),
         ([], "the following arguments are required: JOINT=VALUE"),
     ],
 )
@@ -347,3 +348,10 @@ def test_actions_done_in_place_of_the_requested_ones(
     session.options.json = True
     assert conclude(session, reply, "under way: a") == 0
     assert json.loads(capsys.readouterr().out)["message"] == message
+
+
+def test_a_misspelt_part_of_a_parameter_is_suggested() -> None:
+    names = ["elbow.limits.upper", "elbow.impedance.stiffness"]
+    assert holding(["stiff"], names, ("elbow",)) == names[1:]
+    with pytest.raises(Refused, match="contains 'stifness'; did you mean 'stiffness'"):
+        holding(["stifness"], names, ("elbow",))

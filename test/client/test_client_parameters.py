@@ -45,6 +45,8 @@ class TestOnABoard:
         assert (client.get_gains(None, "torque").ki > 0.0).all()
         with pytest.raises(RequestError, match="'speed' unknown; one of position, direct"):
             client.get_gains(0, "speed")
+        with pytest.raises(RequestError, match="did you mean 'torque'"):
+            client.get_gains(0, "torqe")
         with pytest.raises(RequestError, match="did you mean"):
             client.get_limits("lbr_iiwa_joint_9")
 

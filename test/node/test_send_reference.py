@@ -245,6 +245,7 @@ def test_kinds_that_are_none() -> None:
         assert kind.replace("_", " ") in reply.message
     reply = send(board, "speed", [first], [0.1])
     assert "kind 'speed' unknown; one of position, position_direct, velocity" in reply.message
+    assert "did you mean 'velocity'?" in send(board, "velocty", [first], [0.1]).message
     assert {mode.code for mode in board.rig.modes()} == {"pos"}
 
 

@@ -181,9 +181,12 @@ def test_nothing_is_moved_without_a_yes(
 def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT.replace("virtual/moteus", "''"))
+    virtual = tmp_path / "virtual.yaml"
+    virtual.write_text(ROBOT)
     for words, text in (
         (["try", str(path), "--yes"], "is no driver in the box; known: moteus"),
         (["try", str(tmp_path / "none.yaml")], "none.yaml"),
+        (["try", str(virtual), "--joints", "lbr_joint_7"], "mean 'lbr_iiwa_joint_7'?; joints: "),
         (["scan", "moteus", "--bus", "nonsense:1"], "use INTERFACE:CHANNEL"),
     ):
         assert main(words) == 1

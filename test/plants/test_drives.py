@@ -569,6 +569,7 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
     [
         ({"model": "rs02"}, "left: no MIT frame sets the watchdog .* canTimeout .* unwatched=1"),
         ({"right.model": "rs99"}, "right.model=rs99: unknown; known: damiao, rs00, .*"),
+        ({"model": "damio"}, r"left.model=damio: unknown; did you mean 'damiao'\?; known: "),
         ({"model": "rs02", "unwatched": "1", "scales": "1/2"}, "left.scales=1/2: .* is required"),
         ({"ids": "1,16"}, "right.id=16: 1 to 15 is required"),
     ],

@@ -108,7 +108,7 @@ LENGTHS = "ground=36, crank=12, coupler=30, rocker=14"
             ["singular"],
         ),
         (TWO, ["more.joints", "l_hand_index_3_joint in one coupling; index has it"]),
-        (INDEX.replace("index_3_joint", "index_9_joint"), ["joints of the robot, not"]),
+        (INDEX.replace("index_3_joint", "index_9_joint"), ["robot, not", "mean 'l_hand_index_"]),
         (INDEX.replace("[index]", "[l_hand_ring_1_joint]"), ["another name for the axis"]),
         (INDEX.replace("matrix", "matrx"), ["did you mean 'matrix'"]),
         (INDEX + '    functions: ["", "five_bar(a=1)"]\n', ["functions", "four_bar(ground=…"]),

@@ -236,6 +236,8 @@ def test_a_reset_removes_defects_and_pushes(pair):
 
 
 def test_an_unknown_fault_lists_the_known_ones(pair):
+    with pytest.raises(ValueError, match="fault 'encodre' unknown; did you mean 'encoder'"):
+        pair[0].inject(0, "encodre")
     with pytest.raises(ValueError, match="fault 'fire' unknown; faults: overcurrent, ") as caught:
         pair[0].inject(0, "fire")
     assert all(kind in str(caught.value) for kind in KINDS)

@@ -156,6 +156,11 @@ def test_a_push_is_a_finite_number(torque):
         ideal_plant().push(0, torque)
 
 
+def test_a_misspelt_joint_is_suggested():
+    with pytest.raises(ValueError, match="did you mean 'joint_3'"):
+        ideal_plant().push("join_3", 1.0)
+
+
 @pytest.mark.parametrize("joint", [7, -1, "elbow", 1.5, None, True])
 def test_an_unknown_joint_is_an_error_that_lists_the_joints(make, joint):
     plant = make()

@@ -309,6 +309,7 @@ def test_the_program_writes_files_that_a_board_reads(crane: str, tmp_path: Path)
         (("nobody.yaml", "-o", "x.yaml"), "nobody.yaml"),
         (("iiwa", "-o", "no/folder/x.yaml"), "no/folder is no folder; make it first"),
         (("iiwa", "-o", "x.yaml", "--joints", "elbow"), "joint 'elbow' unknown; joints: "),
+        (("iiwa", "-o", "x.yaml", "--joints", "lbr_iiwa_joint1"), "mean 'lbr_iiwa_joint_1'?; joi"),
         (("iiwa", "-o", "x.yaml", "--payload", "much"), "--payload much is not valid"),
         (("iiwa", "-o", "x.yaml", "--trials", "0"), "whole numbers from 1"),
         (("iiwa", "-o", "x.yaml", "--storage", "nosql://x/y"), "cannot open the storage"),

@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
+from control_board_ros.text import nearest
+
 from .offers import Offers, Typed, assignments, joints_or_all, joints_then
 from .words import EXAMPLES, UsageError, quantity
 
@@ -122,7 +124,11 @@ class Parser(argparse.ArgumentParser):
                 joined[-1] += f"={word}"
             else:
                 joined.append(word)
-        return vars(self.parse_intermixed_args(joined))
+        values, left = self.parse_known_intermixed_args(joined)
+        if left:
+            hint = nearest(left[0].partition("=")[0], self._option_string_actions)
+            self.error(f"unrecognized arguments: {' '.join(left)}{hint}")
+        return vars(values)
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}; see {self.prog} --help")

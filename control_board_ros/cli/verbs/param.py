@@ -15,6 +15,8 @@ from typing import Any
 
 import yaml
 
+from control_board_ros.text import nearest
+
 from ..board.session import Session
 from ..line.arguments import argument, with_arguments
 from ..line.offers import joints
@@ -189,8 +191,10 @@ def holding(parts: list[str], names: list[str], joints: tuple[str, ...]) -> list
     wanted = [full_name(part, names, joints) for part in parts]
     found = [n for n in names if not wanted or any(part in n for part in wanted)]
     if not found:
+        words = {word for name in names for word in name.split(".")}
+        hint = nearest(parts[0], words)
         raise Refused(
-            f"no parameter contains {' or '.join(map(repr, parts))}; try: cbctl param show"
+            f"no parameter contains {' or '.join(map(repr, parts))}{hint}; try: cbctl param show"
         )
     return found
 

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from control_board_ros.text import nearest
+
 from ..board.session import Session
 from ..line.arguments import argument, offered, with_arguments
 from ..line.offers import one_of
@@ -160,5 +162,6 @@ def history() -> Path:
 def completion(_: Session, shell: str) -> None:
     """Print the completion script of a shell: source <(cbctl completion bash)."""
     if shell not in SCRIPTS:
-        raise UsageError(f"shell {shell!r} is not known; one of {', '.join(SCRIPTS)}")
+        hint = nearest(shell, SCRIPTS)
+        raise UsageError(f"shell {shell[:40]!r} unknown{hint}; one of {', '.join(SCRIPTS)}")
     put(SCRIPTS[shell])

@@ -23,6 +23,7 @@ from ...core.terms.motors import TERMS
 from ...core.terms.reply import Reply
 from ...core.terms.vocabs import ControlMode, encode
 from ...joint_limits import FIELDS
+from ...text import nearest
 from ..loop.loop import Member
 from .messages import (
     answered,
@@ -368,8 +369,9 @@ def send_reference(
     if kind in KINDS:
         given = () if values is None else values
         return board.command(KINDS[kind], joints, given, along, together=together)
-    known = ", ".join([*KINDS, FEEDFORWARD])
-    return board.reject(joints, f"kind {kind[:32]!r} unknown; one of {known}")
+    known = [*KINDS, FEEDFORWARD]
+    text = f"kind {kind[:32]!r} unknown{nearest(kind, known)}; one of {', '.join(known)}"
+    return board.reject(joints, text)
 
 
 def filled(response: Any, arrays: Any) -> Any:

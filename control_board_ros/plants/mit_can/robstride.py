@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...text import nearest
 from ..drives.axes import Axis
 from ..drives.can_line import ATTEMPTS, CanLine
 from ..drives.faults import flagged
@@ -59,8 +60,11 @@ def ranges(axis: Axis) -> f.Ranges:
     """
     model, scales = str(axis.own["model"]), str(axis.own["scales"])
     if model not in MODELS:
-        known = ", ".join([f.DAMIAO, *MODELS])
-        raise PlantSettingsError(f"{axis.name}.model={model}: unknown; known: {known}")
+        known = [f.DAMIAO, *MODELS]
+        hint = nearest(model, known)
+        raise PlantSettingsError(
+            f"{axis.name}.model={model}: unknown{hint}; known: {', '.join(known)}"
+        )
     if not scales:
         return MODELS[model]
     try:
