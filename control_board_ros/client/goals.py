@@ -22,6 +22,7 @@ from control_board_ros.interface import (
 )
 from control_board_ros.protocols import Floats, Joints, Values
 
+from .errors import BoardError
 from .goal import Goal
 from .operations import Interface, operation
 from .state import seconds
@@ -165,7 +166,15 @@ class Goals(Interface):
             view.on_feedback,
             lambda result: view.ended(names, result.success, result.message),
         )
-        return await goal.run({"names": list(names)}, names, feedback, read, to_the_end=wait)
+        fields = {"names": list(names)}
+        try:
+            reply = await goal.run(fields, names, feedback, read, to_the_end=wait)
+        except BoardError as error:  # no result follows
+            view.ended(names, False, str(error))
+            raise
+        if not reply:  # where the goal is refused, no result follows either
+            view.ended(names, False, reply.message)
+        return reply
 
     @operation
     async def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:

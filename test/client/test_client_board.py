@@ -15,9 +15,10 @@ import pytest
 from iiwa import JOINTS
 from waiting import GUARD
 
-from control_board_ros.client import BoardTimeout, ControlBoardClient, MoveFeedback
+from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, MoveFeedback
+from control_board_ros.client.goal import Goal
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.reply import Answer, Reply, refused
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.interface import CALIBRATE
@@ -434,6 +435,29 @@ def test_calibrate(client: ControlBoardClient) -> None:
     assert not client.get_calibration(2)[0].done
     assert client.calibrate(2, wait=False)
     assert client.get_calibration(2)[0].done
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_calibration_without_a_result_is_not_running(
+    client: ControlBoardClient, monkeypatch: pytest.MonkeyPatch, lost: bool
+) -> None:
+    """K4: the board went away, or refused the goal; the status says so at once."""
+
+    async def run(*_: Any, **__: Any) -> Reply:
+        if lost:
+            raise BoardError("it went away")
+        return refused("it is refused")
+
+    monkeypatch.setattr(Goal, "run", run)
+    if lost:
+        with pytest.raises(BoardError):
+            client.calibrate(3)
+    else:
+        assert not client.calibrate(3)
+    status = client.get_calibration(3)[0]
+    assert not status.running
+    assert status.phase == "failed"
+    assert status.message.startswith("it ")
 
 
 def test_stop_answers_for_each_joint(client: ControlBoardClient) -> None:
