@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ...core.terms.joint_kind import JointKind
+from ...interface import LIFECYCLE
 from ...joint_limits import JointLimits
 from ...startup import announce_often, leave_out_the_generator
 from ...urdf_xml import DescribedJoint, published_joints
@@ -171,6 +172,17 @@ class Session:
         """A line of cbctl for this board, as typed: ``cbctl modes``."""
         address = "" if self.shared else self.options.address  # in the shell, it is known
         return " ".join(word for word in ("cbctl", address, *words) if word)
+
+    def manager(self) -> str:
+        """The managed node of this board, or of its robot, beside it; empty: none."""
+        from control_board_ros.client.link import boards_on
+
+        board = self.client.board_name
+        folder = board.rpartition("/")[0]
+        near = [one for one in boards_on(self.node) if one.rpartition("/")[0] == folder]
+        services = {name for name, _ in self.node.get_service_names_and_types()}
+        managed = (one for one in (board, *near) if LIFECYCLE[0].of(one) in services)
+        return next(managed, "")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -21,18 +21,35 @@ STEPS = {
 }
 #: The same for joints that nothing holds.
 HOLD = ("hold with", "mode {joints} pos")
+#: Step and transition by code of a reply, of a managed board.
+TRANSITIONS = {
+    "not_configured": ("configure with", "configure"),
+    "inactive": ("activate with", "activate"),
+}
 
 
 def advice(
-    reply: Reply, everyone: Sequence[str], line: Callable[..., str], mode: str = "pos"
+    reply: Reply,
+    everyone: Sequence[str],
+    line: Callable[..., str],
+    manager: Callable[[], str],
+    mode: str = "pos",
 ) -> str:
     """The lines to type for joints that did not accept a request, which requires a mode.
 
-    ``everyone`` are the names of all joints; ``line`` composes a line from words.
+    Args:
+        reply: of the board.
+        everyone: the names of all joints.
+        line: composes a line of cbctl from words.
+        manager: the node whose transitions configure and activate the board; empty: none.
+        mode: required by the request.
     """
     texts = []
     for code in dict.fromkeys(reply.codes):
-        if code in STEPS:
+        if code in TRANSITIONS and (node := manager()):
+            what, transition = TRANSITIONS[code]
+            texts.append(f"{what}: ros2 lifecycle set {node} {transition}")
+        elif code in STEPS:
             what, words = STEPS[code]
             names = [n for n, its in zip(reply.joints, reply.codes, strict=True) if its == code]
             joints = "all" if len(names) == len(everyone) else " ".join(names)

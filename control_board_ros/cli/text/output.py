@@ -35,6 +35,7 @@ class Asker(Protocol):
     @property
     def names(self) -> Sequence[str]: ...
     def line(self, *words: str) -> str: ...
+    def manager(self) -> str: ...
 
 
 #: Columns of a table that goes into a file or a pipe.
@@ -168,7 +169,9 @@ def conclude(
         mode: control mode that the request requires.
         more: further fields of the JSON.
     """
-    next_step = advice(reply, session.names, session.line, mode) if any(reply.codes) else ""
+    next_step = ""
+    if any(reply.codes):
+        next_step = advice(reply, session.names, session.line, session.manager, mode)
     message = "; ".join(filter(None, (reply.message, next_step)))
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}

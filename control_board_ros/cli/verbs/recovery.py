@@ -82,7 +82,7 @@ def clear(session: Session, joints: list[str]) -> int:
     show(session, {"success": bool(reply), "joints": rows}, lambda: cleared_table(session, rows))
     warn_without_power(session, {name: "idl" for name, row in rows.items() if row["cleared"]})
     if reply.message:
-        next_step = advice(reply, session.names, session.line)
+        next_step = advice(reply, session.names, session.line, session.manager)
         note(session, "; ".join(filter(None, (reply.message, next_step))))
     return DONE if reply else REFUSED
 
