@@ -190,13 +190,18 @@ class Recorder:
             time.sleep(0.01)
         return True
 
+    @property
+    def silent(self) -> list[str]:
+        """The boards without messages for a while, as ``look`` found them."""
+        return self._gaps.silent
+
     def board_is_gone(self) -> bool:
         """Whether no board publishes its modes any more, none of them silent before.
 
         A board that ends is undiscovered immediately; one that is cut off is first silent, until
         the middleware drops it: reconnection applies.
         """
-        if self._gaps.silent:
+        if self.silent:
             return False
         return not any(self._node.count_publishers(MODES.of(board)) for board in self._boards)
 

@@ -199,7 +199,7 @@ def test_a_gap_that_lasts_to_the_end_is_written(monkeypatch: pytest.MonkeyPatch)
     with free_domain() as domain, ros_node(domain, "late") as node:
         sink = Kept()
         recorder = Recorder(node.context, [Parameters(BOARD, {})], sink)
-        until(lambda: recorder.look() or bool(recorder._gaps.silent))
+        until(lambda: recorder.look() or bool(recorder.silent))
         recorder.close()
     ((name, data),) = sink.written
     assert name == GAPS.of(BOARD)

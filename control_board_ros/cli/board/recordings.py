@@ -79,31 +79,3 @@ def keep_frames(session: Session, folders: Sequence[Path]) -> None:
                     if (frame := client.get_freeze_frame(joint)) is not None:
                         path = folder / f"freeze_frame_{file_name(joint)}.csv"
                         path.write_text(frame.csv(), encoding="utf-8")
-
-
-class Silence:
-    """Detects a loss of messages of present boards."""
-
-    #: s without a message: diagnostics alone come once per second.
-    PATIENCE = 5.0
-
-    def __init__(self, now: float) -> None:
-        self._count, self._since, self._told = 0, now, False
-
-    def update(self, count: int, now: float) -> str:
-        """Text of a loss, once each; empty while messages arrive.
-
-        Args:
-            count: Messages received so far.
-            now: Time, s.
-        """
-        if count != self._count:
-            self._count, self._since, self._told = count, now, False
-        if self._told or now - self._since < self.PATIENCE:
-            return ""
-        self._told = True
-        return (
-            f"nothing received for {now - self._since:.0f} s, although the board is there: is its "
-            "process stopped, or the machine or the network overloaded? It is looked for again, "
-            "and the gap is noted in the recording"
-        )

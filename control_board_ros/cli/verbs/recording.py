@@ -11,7 +11,7 @@ from typing import Any
 from control_board_ros.text import file_name
 
 from ..board.progress import Bar
-from ..board.recordings import Silence, keep_frames, read_boards, start
+from ..board.recordings import keep_frames, read_boards, start
 from ..board.session import Session
 from ..line.arguments import FOR, amount, argument, patterns, with_arguments
 from ..line.words import Refused, UsageError
@@ -19,6 +19,10 @@ from ..text.output import DONE, REFUSED, complain, note, show
 
 #: s between updates of the progress, and between checks of the boards.
 LOOK, LOOK_AT_BOARDS = 0.25, 2.0
+SILENT = (
+    "no messages from {board}, although it is there: is its process stopped, or the machine or "
+    "the network overloaded? It is looked for again, and the gap is noted in the recording"
+)
 
 
 @patterns
@@ -127,7 +131,7 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
     begun = clock.monotonic()
     asked = begun
     reported = 0
-    silence = Silence(begun)
+    silent: list[str] = []
     try:
         with Bar(session, "recording", endless=seconds is None) as bar:
             while not recorder.ended:
@@ -146,8 +150,10 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
                     if recorder.board_is_gone():
                         return "the board is gone"
                     recorder.look()
-                    if text := silence.update(sum(recorder.counts.values()), now):
-                        note(session, text)
+                    before, silent = silent, recorder.silent
+                    for board in silent:
+                        if board not in before:
+                            note(session, SILENT.format(board=board))
                 clock.sleep(LOOK)
     except KeyboardInterrupt:
         return ""
