@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 
@@ -37,26 +36,3 @@ class JointLimits:
 
 
 FIELDS = tuple(field.name for field in fields(JointLimits))
-
-
-def limit_parameters(joints: Iterable[str]) -> list[str]:
-    return [f"{joint}.limits.{field}" for joint in joints for field in FIELDS]
-
-
-def limits_of(joints: Sequence[str], values: Iterable[object]) -> dict[str, JointLimits | None]:
-    """The limits by joint; None where one of them is not a number.
-
-    Args:
-        joints: names.
-        values: of the parameters that ``limit_parameters`` names for them, in its order.
-    """
-    numbers = [
-        float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-        for value in values
-    ]
-    found: dict[str, JointLimits | None] = dict.fromkeys(joints)
-    for k, joint in enumerate(joints):
-        known = [x for x in numbers[len(FIELDS) * k : len(FIELDS) * (k + 1)] if x is not None]
-        if len(known) == len(FIELDS):
-            found[joint] = JointLimits(*known)
-    return found

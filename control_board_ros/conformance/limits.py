@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
-from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
+from control_board_ros.joint_limits import JointLimits
 from control_board_ros.urdf_xml import DescribedJoint, published_joints
 
 if TYPE_CHECKING:
@@ -78,16 +78,13 @@ def bounded(limits: JointLimits) -> bool:
 
 
 def read_limits(client: ControlBoardClient, name: str) -> JointLimits:
-    """The limits in force from the board's parameters, else from its robot description.
+    """The limits in force, of a board without ~/get_limits from its robot description.
 
     The limits of position are infinite where unknown, or more than two turns apart.
     """
     try:
-        values = client.get_parameters(limit_parameters([name]))
-    except (BoardError, RequestError):  # other boards lack the parameters
-        return described_limits(client, name)
-    limits = limits_of([name], values.values())[name]
-    if limits is None:
+        (limits,) = client.get_joint_limits(name)
+    except (BoardError, RequestError):
         return described_limits(client, name)
     if limits.upper - limits.lower > 4.0 * math.pi:
         return replace(limits, lower=-math.inf, upper=math.inf)

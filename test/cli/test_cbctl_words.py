@@ -34,7 +34,7 @@ from control_board_ros.cli.verbs.streams import feedforward
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.reply import Answer, Reply
 from control_board_ros.core.terms.vocabs import parse_control_mode
-from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
+from control_board_ros.joint_limits import JointLimits
 from control_board_ros.urdf_xml import DescribedJoint
 
 NAMES = ("l_shoulder_pitch", "l_shoulder_roll", "l_elbow", "slide", "3")
@@ -321,16 +321,6 @@ def test_every_joint_that_is_outside_is_named() -> None:
     targets = {"a": Quantity(3.0), "b": Quantity(0.0), "c": Quantity(-3.0)}
     with pytest.raises(Refused, match=r"^a: 3 rad.*; c: -3 rad"):
         check_limits("position", targets, dict.fromkeys(targets, IIWA), {})
-
-
-def test_limits_are_known_whole_or_not_at_all() -> None:
-    """Of a joint with one that is no number, none is known; a whole number is one."""
-    values = [-1.0, 1, -2.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
-    assert limit_parameters(["a", "b"])[8:10] == ["a.limits.peak_current", "b.limits.lower"]
-    for wrong in (None, True, "7"):
-        found = limits_of(["a", "b"], [*values, *values[:8], wrong])
-        assert found == {"a": JointLimits(*values), "b": None}
-    assert limits_of(["a"], []) == {"a": None}
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.conformance.limits import SPEED, TORQUE, described_limits
+from control_board_ros.client import BoardError
+from control_board_ros.conformance.limits import SPEED, TORQUE, read_limits
 from control_board_ros.panel.robot import NO_ROBOT, read
 from control_board_ros.recording.reading import kinds_of
 from control_board_ros.urdf_xml import UrdfError, published_joints, published_robot
@@ -32,7 +33,11 @@ BAD = {
 
 def board(urdf: str) -> Any:
     """A client of a board with a description."""
-    return SimpleNamespace(get_robot_description=lambda: urdf)
+
+    def get_joint_limits(_: str) -> Any:
+        raise BoardError("it does not offer get_limits")
+
+    return SimpleNamespace(get_robot_description=lambda: urdf, get_joint_limits=get_joint_limits)
 
 
 @pytest.mark.parametrize("urdf", BAD.values(), ids=BAD)
@@ -42,7 +47,7 @@ def test_a_bad_description_is_refused_by_every_reader(urdf: str) -> None:
     assert published_joints(urdf) == {}
     assert kinds_of(urdf, ("j",)) == {"j": "revolute"}
     assert read(urdf, "") is NO_ROBOT
-    found = described_limits(board(urdf), "j")
+    found = read_limits(board(urdf), "j")
     ends = found.lower, found.upper
     assert (*ends, found.velocity, found.torque) == (-math.inf, math.inf, SPEED, TORQUE)
 
@@ -70,7 +75,7 @@ def test_limits_that_a_description_gives() -> None:
     urdf = (
         '<robot><joint name="a\'b" type="revolute"><limit lower="-1" upper="2"/></joint></robot>'
     )
-    found = described_limits(board(urdf), "a'b")
+    found = read_limits(board(urdf), "a'b")
     assert (found.lower, found.upper, found.velocity) == (-1.0, 2.0, SPEED)
 
 

@@ -30,6 +30,7 @@ from control_board_ros.conformance.runner import Session, run, unread
 from control_board_ros.conformance.shapes import Malformed, check_modes, check_state
 from control_board_ros.core.terms.reply import accepted
 from control_board_ros.interface import SET_CONTROL_MODE, Endpoint
+from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.node.loop.snapshots import Snapshots
 from control_board_ros.node.loop.timing import TimeBase
 from control_board_ros.node.wiring.messages import joint_modes
@@ -218,6 +219,10 @@ class Client:
             self._channel.pass_time(SETTLING)
             self._settled = True
         return self._channel.state()
+
+    def get_joint_limits(self, joint: str) -> list[JointLimits]:
+        (limits,) = (one.limits for one in self._group.get_config(joint))
+        return [JointLimits(*(getattr(limits, field) for field in FIELDS))]
 
     def get_parameters(self, names: Any) -> dict[str, Any]:
         """Values of joints' parameters; a board in process has no others."""
