@@ -127,7 +127,7 @@ class MujocoByHand:
         import mujoco
 
         simulation = settings.simulation
-        spec = mujoco.MjSpec.from_string(without_meshes(settings.urdf.text))
+        spec = mujoco.MjSpec.from_string(without_meshes(settings.urdf.description))
         spec.option.timestep = settings.board.period
         self._mujoco, self._model = mujoco, spec.compile()
         self._data = mujoco.MjData(self._model)

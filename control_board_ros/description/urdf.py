@@ -155,10 +155,6 @@ class Urdf:
     coupled: tuple[CoupledAxes, ...] = ()
 
     @property
-    def text(self) -> str:
-        return ET.tostring(self.tree.root, encoding="unicode")
-
-    @property
     def axes(self) -> tuple[UrdfJoint, ...]:
         """What can be driven: movable joints that neither follow nor are coupled, and axes.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plants import described
+from plants import described, xml_of
 
 from control_board_ros.description.geometry import rotation_of_rpy, rotations_about
 from control_board_ros.description.robots import load_robot
@@ -77,7 +77,7 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
     frames, random = frames_of(urdf, names), np.random.default_rng(5)
     client = connect(gui=False)
     try:
-        body = load_body(client, urdf.text, load(None).simulation, visuals=False)
+        body = load_body(client, xml_of(urdf), load(None).simulation, visuals=False)
         info = [bullet.getJointInfo(body, i, client) for i in range(bullet.getNumJoints(body))]
         for q in random.uniform(-3.0, 3.0, (10, len(names))):
             at = dict(zip(names, q, strict=True))

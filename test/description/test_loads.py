@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pybullet_data
 import pytest
-from plants import GRIPPER, PENDULUM, SLIDER, described, joint, link, robot
+from plants import GRIPPER, PENDULUM, SLIDER, described, joint, link, robot, xml_of
 
 from control_board_ros.description.loads import POSES, Loads, loads, sample_poses
 from control_board_ros.description.robots import load_robot
@@ -34,7 +34,7 @@ def physics(urdf: Urdf) -> tuple[np.ndarray, np.ndarray, list[str]]:
     settings = load(None, {"robot": urdf.source} if urdf.source.startswith(DATA) else {})
     sampled, client = sample_poses(urdf, ranges(urdf)), connect(gui=False)
     try:
-        body = load_body(client, urdf.text, settings.simulation, visuals=False)
+        body = load_body(client, xml_of(urdf), settings.simulation, visuals=False)
         count = bullet.getNumJoints(body, client)
         info = [bullet.getJointInfo(body, index, client) for index in range(count)]
         names = [one[1].decode() for one in info if one[2] != bullet.JOINT_FIXED]

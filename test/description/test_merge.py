@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 from marks import needs_icub
-from plants import described, joint, link, robot
+from plants import described, joint, link, robot, xml_of
 
 from control_board_ros.description.merge import inertial_of, merge_fixed
 from control_board_ros.description.robots import load_robot
@@ -98,5 +98,5 @@ def test_the_physics_of_a_robot_is_the_same(name: str) -> None:
     assert len(merged.links) == len(names) + 1
     ET.indent(merged.root)
     text = ET.tostring(merged.root, encoding="unicode")
-    for ours, theirs in zip(dynamics(text, names), dynamics(urdf.text, names), strict=True):
+    for ours, theirs in zip(dynamics(text, names), dynamics(xml_of(urdf), names), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9)

@@ -37,9 +37,10 @@ def test_icub_arms_are_cut_out_of_the_robot(name: str, side: str) -> None:
     words = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
     words += ("wrist_prosup", "wrist_pitch", "wrist_yaw")
     assert made.independent == tuple(f"{side}_{word}" for word in words)
-    assert "neck" not in made.text
-    assert 'name="chest_mount" type="fixed"' in made.text  # the chest is oriented as in the robot
-    assert f"{side}_upper_arm" in made.text  # behind the fixed force sensor
+    text = made.description
+    assert "neck" not in text
+    assert 'name="chest_mount" type="fixed"' in text  # the chest is oriented as in the robot
+    assert f"{side}_upper_arm" in text  # behind the fixed force sensor
     assert made.warnings == ()
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -177,7 +176,7 @@ def test_mesh_paths_become_absolute(tmp_path: Path) -> None:
     mesh.write_bytes(b"solid")
     for name in ("meshes/a.stl", "package://meshes/a.stl", f"file://{mesh}", str(mesh)):
         made = read(mesh_arm(name), tmp_path)
-        found = ET.fromstring(made.text).find(".//mesh")
+        found = made.tree.root.find(".//mesh")
         assert found is not None
         assert found.get("filename") == str(mesh)
         assert f'filename="file://{mesh}"' in made.description
@@ -191,7 +190,6 @@ def test_meshes_of_a_ros_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     name = "package://arm_description/meshes/a.stl"
     made = read(mesh_arm(name))
-    assert str(mesh) in made.text
     assert f'filename="file://{mesh}"' in made.description
     index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
     index.mkdir(parents=True)
@@ -207,7 +205,7 @@ def test_meshes_beside_the_urdf_in_a_source_package(tmp_path: Path) -> None:
     folder = tmp_path / "urdf"
     folder.mkdir()
     for name in ("../meshes/a.stl", f"package://{tmp_path.name}/meshes/a.stl"):
-        assert str(mesh) in read(mesh_arm(name), folder).text
+        assert str(mesh) in read(mesh_arm(name), folder).description
 
 
 @pytest.mark.parametrize(
@@ -243,7 +241,7 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
 
 def test_a_missing_mesh_drops_its_shape_with_a_warning(tmp_path: Path) -> None:
     made = read(mesh_arm("none.stl"), tmp_path)
-    assert "visual" not in made.text
+    assert "visual" not in made.description
     assert "'none.stl' not found" in made.warnings[0]
 
 
@@ -260,7 +258,7 @@ TREE = robot(
 def test_cutting_keeps_the_chain_and_the_masses_on_it() -> None:
     made = read(TREE, chain=("chest", "hand"))
     assert made.independent == ("shoulder", "wrist")
-    links = {element.get("name") for element in ET.fromstring(made.text).findall("link")}
+    links = {element.get("name") for element in made.tree.root.findall("link")}
     assert links == {"root", "chest", "arm", "sensor", "hand"}
     with pytest.raises(UrdfError, match="no chain"):
         read(TREE, chain=("hand", "chest"))
@@ -280,7 +278,7 @@ def test_a_cut_chain_hangs_as_it_did_in_the_robot() -> None:
         ).encode(),
     )
     made = read(data, chain=("chest", "hand"))
-    mount = ET.fromstring(made.text).find("joint[@name='chest_mount']")
+    mount = made.tree.root.find("joint[@name='chest_mount']")
     assert mount is not None
     origin = mount.find("origin")
     assert origin is not None
@@ -300,7 +298,7 @@ def test_links_without_inertia_weigh_next_to_nothing() -> None:
     made = read(data)
     masses = {
         element.get("name"): float(mass.get("value", "0"))
-        for element in ET.fromstring(made.text).findall("link")
+        for element in made.tree.root.findall("link")
         if (mass := element.find("inertial/mass")) is not None
     }
     assert masses == {"arm": 1.0, "frame": 1e-4, "bare": 1.0}

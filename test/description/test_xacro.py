@@ -43,7 +43,7 @@ def refusal(robot: str) -> str:
 def test_a_xacro_file_is_a_robot(arm: Path) -> None:
     made = load_robot(str(arm))
     assert made.independent == ("right_elbow",)
-    assert 'mass value="2"' in made.text
+    assert 'mass value="2"' in made.description
     assert load_robot(f"{arm} side:=left").independent == ("left_elbow",)
     assert load_robot(f"{arm.name} side:=left", arm.parent).independent == ("left_elbow",)
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -164,6 +165,11 @@ def robot(*parts: str) -> str:
 def described(text: str) -> Urdf:
     """A robot of a URDF's text."""
     return parse(text.encode(), "tiny", Path())
+
+
+def xml_of(urdf: Urdf) -> str:
+    """Its text, as the engines read it."""
+    return ET.tostring(urdf.tree.root, encoding="unicode")
 
 
 def chain(count: int) -> tuple[str, list[str]]:
