@@ -14,7 +14,7 @@ from ..core.config.config import JointConfig
 from ..description.derive_gains import gains
 from ..settings.loading import Settings
 
-POSITION, COMPLIANT = STAGES = ("position", "compliant")
+POSITION, COMPLIANT = "position", "compliant"
 
 #: Exponents by stage: name -> from, to. Upwards they remain near the derived gains, which have a
 #: phase margin of 40 degrees and reach the torque limit at a few mrad: beyond, a simulation is no

@@ -192,7 +192,7 @@ def contract(name: str) -> Callable[..., None]:
         benches[-1].pass_time(seconds)
 
     def fail(joint: int) -> None:
-        benches[-1].drives[joint].fail(benches[-1].drives[joint].SOME_FAULT)
+        benches[-1].fail(joint)
 
     return plant_contract(made, wait=wait, fail=fail)
 
@@ -317,7 +317,7 @@ def test_without_power_nothing_holds_the_joint(bench: Bench) -> None:
 def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -> None:
     """S6, F3: a cause that persists comes back, until it is gone."""
     bench.follow(bench.accepts[0], 20)
-    bench.drives[1].fail(bench.drives[1].SOME_FAULT, persists=True)
+    bench.fail(1, persists=True)
     found = bench.until(named(bench, 1), bench.accepts[0])
     fault = found.faults[1]
     assert isinstance(fault, DriveFault)
@@ -529,7 +529,7 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
 def test_a_scan_lists_the_drives_that_answer(make: Make) -> None:
     """Type, id, firmware, voltage, faults."""
     bench = make()
-    bench.drives[1].fail(bench.drives[1].SOME_FAULT)
+    bench.fail(1)
     bench.drives[1].step(1e-3, 0.0, 0.0)
     found = bench.driver.scan(bench.bus.address)
     assert [drive.id for drive in found] == [axis.id for axis in bench.plant.axes]

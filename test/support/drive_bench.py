@@ -28,6 +28,16 @@ LIBRARIES = {
     "odrive_can": "can",
     "feetech": "scservo_sdk",
 }
+#: A fault that each virtual drive can have.
+FAULTS = {
+    "VirtualMoteus": 35,
+    "VirtualMit": 0xE,
+    "VirtualRobStride": 1 << 14,
+    "VirtualDynamixel": 32,
+    "VirtualCia402": 0x3210,
+    "VirtualOdrive": 0x0400_0000,
+    "VirtualFeetech": 32,
+}
 PERIOD = 2e-3
 TIMEOUT = 0.1
 
@@ -83,6 +93,11 @@ class Bench:
         made = self._virtual.virtual_drive(axis, None)
         made.step(1e-3, 1.0, 0.0)
         return made
+
+    def fail(self, joint: int, *, persists: bool = False) -> None:
+        """Put the drive of a joint into a fault."""
+        drive = self.drives[joint]
+        drive.fail(FAULTS[type(drive).__name__], persists=persists)
 
     def connect(self) -> None:
         period = self._patience / 0.6

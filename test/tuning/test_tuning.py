@@ -25,7 +25,7 @@ from control_board_ros.tuning.files import line_of, mean_text, parameters, write
 from control_board_ros.tuning.outcome import Played, decide, judge, objection
 from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload, with_payload
 from control_board_ros.tuning.search import Found, Plan, run, settings_of
-from control_board_ros.tuning.space import COMPLIANT, POSITION, STAGES, space_of
+from control_board_ros.tuning.space import COMPLIANT, POSITION, space_of
 
 pytestmark = pytest.mark.physics
 
@@ -78,7 +78,7 @@ def test_scenes_are_within_the_limits_and_differ(crane: str) -> None:
     assert len({tuple(pose) for pose in poses}) == 5
 
 
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("stage", [POSITION, COMPLIANT])
 def test_exponents_of_zero_are_the_derived_gains(stage: str) -> None:
     """The iiwa has the gains that its URDF implies; a power of two is one."""
     settings = load("iiwa")
@@ -115,7 +115,7 @@ def motion(what: str, error: float, count: int = 200) -> Motion:
 
 
 def test_the_cost_of_the_same_figures_is_one() -> None:
-    for stage in STAGES:
+    for stage in (POSITION, COMPLIANT):
         same = [Figures(dict.fromkeys(WEIGHTS[stage], 0.5), 3.0)] * 2
         assert cost(stage, same, same) == pytest.approx(1.0)
 

@@ -20,7 +20,6 @@ class Bar:
 
     def __init__(self, session: Session, label: str, *, endless: bool = False) -> None:
         self._progress: Any = None
-        self._label = label
         if not session.options.json:
             from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 

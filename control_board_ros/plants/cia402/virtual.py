@@ -128,8 +128,6 @@ class VirtualCia402:
             rad/(N·m) at the output; its motor's encoder has COUNTS per turn.
     """
 
-    SOME_FAULT = 0x3210
-
     def __init__(self, drive: int, rated: float = 2.0) -> None:
         self.id, self.rated, self.silent, self.persists = drive, rated, False, 0
         self.stiffness, self.damping, self.integral = 60.0, 3.0, 0.0

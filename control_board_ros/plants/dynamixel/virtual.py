@@ -62,8 +62,6 @@ class VirtualDynamixel:
     Attributes: table (its control table), motor (with its loops).
     """
 
-    SOME_FAULT = 32
-
     def __init__(self, drive: int) -> None:
         self.id, self.silent, self.persists = drive, False, 0
         self.motor = ServoMotor(constant=1.8, resistance=5.0, supply=12.0)

@@ -42,8 +42,6 @@ class VirtualFeetech:
     Attributes: table (its memory), motor (with its loops).
     """
 
-    SOME_FAULT = 32
-
     def __init__(self, drive: int) -> None:
         self.id, self.silent, self.persists = drive, False, 0
         self.motor = ServoMotor(constant=1.2, resistance=3.0, supply=12.0)

@@ -32,8 +32,6 @@ class VirtualMit:
     Attributes: state (as in its answers: disabled, enabled, or a fault).
     """
 
-    SOME_FAULT = 0xE
-
     def __init__(self, drive: int, ranges: f.Ranges = USUAL) -> None:
         self.id, self.ranges, self.silent, self.persists = drive, ranges, False, 0
         self._position = self._velocity = 0.0
@@ -109,8 +107,6 @@ class VirtualRobStride:
 
     Attributes: state (1 with power, else 0), faults (its word of faults).
     """
-
-    SOME_FAULT = 1 << 14
 
     def __init__(self, drive: int, ranges: f.Ranges) -> None:
         self.id, self.ranges, self.silent, self.persists = drive, ranges, False, 0

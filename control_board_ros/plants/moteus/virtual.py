@@ -52,8 +52,6 @@ class VirtualMoteus:
         supply: V.
     """
 
-    SOME_FAULT = 35
-
     def __init__(self, drive: int, torque_constant: float = 0.5, resistance: float = 0.1) -> None:
         self.id, self.mode, self.fault, self.persists = drive, f.STOPPED, 0, 0
         self.supply, self.silent = 24.0, False

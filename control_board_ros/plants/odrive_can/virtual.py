@@ -37,8 +37,6 @@ class VirtualOdrive:
         velocity_gain, integrator_gain: N·m/(rev/s), N·m/rev.
     """
 
-    SOME_FAULT = 0x0400_0000
-
     def __init__(self, drive: int, torque_constant: float = 0.5) -> None:
         self.id, self.silent, self.persists, self.supply = drive, False, 0, 24.0
         self.position_gain, self.velocity_gain, self.integrator_gain = 20.0, 18.0, 0.0
