@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..core.terms.modes import STATES
 from ..settings.loading import Settings, load
 from ..sim.config import MUJOCO
+from ..text import nearest
 from .arms import START_CYCLES, Arms
 from .tasks import TASKS, Task
 
@@ -44,8 +45,11 @@ def made(task: str, robot: str, control: str, rate: float, physics: str, count: 
 
     Raises:
         SettingsError: unknown robot, or invalid configuration.
-        ValueError: unknown control, or a rate that is too high.
+        ValueError: unknown task or control, or a rate that is too high.
     """
+    if task not in TASKS:
+        hint = nearest(task, TASKS)
+        raise ValueError(f"task {task!r} unknown{hint}; one of {', '.join(TASKS)}")
     engine = physics or (MUJOCO if find_spec(MUJOCO) else None)
     is_file = "/" in robot or robot.endswith((".yaml", ".yml"))
     settings = (shipped.__wrapped__ if is_file else shipped)(robot, engine)
@@ -142,7 +146,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     Raises:
         SettingsError: unknown robot, or invalid configuration.
-        ValueError: unknown control, or a rate that is too high.
+        ValueError: unknown task or control, or a rate that is too high.
     """
 
     metadata: dict[str, Any] = {

@@ -138,6 +138,8 @@ def test_soft_joints_give_way_to_a_push() -> None:
 def test_bad_arguments_are_one_line() -> None:
     with pytest.raises(ValueError, match="control 'speed' unknown; one of position, direct"):
         ArmEnv(control="speed")
+    with pytest.raises(ValueError, match="task 'Reech' unknown; did you mean 'Reach'"):
+        ArmEnv("Reech", control="velocity")
     with pytest.raises(ValueError, match="did you mean 'impedance'"):
         ArmEnv(control="impedence")
     with pytest.raises(ValueError, match="rate 500 Hz is not allowed; up to 250 Hz"):
