@@ -101,3 +101,18 @@ def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
 
     near = get_close_matches(word[:200], list(known), n=1, cutoff=likeness)
     return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def unknown_word(what: str, word: object, known: Iterable[str], lead: str = "one of") -> str:
+    """``joint 'ellbow' unknown; did you mean 'elbow'?; joints: shoulder, elbow``.
+
+    Args:
+        what: the word would name.
+        word: as the user wrote it.
+        known: the known words.
+        lead: to them, e.g. ``joints:``.
+    """
+    names = list(known)
+    shown = repr(word[:64]) if isinstance(word, str) else repr(word)[:64]
+    hint = nearest(str(word), names)
+    return f"{what} {shown} unknown{hint}; {lead} {', '.join(names) or 'none'}"

@@ -17,7 +17,7 @@ from control_board_ros.core.terms.reply import Reply
 from control_board_ros.interface import GET_LIMITS, service
 from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.protocols import Floats, Joints, Values
-from control_board_ros.text import nearest
+from control_board_ros.text import nearest, unknown_word
 
 from .operations import Interface, operation, request
 from .services import whole
@@ -150,10 +150,7 @@ class ParameterRequests(Interface):
             RequestError: a joint or controller that does not exist.
         """
         if controller not in CONTROLLERS:
-            hint = nearest(controller, CONTROLLERS)
-            raise RequestError(
-                f"controller {controller!r} unknown{hint}; one of {', '.join(CONTROLLERS)}"
-            )
+            raise RequestError(unknown_word("controller", controller, CONTROLLERS))
         return Gains(*await self._of_joints([f"{controller}_pid.{g}" for g in GAINS], joints))
 
     async def _of_joints(self, fields: Sequence[str], joints: Joints) -> list[Floats]:

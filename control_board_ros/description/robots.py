@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..text import nearest
+from ..text import unknown_word
 from .geometry import as_text
 from .meshes import package_folder, share_folders
 from .urdf import Urdf, UrdfError, load, of_tree
@@ -160,8 +160,7 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     if looks_like_path(name):
         return load(_find(name, folder), arguments=arguments)
     raise UrdfError(
-        f"robot {robot[:60]!r} unknown{nearest(robot, NAMES)}; known: {', '.join(NAMES)}, "
-        "or the path of a URDF or xacro file"
+        unknown_word("robot", robot, NAMES, "known:") + ", or the path of a URDF or xacro file"
     )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..text import nearest
+from ..text import unknown_word
 from ..urdf_xml import UrdfError
 
 #: A path, and arguments as of the command xacro.
@@ -88,5 +88,4 @@ def unknown_argument(arguments: Sequence[str], known: Sequence[str]) -> str:
     """Error text for the first argument unknown to the file."""
     given = [argument.partition(":=")[0] for argument in arguments]
     name = next(one for one in given if one not in known)
-    hint = nearest(name, known)
-    return f"argument {name[:64]!r} unknown{hint}; arguments: {', '.join(known) or 'none'}"
+    return unknown_word("argument", name, known, "arguments:")

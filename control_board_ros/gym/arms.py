@@ -19,7 +19,7 @@ from ..core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ..protocols import Floats
 from ..settings.loading import Settings
 from ..sim.plant import Body, SimulatedPlant, make_body
-from ..text import nearest
+from ..text import unknown_word
 
 M, K = ControlMode, CommandKind
 #: Share of a limit at an action of 1.
@@ -63,8 +63,7 @@ class Arms:
 
     def __init__(self, settings: Settings, count: int, control: str, cycles: int) -> None:
         if control not in CONTROLS:
-            hint = nearest(control, CONTROLS)
-            raise ValueError(f"control {control!r} unknown{hint}; one of {', '.join(CONTROLS)}")
+            raise ValueError(unknown_word("control", control, CONTROLS))
         self.control, self.count, self._cycles = CONTROLS[control], count, cycles
         one, simulation = settings.board, settings.simulation
         for joint in one.joints:

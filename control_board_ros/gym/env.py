@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..core.terms.modes import STATES
 from ..settings.loading import Settings, load
 from ..sim.config import MUJOCO
-from ..text import nearest
+from ..text import unknown_word
 from .arms import START_CYCLES, Arms
 from .tasks import TASKS, Task
 
@@ -48,8 +48,7 @@ def made(task: str, robot: str, control: str, rate: float, physics: str, count: 
         ValueError: unknown task or control, or a rate that is too high.
     """
     if task not in TASKS:
-        hint = nearest(task, TASKS)
-        raise ValueError(f"task {task!r} unknown{hint}; one of {', '.join(TASKS)}")
+        raise ValueError(unknown_word("task", task, TASKS))
     engine = physics or (MUJOCO if find_spec(MUJOCO) else None)
     is_file = "/" in robot or robot.endswith((".yaml", ".yml"))
     settings = (shipped.__wrapped__ if is_file else shipped)(robot, engine)

@@ -21,6 +21,7 @@ from control_board_ros.interface import (
     VELOCITY_DIRECT_COMMAND,
     Endpoint,
 )
+from control_board_ros.text import unknown_word
 
 #: The fields of a request.
 Given = Mapping[str, Any]
@@ -216,7 +217,7 @@ def parse(message: str) -> Request:
     do = fields.pop("do", None)
     kind = KINDS.get(do) if isinstance(do, str) else None
     if kind is None:
-        raise BadRequest(f"request {str(do)[:40]!r} unknown; one of {', '.join(KINDS)}", id_)
+        raise BadRequest(unknown_word("request", do, KINDS), id_)
     board = fields.pop("board", "")
     if not isinstance(board, str) or len(board) > MAX_TEXT or not (board or kind.to_all):
         raise BadRequest(f"{do} needs the name of a board", id_)

@@ -15,7 +15,7 @@ from ..core.config.parameter import ConfigError
 from ..core.terms.joint_kind import JointKind
 from ..settings.loading import Settings, load
 from ..settings.params_file import SettingsError
-from ..text import nearest
+from ..text import unknown_word
 from .drives.axes import Axis
 from .drives.bring_up import Moved, Trial, corrections, write
 from .drives.plant import DrivesPlant
@@ -80,16 +80,15 @@ def put_scan(plant: str, bus: str) -> int:
 def put_trial(given: argparse.Namespace) -> int:
     """Show the drives of a robot, move each a little, and write corrections into its file."""
     settings = load(given.robot)
-    plant = made(settings)
     names = [name for name in given.joints.split(",") if name] or list(settings.board.names)
     turned = pairs(given.turned)
     if unknown := [name for name in (*names, *turned) if name not in settings.board.names]:
-        hint = nearest(unknown[0], settings.board.names)
         raise PlantSettingsError(
-            f"joint {unknown[0]!r} unknown{hint}; joints: {', '.join(settings.board.names)}"
+            unknown_word("joint", unknown[0], settings.board.names, "joints:")
         )
     kinds = {joint.name: joint.kind for joint in settings.board.joints}
     seen = {name: moved_by(kinds[name], words) for name, words in turned.items()}
+    plant = made(settings)
     try:
         period = max(settings.board.period, PERIOD)
         trial = Trial(plant, settings.board.joints, period, settings.values["plant_timeout"])

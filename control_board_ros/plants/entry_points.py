@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 
-from ..text import nearest
+from ..text import unknown_word
 from .errors import PlantSettingsError
 from .interface import DrivePlant, RobotPlant
 
@@ -30,9 +30,7 @@ def find(name: str) -> Maker:
     offered = {point.name: point for point in entry_points(group=GROUP)}
     if name not in offered:
         known = [*DRIVERS, *sorted(offered), *(f"virtual/{driver}" for driver in DRIVERS)]
-        raise PlantSettingsError(
-            f"plant: {name[:60]!r} unknown{nearest(name, known)}; known: {', '.join(known)}"
-        )
+        raise PlantSettingsError(unknown_word("plant:", name, known, "known:"))
     try:
         made = offered[name].load()
     except Exception as error:  # noqa: BLE001 - third-party module

@@ -18,7 +18,7 @@ from ..core.config.config import JointConfig, Limits
 from ..core.terms.drives import SetPoint
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Array, Row
-from ..text import nearest
+from ..text import unknown_word
 
 #: Minimum duration of a transient fault, s; rounded to readings, at least one.
 TRANSIENT = 0.02
@@ -140,10 +140,7 @@ class Injector:
         """Raise ValueError where a joint cannot have a fault: unknown kind, or no such sensor."""
         config = self._joints[joint]
         if kind not in KINDS and kind not in LASTING:
-            known = (*KINDS, *LASTING)
-            raise ValueError(
-                f"fault {kind!r} unknown{nearest(kind, known)}; faults: {', '.join(known)}"
-            )
+            raise ValueError(unknown_word("fault", kind, (*KINDS, *LASTING), "faults:"))
         if kind == "torque_sensor" and not config.torque_sensor:
             raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
         if kind in BRAKES and not config.brake.present:

@@ -31,7 +31,7 @@ from ..core.config.config import BoardConfig
 from ..core.terms.drives import SetPoint
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Actuation, Array, Measurement, Row
-from ..text import nearest
+from ..text import unknown_word
 from .bodies.ideal import IdealBody
 from .bodies.transmission import CoupledBody
 from .config import IDEAL, MUJOCO, PYBULLET, SimulationConfig
@@ -278,5 +278,4 @@ class SimulatedPlant:
             return self._names.index(joint)
         if type(joint) is not bool and isinstance(joint, int) and 0 <= joint < len(self._names):
             return joint
-        hint = nearest(str(joint), self._names)
-        raise ValueError(f"joint {joint!r} unknown{hint}; joints: {', '.join(self._names)}")
+        raise ValueError(unknown_word("joint", joint, self._names, "joints:"))

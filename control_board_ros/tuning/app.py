@@ -15,7 +15,7 @@ from ..core.terms.vocabs import InteractionMode
 from ..program_options import TUNING
 from ..recording import RecordingError
 from ..settings.loading import Settings, SettingsError
-from ..text import nearest
+from ..text import unknown_word
 from . import TuningError
 from .files import summary, write_parameters, write_report
 from .outcome import judge
@@ -119,7 +119,6 @@ def tasks_of(settings: Settings, joints: str | None) -> list[tuple[str, str]]:
     by_name = {joint.name: joint for joint in settings.board.joints}
     names = list(by_name) if joints is None else joints.split(",")
     if unknown := [name for name in names if name not in by_name]:
-        hint = nearest(unknown[0], by_name)
-        raise TuningError(f"joint {unknown[0]!r} unknown{hint}; joints: {', '.join(by_name)}")
+        raise TuningError(unknown_word("joint", unknown[0], by_name, "joints:"))
     sensing = [n for n in names if InteractionMode.COMPLIANT in by_name[n].interaction_modes]
     return [*((name, POSITION) for name in names), *((name, COMPLIANT) for name in sensing)]

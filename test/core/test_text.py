@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rig import joint
 
 from control_board_ros.core.config.config import ConfigError
-from control_board_ros.text import clean, clean_lines, clean_name, file_name
+from control_board_ros.text import clean, clean_lines, clean_name, file_name, unknown_word
 
 SHOWN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 
@@ -32,6 +32,18 @@ def test_good_texts_stay_as_they_are() -> None:
     for text in ("", "l_elbow", "0x3210 Überspannung", "τ = 3 N·m → 4 N·m", "関節", "a\u00a0b"):
         assert clean(text) == text
         assert clean_lines(f"{text}\n{text}") == f"{text}\n{text}"
+
+
+def test_an_unknown_word_is_named_with_the_known_ones() -> None:
+    """The nearest is suggested; a long word, or what is none, is truncated."""
+    names = ("shoulder", "elbow")
+    assert unknown_word("joint", "ellbow", names, "joints:") == (
+        "joint 'ellbow' unknown; did you mean 'elbow'?; joints: shoulder, elbow"
+    )
+    assert unknown_word("joint", 7, names) == "joint 7 unknown; one of shoulder, elbow"
+    assert unknown_word("pose", "up", (), "poses:") == "pose 'up' unknown; poses: none"
+    for word in ("x" * 1000, [1] * 1000):
+        assert len(unknown_word("joint", word, names)) < 120
 
 
 def test_a_text_of_a_megabyte_is_truncated_and_marked() -> None:

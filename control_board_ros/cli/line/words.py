@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from control_board_ros.text import nearest
+from control_board_ros.text import unknown_word
 
 DEGREE = math.pi / 180.0
 NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.DOTALL)
@@ -126,7 +126,7 @@ def find_joint(word: str, names: Sequence[str]) -> list[str]:
             return found
         if found:
             raise Refused(f"joint {word!r} could be {', '.join(found)}; write more of its name")
-    raise Refused(f"joint {word[:64]!r} unknown{nearest(word, names)}; joints: {', '.join(names)}")
+    raise Refused(unknown_word("joint", word, names, "joints:"))
 
 
 def find_joints(words: Sequence[str], names: Sequence[str]) -> list[str]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.text import nearest
+from control_board_ros.text import unknown_word
 
 from ..board.session import Session
 from ..line.arguments import argument, offered, with_arguments
@@ -162,6 +162,5 @@ def history() -> Path:
 def completion(_: Session, shell: str) -> None:
     """Print the completion script of a shell: source <(cbctl completion bash)."""
     if shell not in SCRIPTS:
-        hint = nearest(shell, SCRIPTS)
-        raise UsageError(f"shell {shell[:40]!r} unknown{hint}; one of {', '.join(SCRIPTS)}")
+        raise UsageError(unknown_word("shell", shell, SCRIPTS))
     put(SCRIPTS[shell])

@@ -14,7 +14,7 @@ from ...core.goals.poses import PoseTask, made_pose, pose_now
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...settings.poses import UserPoses
-from ...text import nearest
+from ...text import unknown_word
 from ..loop.loop import Member
 from .messages import bounded, doubles
 
@@ -101,8 +101,7 @@ class Poses:
                 f"pose {name!r} of {self._user.path} is of other joints, {others}; "
                 "correct the names, or use the board that has them"
             )
-        hint = nearest(name, poses)
-        raise RequestError(f"pose {name[:64]!r} unknown{hint}; poses: {', '.join(poses)}")
+        raise RequestError(unknown_word("pose", name, poses, "poses:"))
 
     def _all(self) -> dict[str, Pose]:
         """All poses by name.

@@ -23,7 +23,7 @@ from ...core.terms.motors import TERMS
 from ...core.terms.reply import Reply
 from ...core.terms.vocabs import ControlMode, encode
 from ...joint_limits import FIELDS
-from ...text import nearest
+from ...text import unknown_word
 from ..loop.loop import Member
 from .messages import (
     answered,
@@ -369,9 +369,7 @@ def send_reference(
     if kind in KINDS:
         given = () if values is None else values
         return board.command(KINDS[kind], joints, given, along, together=together)
-    known = [*KINDS, FEEDFORWARD]
-    text = f"kind {kind[:32]!r} unknown{nearest(kind, known)}; one of {', '.join(known)}"
-    return board.reject(joints, text)
+    return board.reject(joints, unknown_word("kind", kind, [*KINDS, FEEDFORWARD]))
 
 
 def filled(response: Any, arrays: Any) -> Any:

@@ -19,7 +19,7 @@ from ...settings.loading import Settings
 from ...sim.config import SimulationConfig
 from ...sim.motor import SLIP_SPEED, smoothing_inertia
 from ...sim.plant import make_body
-from ...text import nearest
+from ...text import unknown_word
 from ..drives.plant import DrivesPlant, Make
 from ..entry_points import DRIVERS, pairs
 from ..errors import PlantSettingsError
@@ -41,9 +41,7 @@ def make_virtual(name: str, settings: Settings, arguments: Sequence[str]) -> Dri
     driver = name.removeprefix("virtual/")
     if driver not in DRIVERS:
         known = [f"virtual/{known}" for known in DRIVERS]
-        raise PlantSettingsError(
-            f"plant: {name[:60]!r} unknown{nearest(name, known)}; known: {', '.join(known)}"
-        )
+        raise PlantSettingsError(unknown_word("plant:", name, known, "known:"))
     options, board = pairs(arguments), settings.board
     options.pop("bus", None)
     try:
