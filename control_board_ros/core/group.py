@@ -671,7 +671,7 @@ class JointGroup(ModeShortcuts):
         state, stage = self.state, self.stage
         if stage is Stage.UNCONFIGURED:
             text = "the managed board is unconfigured; use its transition configure"
-            return refused(text, self.names)
+            return refused(text, self.names, Reason.NOT_CONFIGURED)
         if all(state.control_modes[j] in CONFIGURED for j in self.joints) and all(
             state.stages[j] is stage for j in self.joints
         ):

@@ -9,7 +9,7 @@ from rig import COMPLIANT, STIFF, Rig, board_config, in_status, joint, ready
 from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.modes import SELECTABLE, UNPOWERED_MODES, Stage
-from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.reply import Answer, Reason
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 
 M = ControlMode
@@ -37,6 +37,7 @@ def test_it_waits_unconfigured(rig: Rig) -> None:
     reply = rig.board.configure()
     assert not reply
     assert "transition configure" in reply.message
+    assert set(reply.codes) == {Reason.NOT_CONFIGURED}  # so that a tool knows the next step
     refused = rig.board.set_control_mode("rests", M.IDLE)
     assert refused.answers == (Answer.REFUSED,)
     assert "waits for the transition configure" in refused.message
