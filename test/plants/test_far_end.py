@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from control_board_msgs import msg, srv
@@ -43,27 +44,26 @@ class FarEnd:
         assert self.process.stdout is not None
         self.bus = self.process.stdout.readline().split()[-1]
         self._changed = threading.Condition()
-        self._last: dict[str, tuple[float, str]] = {}
+        self._last: dict[str, str] = {}
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
         for line in self.process.stdout or ():
-            stamp, joint, what = line.split()
+            _, joint, what = line.split()
             with self._changed:
-                self._last[joint] = float(stamp), what
+                self._last[joint] = what
                 self._changed.notify_all()
 
-    def until(self, what: str, seconds: float = 120.0) -> float:
-        """When (s, monotonic) the joint came to have torque, or to be free."""
+    def until(self, what: str, seconds: float = 120.0) -> None:
+        """Wait until the joint has torque, or is free."""
         with self._changed:
             found = self._changed.wait_for(lambda: self.has(what), seconds)
             assert found, f"it never is {what}: {self._last}"
-            return self._last[JOINT][0]
 
     def has(self, what: str) -> bool:
         """Whether the joint has torque, or is free."""
-        return self._last.get(JOINT, (0.0, ""))[1] == what
+        return self._last.get(JOINT) == what
 
     def close(self) -> None:
         self.process.terminate()
@@ -72,7 +72,7 @@ class FarEnd:
         self.process.stdout.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def drives() -> Iterator[FarEnd]:
     """Controllers on a bus that processes share."""
     pytest.importorskip("moteus")
@@ -137,6 +137,29 @@ def back(talker: Talker, end: FarEnd) -> None:
     hold(talker, end)
 
 
+class Held(NamedTuple):
+    """A board that holds the joint, a talker to it, and the file that makes its hook hang."""
+
+    board: BoardProcess
+    talker: Talker
+    stall: Path
+
+
+@pytest.fixture(scope="module")
+def lasting(drives: FarEnd, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Held]:
+    """A board for all that it survives; not beside one that a test kills."""
+    stall = tmp_path_factory.mktemp("hook") / "stall"
+    command = [sys.executable, str(SUPPORT / "stalled_node.py"), str(stall)]
+    with driven(drives, command=command) as (board, talker):
+        yield Held(board, talker, stall)
+
+
+@pytest.fixture
+def held(lasting: Held, drives: FarEnd) -> Held:
+    hold(lasting.talker, drives)
+    return lasting
+
+
 def test_a_killed_board_leaves_no_torque(drives: FarEnd) -> None:
     """B5: the plant's own process ends it."""
     with driven(drives, exit_code=-signal.SIGKILL) as (board, _):
@@ -155,60 +178,56 @@ def test_a_board_killed_with_its_plant_leaves_no_torque(drives: FarEnd) -> None:
 
 
 @pytest.mark.parametrize("whole", [False, True], ids=["the board", "and its plant"])
-def test_a_stopped_board_has_no_torque(drives: FarEnd, whole: bool) -> None:
+def test_a_stopped_board_has_no_torque(held: Held, drives: FarEnd, whole: bool) -> None:
     """B5, S5: SIGSTOP; it reports so when it continues, and recovers by FORCE_IDLE."""
-    with driven(drives) as (board, talker):
-        stopped = [board.process.pid, *([plant_process(board)] if whole else [])]
+    stopped = [held.board.process.pid, *([plant_process(held.board)] if whole else [])]
+    for pid in stopped:
+        os.kill(pid, signal.SIGSTOP)
+    try:
+        drives.until("free")
+    finally:
         for pid in stopped:
-            os.kill(pid, signal.SIGSTOP)
-        try:
-            drives.until("free")
-        finally:
-            for pid in stopped:
-                os.kill(pid, signal.SIGCONT)
-        back(talker, drives)
+            os.kill(pid, signal.SIGCONT)
+    back(held.talker, drives)
 
 
-def test_a_stalled_hook_leaves_no_torque(drives: FarEnd, tmp_path: Path) -> None:
+def test_a_stalled_hook_leaves_no_torque(held: Held, drives: FarEnd) -> None:
     """B5: the control thread hangs in a hook, the rest of the node continues."""
-    stall = tmp_path / "stall"
-    command = [sys.executable, str(SUPPORT / "stalled_node.py"), str(stall)]
-    with driven(drives, command=command) as (_, talker):
-        stall.touch()
-        try:
-            drives.until("free")
-        finally:
-            stall.unlink()
-        back(talker, drives)
+    held.stall.touch()
+    try:
+        drives.until("free")
+    finally:
+        held.stall.unlink()
+    back(held.talker, drives)
 
 
 @pytest.mark.soak
-def test_an_exhausted_processor_is_no_danger(drives: FarEnd) -> None:
+def test_an_exhausted_processor_is_no_danger(held: Held, drives: FarEnd) -> None:
     """B5: starved, the board drives, or the joint has no torque and says why; then all is well."""
-    with driven(drives) as (board, talker):
-        processor = min(os.sched_getaffinity(0))
-        pids = [board.process.pid, plant_process(board)]
-        tasks = [int(t.name) for pid in pids for t in Path(f"/proc/{pid}/task").iterdir()]
-        everywhere = os.sched_getaffinity(0)
-        burners = [
-            subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BURNERS)
-        ]
-        try:
-            for pid in [*tasks, *(one.pid for one in burners)]:
-                os.sched_setaffinity(pid, {processor})
-            for pid in tasks:
-                os.setpriority(os.PRIO_PROCESS, pid, 19)
-            time.sleep(3.0)
-        finally:
-            for one in burners:
-                one.kill()
-                one.wait()
-            for pid in tasks:
-                with contextlib.suppress(ProcessLookupError):
-                    os.sched_setaffinity(pid, everywhere)
-        if talker.modes()[1] == "hwfa":
-            back(talker, drives)
-        hold(talker, drives)
+    board, talker, _ = held
+    processor = min(os.sched_getaffinity(0))
+    pids = [board.process.pid, plant_process(board)]
+    tasks = [int(t.name) for pid in pids for t in Path(f"/proc/{pid}/task").iterdir()]
+    everywhere = os.sched_getaffinity(0)
+    burners = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BURNERS)
+    ]
+    try:
+        for pid in [*tasks, *(one.pid for one in burners)]:
+            os.sched_setaffinity(pid, {processor})
+        for pid in tasks:
+            os.setpriority(os.PRIO_PROCESS, pid, 19)
+        time.sleep(3.0)
+    finally:
+        for one in burners:
+            one.kill()
+            one.wait()
+        for pid in tasks:
+            with contextlib.suppress(ProcessLookupError):
+                os.sched_setaffinity(pid, everywhere)
+    if talker.modes()[1] == "hwfa":
+        back(talker, drives)
+    hold(talker, drives)
 
 
 @pytest.mark.soak
