@@ -6,9 +6,8 @@ Time and faults on demand belong to simulations.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import pytest
@@ -22,13 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 from talk import Talker, patient, talking_to
 from waiting import until
 
-from control_board_ros.testing import (
-    BoardProcess,
-    board_process,
-    child_environment,
-    free_domain,
-    ros_node,
-)
+from control_board_ros.testing import BoardProcess, board_process, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -46,26 +39,34 @@ PARTS = {
 }
 
 
-@pytest.fixture(scope="module", params=["board", "robot", "part"])
-def board(
+@pytest.fixture(scope="module")
+def process(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[BoardProcess]:
-    """A board, a robot of parts, or one of its parts on a plant that is no simulation."""
-    whole = request.param == "board"
-    params = PLANT if whole else PLANT | PARTS
+    """A board, or a robot of parts, on a plant that is no simulation."""
+    params = PLANT | PARTS if request.param else PLANT
     path = path_with(tmp_path_factory.mktemp("path"))
-    with board_process(params, env=path, robot="" if whole else "pair") as process:
-        if request.param == "part":
-            process.name = "/pair/upper"
+    with board_process(params, env=path, robot="pair" if request.param else "") as process:
         yield process
     assert "internal error" not in process.output
     assert "Traceback" not in process.output
 
 
 @pytest.fixture(scope="module")
-def talker(board: BoardProcess) -> Iterator[Talker]:
-    with talking_to(board) as one:
+def talker(process: BoardProcess, request: pytest.FixtureRequest) -> Iterator[Talker]:
+    with talking_to(process, to=request.param) as one:
         yield one
+
+
+def of(*places: tuple[bool, str]) -> pytest.MarkDecorator:
+    """On a robot of parts or not, and whom of it a test talks to."""
+    return pytest.mark.parametrize(
+        ("process", "talker"), places, indirect=True, ids=[name for _, name in places]
+    )
+
+
+BOARD, ROBOT, PART = (False, "/control_board"), (True, "/pair/robot"), (True, "/pair/upper")
+ALONE = pytest.mark.parametrize("process", [False], indirect=True, ids=["board"])
 
 
 def still_moves(talker: Talker) -> None:
@@ -90,6 +91,7 @@ REQUESTS: dict[str, tuple[Any, dict[str, Any]]] = {
 }
 
 
+@of(BOARD, ROBOT, PART)
 @pytest.mark.parametrize("name", REQUESTS)
 def test_a_service_is_refused_and_changes_nothing(talker: Talker, name: str) -> None:
     """B4: with the reason, and the loop continues."""
@@ -101,32 +103,36 @@ def test_a_service_is_refused_and_changes_nothing(talker: Talker, name: str) -> 
     still_moves(talker)
 
 
+@of(BOARD, ROBOT, PART)
 def test_the_board_offers_no_more_than_the_plant_has(talker: Talker) -> None:
     """B2, M5: levers have no torque sensor."""
     refused = talker.set_mode([JOINTS[1]], "torq")
     assert not refused.success
-    assert "torq" in refused.message
+    assert "does not implement torq" in refused.message
+    assert talker.set_mode([JOINTS[1]], "fidl").success
 
 
+@of(BOARD, ROBOT, PART)
 def test_a_pause_that_is_taken_back_is_refused_too(talker: Talker) -> None:
     assert REASON in talker.call("pause", SetBool, data=False).message
 
 
-def test_an_external_torque_is_ignored_and_reported(talker: Talker, board: BoardProcess) -> None:
+@of(BOARD, ROBOT, PART)
+def test_an_external_torque_is_ignored_and_reported(talker: Talker, process: BoardProcess) -> None:
     """B4: with the reason in the log."""
+    before = len(process.output)
 
     def reported() -> bool:
         talker.command("external_torque", msg.TorqueCommand(names=[JOINTS[0]], torques=[1.0]))
-        return f"external_torque ignored: this board {REASON}" in board.output
+        return f"external_torque ignored: this board {REASON}" in process.output[before:]
 
     until(reported)
     still_moves(talker)
 
 
-def test_other_time_is_refused(talker: Talker, board: BoardProcess) -> None:
-    """B4: real_time_factor, with the reason."""
-    if board.name == "/pair/upper":
-        pytest.skip("a part has no real_time_factor")
+@of(BOARD, ROBOT)
+def test_other_time_is_refused(talker: Talker) -> None:
+    """B4: real_time_factor, with the reason; a part has none."""
     wanted = [Parameter("real_time_factor", value=2.0).to_parameter_msg()]
     (result,) = talker.call("set_parameters", SetParameters, parameters=wanted).results
     assert not result.successful
@@ -135,8 +141,9 @@ def test_other_time_is_refused(talker: Talker, board: BoardProcess) -> None:
     still_moves(talker)
 
 
-def test_a_program_is_reported_why(board: BoardProcess) -> None:
-    with ros_node(board.domain, spin=False) as node, patient(node, board.name) as client:
+@ALONE
+def test_a_program_is_reported_why(process: BoardProcess) -> None:
+    with ros_node(process.domain, spin=False) as node, patient(node, process.name) as client:
         calls: list[Callable[[], Any]] = [
             client.pause,
             client.step,
@@ -150,27 +157,11 @@ def test_a_program_is_reported_why(board: BoardProcess) -> None:
             assert REASON in reply.message
 
 
-@pytest.mark.parametrize(
-    "line", ["pause", "resume", "reset", "inject 0 encoder", "inject --clear"]
-)
-def test_cbctl_says_why(board: BoardProcess, line: str) -> None:
-    cbctl = Cbctl(board.environment)
-    done = cbctl("--board", board.name, *line.split())
-    assert done.code == 1
-    assert REASON in done.err
-    assert done.err.count("\n") == 1
-
-
-def test_an_unknown_plant_is_one_line() -> None:
-    command = [sys.executable, "-m", "control_board_ros.node.main", "--ros-args", "-p"]
-    with free_domain() as domain:
-        done = subprocess.run(
-            [*command, "plant:=nothing"],
-            env=child_environment(domain),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    assert done.returncode == 2
-    assert "plant: 'nothing' unknown; " in done.stderr
-    assert done.stderr.count("\n") == 1
+@ALONE
+def test_cbctl_says_why(process: BoardProcess) -> None:
+    with closing(Cbctl(process.environment)) as cbctl:
+        for line in ("pause", "resume", "reset", "inject 0 encoder", "inject --clear"):
+            done = cbctl(*line.split())
+            assert done.code == 1, line
+            assert REASON in done.err
+            assert done.err.count("\n") == 1
