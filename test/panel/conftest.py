@@ -108,9 +108,9 @@ def address(process: BoardProcess, recordings: Path) -> Iterator[str]:
     assert (done.code, done.err) == (0, ""), done
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Any]:
-    """Chromium, without a screen."""
+    """Chromium, without a screen; each page has a context of its own."""
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as play:
         browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
