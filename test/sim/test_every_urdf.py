@@ -19,8 +19,13 @@ pytestmark = [pytest.mark.physics, pytest.mark.slow]
 
 DATA = Path(pybullet_data.getDataPath())
 FILES = sorted(path for path in DATA.rglob("*.urdf") if "random_urdfs" not in path.parts)
+#: Some robots have the same file: once each.
 ICUBS = sorted(
-    path for share in share_folders() for path in (share / "iCub").glob("robots/*/model.urdf")
+    {
+        path.read_bytes(): path
+        for share in share_folders()
+        for path in (share / "iCub").glob("robots/*/model.urdf")
+    }.values()
 )
 MOVES = re.compile(r'<joint[^>]*type="(revolute|continuous|prismatic)"')
 #: What is wrong with those that have joints and are refused.

@@ -159,16 +159,6 @@ def test_a_reversed_encoder_counts_the_wrong_way(pair):
     assert broken[Row.VELOCITY, JOINT] == -sound[Row.VELOCITY, JOINT]
 
 
-def test_overheating_reads_above_the_limit(pair):
-    pair[0].inject(JOINT, "overheating")
-    assert pair[0].read().values[Row.TEMPERATURE, JOINT] > 120.0
-
-
-def test_an_emergency_stop_is_an_alarm(pair):
-    pair[0].inject(JOINT, "external")
-    assert pair[0].read().values[Row.ALARM, JOINT] == 1 + FaultCode.EXTERNAL
-
-
 def test_faults_on_two_joints_and_of_two_kinds_add_up(pair):
     plant = pair[0]
     plant.inject(0, "overheating", persistent=True)
