@@ -14,8 +14,6 @@ import pytest
 from control_board_msgs import msg, srv
 from control_board_msgs.action import Calibrate, Move
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParametersAtomically
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 from talk import Talker, stamp_of, talking_to
@@ -176,18 +174,6 @@ def test_a_clock_that_jumps_back_or_stops(talker: Talker) -> None:
     talker.node.destroy_publisher(publisher)
 
 
-def double(name: str, value: float) -> Parameter:
-    kind = ParameterType.PARAMETER_DOUBLE
-    return Parameter(name=name, value=ParameterValue(type=kind, double_value=value))
-
-
-def change(talker: Talker, *parameters: Parameter):
-    """Set parameters of the running board, all or nothing."""
-    return talker.call(
-        "set_parameters_atomically", SetParametersAtomically, parameters=list(parameters)
-    ).result
-
-
 def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
     """Gains, limits and timeouts in the midst of a move; then back again."""
     assert talker.call("pause", SetBool, data=True).success
@@ -196,12 +182,13 @@ def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
     assert talker.call("step", srv.Step, steps=1000).success
     assert abs(talker.state().velocity[6]) > 0.1
     first = len(talker.seen["state"]) - 1
-    assert change(
-        talker,
-        double(f"{J7}.position_pid.kp", 500.0),
-        double(f"{J7}.limits.upper", 0.3),
-        double(f"{J7}.timeouts.velocity", 0.5),
-        double("state_rate", 50.0),
+    assert talker.change(
+        **{
+            f"{J7}.position_pid.kp": 500.0,
+            f"{J7}.limits.upper": 0.3,
+            f"{J7}.timeouts.velocity": 0.5,
+            "state_rate": 50.0,
+        }
     ).successful
     assert talker.call("pause", SetBool, data=False).success
     talker.state(lambda s: abs(s.position[6] - 0.3) < 0.005)
@@ -209,12 +196,13 @@ def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
     for (before, there), (now, here) in itertools.pairwise(way):
         assert abs(here - there) < 0.01 + 1.0 * (now - before)
         assert here < 0.31  # the narrower limit holds from now on
-    assert change(
-        talker,
-        double(f"{J7}.position_pid.kp", 400.0),
-        double(f"{J7}.limits.upper", 3.0),
-        double(f"{J7}.timeouts.velocity", 0.2),
-        double("state_rate", 100.0),
+    assert talker.change(
+        **{
+            f"{J7}.position_pid.kp": 400.0,
+            f"{J7}.limits.upper": 3.0,
+            f"{J7}.timeouts.velocity": 0.2,
+            "state_rate": 100.0,
+        }
     ).successful
     assert talker.modes() == ["pos"] * 7
 

@@ -19,8 +19,6 @@ from control_msgs.msg import (
     JointTolerance,
     JointTrajectoryControllerState,
 )
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -214,26 +212,16 @@ def test_tolerances_of_parameters_change_while_the_board_runs(
     talker: Talker, names: list[str]
 ) -> None:
     """constraints.*, as `ros2 param set` writes them: for the goals that come after."""
-
-    def change(**values: Any) -> Any:
-        parameters = [
-            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-        ]
-        asked = talker.call(
-            "set_parameters_atomically", SetParametersAtomically, parameters=parameters
-        )
-        return asked.result
-
     goal = trajectory(names, (0.2, [0.3, 0.3]))
     tight = f"{names[1]}.constraints.trajectory"
-    assert change(**{tight: 1e-6}).successful
+    assert talker.change(**{tight: 1e-6}).successful
     assert end(talker, send(talker, trajectory=goal))[1] == Result.PATH_TOLERANCE_VIOLATED
-    assert change(**{tight: 0.0, "allow_partial_joints_goal": False}).successful
+    assert talker.change(**{tight: 0.0, "allow_partial_joints_goal": False}).successful
     code, text = end(talker, send(talker, trajectory=goal))[1:]
     assert code == Result.INVALID_JOINTS
     assert "send all joints" in text
-    refused = change(**{"constraints.goal_time": -1.0})
+    refused = talker.change(**{"constraints.goal_time": -1.0})
     assert not refused.successful
     assert "constraints.goal_time" in refused.reason
-    assert change(allow_partial_joints_goal=True).successful
+    assert talker.change(allow_partial_joints_goal=True).successful
     assert end(talker, send(talker, trajectory=goal))[1] == Result.SUCCESSFUL

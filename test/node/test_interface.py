@@ -19,10 +19,9 @@ from interface_table import (
     SUBSCRIBED,
 )
 from qos import LATCHED
-from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -117,29 +116,21 @@ def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
     gain = f"{talker.names[0]}.position_pid.kp"
     before = talker.call("get_parameters", GetParameters, names=[gain]).values[0].double_value
 
-    def change(**values: Any) -> Any:
-        parameters = [
-            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-        ]
-        return talker.call(
-            "set_parameters_atomically", SetParametersAtomically, parameters=parameters
-        ).result
-
     def period() -> float:
         first = stamp_of(talker.state())
         talker.state(lambda s: stamp_of(s) > first + 0.5)
         stamps = [stamp_of(s) for s in talker.seen["state"]]
         return median(b - a for a, b in itertools.pairwise(stamps) if a >= first)
 
-    assert change(**{gain: 1.1 * before, "state_rate": 20.0}).successful
+    assert talker.change(**{gain: 1.1 * before, "state_rate": 20.0}).successful
     assert period() == pytest.approx(1.0 / 20.0, rel=0.15)
-    wrong = change(**{gain: before, "state_rate": -1.0})
+    wrong = talker.change(**{gain: before, "state_rate": -1.0})
     assert not wrong.successful
     assert "state_rate" in wrong.reason
     read = talker.call("get_parameters", GetParameters, names=[gain, "state_rate"]).values
     assert [value.double_value for value in read] == [pytest.approx(1.1 * before), 20.0]
-    assert not change(control_rate=500.0).successful
-    assert change(**{gain: before, "state_rate": 100.0}).successful
+    assert not talker.change(control_rate=500.0).successful
+    assert talker.change(**{gain: before, "state_rate": 100.0}).successful
     assert period() == pytest.approx(1.0 / 100.0, rel=0.15)
 
 

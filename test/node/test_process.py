@@ -317,10 +317,10 @@ def test_a_state_rate_above_the_control_rate_is_reported(
     """What is in force is said at the start."""
     board, talker = unusual
     board.wait_for_output("state_rate 1000 Hz is above control_rate; 250 Hz is in force")
-    answer = set_double(talker, "state_rate", 251.0)
+    answer = talker.change(state_rate=251.0)
     assert not answer.successful
     assert "at most control_rate, 250 Hz" in answer.reason
-    assert set_double(talker, "state_rate", 100.0).successful
+    assert talker.change(state_rate=100.0).successful
 
 
 def test_qos_overrides_act_on_their_topic_only(unusual: tuple[BoardProcess, Talker]) -> None:
@@ -343,12 +343,6 @@ def test_qos_overrides_act_on_their_topic_only(unusual: tuple[BoardProcess, Talk
     assert reliability("velocity") is ReliabilityPolicy.RELIABLE
 
 
-def set_double(talker: Talker, name: str, value: float) -> Any:
-    """Set a parameter of the board."""
-    one = ParameterMessage(name=name, value=ParameterValue(type=3, double_value=value))
-    return talker.call("set_parameters", SetParameters, parameters=[one]).results[0]
-
-
 @pytest.mark.slow
 def test_a_change_of_pace_keeps_the_time() -> None:
     """real_time_factor set live: no stamp goes back, and diagnostics have the same clock."""
@@ -358,7 +352,7 @@ def test_a_change_of_pace_keeps_the_time() -> None:
         assert begun == pytest.approx(time.time(), abs=30.0)
         talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
         for factor in (4.0, 0.5):
-            assert set_double(talker, "real_time_factor", factor).successful
+            assert talker.change(real_time_factor=factor).successful
             first = stamp_of(talker.state())
             talker.state(lambda s, first=first: stamp_of(s) > first + 0.5)
             clock = talker.wait("clock", lambda _: True, fresh=True).clock

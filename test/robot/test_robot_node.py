@@ -13,8 +13,7 @@ from control_board_msgs import action, msg, srv
 from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
 from qos import LATCHED
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.parameter import Parameter
+from rcl_interfaces.srv import GetParameters
 from robots import LOWER, UPPER
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -188,24 +187,14 @@ def parameter(talker: Talker, name: str) -> Any:
     return value.double_value
 
 
-def change(talker: Talker, **values: float) -> Any:
-    """Set parameters, all or none."""
-    given = [
-        Parameter(name.replace("__", "."), value=v).to_parameter_msg()
-        for name, v in values.items()
-    ]
-    reply = talker.call("set_parameters_atomically", SetParametersAtomically, parameters=given)
-    return reply.result
-
-
 def test_a_parameter_is_the_same_at_every_node(talkers: Talkers) -> None:
     """Set at the part or at the robot, limits show, and act, at both; a rate is the robot's."""
     robot, lower = talkers["robot"], talkers["lower"]
     name = f"{LOWER[0]}.limits.upper"
     before = parameter(robot, name)
-    assert change(lower, lbr_iiwa_joint_1__limits__upper=1.5).successful
+    assert lower.change(lbr_iiwa_joint_1__limits__upper=1.5).successful
     assert parameter(robot, name) == parameter(lower, name) == 1.5
-    assert change(robot, lbr_iiwa_joint_1__limits__upper=1.2).successful
+    assert robot.change(lbr_iiwa_joint_1__limits__upper=1.2).successful
     assert parameter(robot, name) == parameter(lower, name) == 1.2
     robot.command("command/position", msg.PositionCommand(names=LOWER[:1], positions=[2.0]))
     until(
@@ -213,15 +202,15 @@ def test_a_parameter_is_the_same_at_every_node(talkers: Talkers) -> None:
             robot.call("get_references", srv.GetReferences, names=LOWER[:1]).positions[0] == 1.2
         )
     )
-    refused = change(
-        robot, lbr_iiwa_joint_1__limits__upper=1.3, lbr_iiwa_joint_2__limits__upper=-9.0
+    refused = robot.change(
+        lbr_iiwa_joint_1__limits__upper=1.3, lbr_iiwa_joint_2__limits__upper=-9.0
     )
     assert not refused.successful
     assert parameter(lower, name) == 1.2
-    assert change(robot, lbr_iiwa_joint_1__limits__upper=before).successful
-    assert change(robot, state_rate=50.0).successful
-    assert change(robot, state_rate=100.0).successful
-    assert not change(lower, state_rate=50.0).successful
+    assert robot.change(lbr_iiwa_joint_1__limits__upper=before).successful
+    assert robot.change(state_rate=50.0).successful
+    assert robot.change(state_rate=100.0).successful
+    assert not lower.change(state_rate=50.0).successful
 
 
 def test_a_saved_robot_starts_again(board: BoardProcess, tmp_path: Path) -> None:

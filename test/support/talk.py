@@ -13,7 +13,9 @@ from uuid import uuid4
 
 from control_board_msgs import msg, srv
 from qos import LATCHED, STREAM
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
@@ -137,6 +139,15 @@ class Talker:
     def modes(self) -> list[str]:
         """Call ~/get_control_mode for all joints."""
         return list(self.call("get_control_mode", srv.GetControlMode).modes)
+
+    def change(self, **values: Any) -> Any:
+        """Set parameters, all or none; double underscores replace dots."""
+        given = [
+            Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+            for name, value in values.items()
+        ]
+        answer = self.call("set_parameters_atomically", SetParametersAtomically, parameters=given)
+        return answer.result
 
     def command(self, topic: str, message: Any, qos: QoSProfile | int = 10) -> None:
         """Publish on ``~/topic``, once the board listens."""
