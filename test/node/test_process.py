@@ -27,8 +27,7 @@ from std_srvs.srv import SetBool
 from talk import Talker, stamp_of, talking_to
 from waiting import GUARD, until
 
-from control_board_ros import __version__
-from control_board_ros.node.main import KnownError, main, run
+from control_board_ros.node.main import KnownError, run
 from control_board_ros.node.process.start import make_plant
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.testing import (
@@ -365,13 +364,6 @@ def test_a_change_of_pace_keeps_the_time() -> None:
             assert stamps == sorted(stamps)
         now = stamp_of(talker.state())
         assert now < begun + 4.0 * (time.monotonic() - started) + 10.0
-
-
-def test_help_and_version_start_no_board(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--help"]) == main(["--version"]) == 0
-    printed = capsys.readouterr().out
-    assert "usage: control_board" in printed
-    assert f"control_board_ros {__version__}\nlaws: " in printed
 
 
 def test_the_first_screen_says_what_to_do(unusual: tuple[BoardProcess, Talker]) -> None:

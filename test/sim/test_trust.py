@@ -149,16 +149,6 @@ def test_a_move_of_a_milliradian_keeps_the_acceleration_limit(iiwa: Simulation) 
     assert board.get_encoder(j)[0] == pytest.approx(here + 1e-3, abs=1e-4)
 
 
-def test_a_target_beyond_a_limit_is_accepted_and_reported(iiwa: Simulation) -> None:
-    """P1, P9: what a limit cuts is said in degrees, with what was requested."""
-    board = iiwa.board
-    reply = board.position_move("lbr_iiwa_joint_1", 30.0)
-    assert reply
-    degrees = math.degrees(board.config.joints[0].limits.upper)
-    assert f"bounded to {degrees:.1f}° (1718.9° was requested)" in reply.message
-    assert board.get_target_position(0)[0] == board.config.joints[0].limits.upper
-
-
 @pytest.mark.parametrize("stride", [1, 10])
 def test_a_sine_by_direct_positions(panda: Simulation, stride: int) -> None:
     """P4: at 1 kHz and at 100 Hz it is followed within 3 % of its amplitude, once it was 30 %."""
