@@ -15,10 +15,10 @@ A comment before a block says what a test does with it:
     <!-- not run: reason -->   it cannot be run in a test
 
 Spaces and the place in a bar do not count. A line of `...` in an output matches any lines. A
-page that starts no board talks to one of the default configuration. cbctl runs within the test
-over one connection, in a terminal of 80 columns: what it takes to find the board is tested
-elsewhere. A line that names a board (`--board`), and each of a shell block, is a process of its
-own.
+page that starts no board talks to one of the default configuration; pytest alone needs none. cbctl
+runs within the test over one connection, in a terminal of 80 columns: what it takes to find the
+board is tested elsewhere. A line that names a board (`--board`), and each of a shell block, is a
+process of its own.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options
 from control_board_ros.cli.text import output
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.testing import BoardProcess, board_process
+from control_board_ros.testing import BoardProcess, board_process, child_environment
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(
@@ -215,13 +215,19 @@ class Reader:
     def _run(self, command: list[str]) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             command,
-            env=self.board.environment | {"COLUMNS": "80"},
+            env=self._environment(command) | {"COLUMNS": "80"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
             timeout=240,
             check=False,
         )
+
+    def _environment(self, command: list[str]) -> dict[str, str]:
+        """That of the board; tests start boards of their own, on domains of their own."""
+        if self._board is None and MODULES["pytest"] in command:
+            return child_environment(0)
+        return self.board.environment
 
     def _program(self, name: str, arguments: list[str]) -> list[str]:
         if name == "python":
