@@ -1,0 +1,444 @@
+# SPDX-License-Identifier: Apache-2.0
+"""laws.py, a cycle of several joints: what the arm's dynamics are asked for, and who gets it.
+
+They are C functions where the laws are compiled; here they are the same as plain Python.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from typing import Any
+
+import pytest
+from joints import ROWS
+from lone_joint import LAWS, joint
+
+POSITION, TORQUE, IMPEDANCE = LAWS.POSITION, LAWS.TORQUE, LAWS.IMPEDANCE
+NAN = math.nan
+
+
+class LinearArm:
+    """An arm whose torques are gravity by joint and a sum of its motion; it notes questions."""
+
+    GRAVITY = (3.0, -7.0)
+
+    def __init__(self) -> None:
+        self.rows = [memoryview(array("d", [9.0, 9.0])) for _ in range(4)]
+        self.asked: list[tuple[float, list[float], list[float], list[float]]] = []
+        self.broken: set[int] = set()
+
+    def inverse(self, weight: float) -> None:
+        position, velocity, acceleration, torque = self.rows
+        self.asked.append((weight, list(position), list(velocity), list(acceleration)))
+        for k in range(2):
+            moved = position[k] + 10.0 * velocity[k] + 100.0 * acceleration[k]
+            torque[k] = NAN if k in self.broken else weight * self.GRAVITY[k] + moved
+
+
+class Two:
+    """Two joints with an arm, or without one."""
+
+    def __init__(self, arm: LinearArm | None, feeds_arm: bool = True, **given: Any) -> None:
+        self.arm = arm
+        known = {"calibrated": True, "settling": False, "compensates": False, "lifts": False}
+        self.first, self.second = (joint(**(known | given)) for _ in range(2))
+        self.rows = {name: memoryview(array("d", [0.0, 0.0])) for name in ROWS}
+        self.done = memoryview(array("B", [5, 5]))
+        self.joints = [self.first, self.second]
+        rows = list(self.rows.values())
+        self.laws = LAWS.Laws(self.joints, rows, self.done, arm, feeds_arm)
+
+    def set(self, name: str, *values: float) -> None:
+        for one, value in zip(self.joints, values, strict=True):
+            setattr(one, name, value)
+
+    def get(self, name: str) -> list[float]:
+        return [getattr(one, name) for one in self.joints]
+
+
+@pytest.fixture
+def arm() -> LinearArm:
+    return LinearArm()
+
+
+@pytest.fixture
+def two(arm: LinearArm) -> Two:
+    """At 0.1 and 0.4 rad, in motion, with references that move otherwise."""
+    made = Two(arm)
+    made.set("position", 0.1, 0.4)
+    made.set("velocity", 0.2, 0.5)
+    made.set("acceleration", 0.3, 0.6)
+    made.set("followed_velocity", 0.7, 0.8)
+    made.set("followed_acceleration", 0.9, 1.1)
+    return made
+
+
+# --- the arm -------------------------------------------------------------------------------------
+
+
+def test_the_arm_s_dynamics_do_not_act_at_first(two: Two) -> None:
+    assert not two.laws.modelled
+    assert LAWS.Laws(two.joints, list(two.rows.values()), two.done, two.arm).feeds_arm
+
+
+def test_references_are_fed_forward_in_position_laws(two: Two, arm: LinearArm) -> None:
+    """Of a joint in another law its own motion, at the present speed."""
+    two.laws.modelled = True
+    two.set("law", POSITION, TORQUE)
+    two.laws.feed_forward()
+    assert arm.asked == [(1.0, [0.1, 0.4], [0.7, 0.5], [0.9, 0.0])]
+    assert two.get("forward") == pytest.approx([3.0 + 0.1 + 7.0 + 90.0, -7.0 + 0.4 + 5.0])
+
+
+def test_references_of_a_settling_joint_are_fed_forward(two: Two, arm: LinearArm) -> None:
+    """It brakes first, whatever its law."""
+    two.laws.modelled = True
+    two.set("law", TORQUE, TORQUE)
+    two.set("settling", False, True)
+    two.laws.feed_forward()
+    assert arm.asked == [(1.0, [0.1, 0.4], [0.2, 0.8], [0.0, 1.1])]
+
+
+def test_a_torque_that_is_no_number_is_not_fed_forward(two: Two, arm: LinearArm) -> None:
+    two.laws.modelled = True
+    two.set("forward", 1.0, 2.0)
+    arm.broken = {1}
+    two.laws.feed_forward()
+    assert two.get("forward") == pytest.approx([3.0 + 0.1 + 7.0 + 90.0, 2.0])
+
+
+@pytest.mark.parametrize("why", ["no arm", "not in all laws", "an unknown angle"])
+def test_else_each_joint_accelerates_its_own_inertia(arm: LinearArm, why: str) -> None:
+    two = Two(None if why == "no arm" else arm, feeds_arm=why != "not in all laws")
+    two.set("calibrated", True, why != "an unknown angle")
+    two.set("inertia", 2.0, 3.0)
+    two.set("followed_acceleration", 0.5, -0.25)
+    two.laws.feed_forward()
+    assert two.get("forward") == [1.0, -0.75]
+    assert arm.asked == []
+
+
+def test_the_arm_comes_and_goes_without_a_step_of_torque(two: Two, arm: LinearArm) -> None:
+    """What is fed forward leaves the integral part, and returns to it."""
+    two.set("gravity", 50.0, 60.0)
+    loads = [3.0 + 0.1, -7.0 + 0.4]
+    assert two.laws.knows_arm()
+    assert two.laws.modelled
+    assert arm.asked == [(1.0, [0.1, 0.4], [0.0, 0.0], [0.0, 0.0])]
+    assert two.get("gravity") == pytest.approx(loads)
+    integrals = [one.position_pid.integral for one in two.joints]
+    assert integrals == pytest.approx([5.0 - loads[0], 5.0 - loads[1]])
+    assert two.laws.knows_arm()
+    assert len(arm.asked) == 1  # it is known already
+    two.second.calibrated = False
+    assert not two.laws.knows_arm()
+    assert [one.position_pid.integral for one in two.joints] == pytest.approx([5.0, 5.0])
+    assert two.get("gravity") == [0.0, 0.0]
+    assert not two.laws.knows_arm()
+    assert len(arm.asked) == 2
+
+
+def test_the_arm_is_forgotten_before_its_masses_change(two: Two, arm: LinearArm) -> None:
+    two.laws.forget_arm()
+    assert arm.asked == []
+    two.laws.knows_arm()
+    two.laws.forget_arm()
+    assert not two.laws.modelled
+    assert [one.position_pid.integral for one in two.joints] == pytest.approx([5.0, 5.0])
+
+
+def test_the_torque_of_the_measured_motion(two: Two, arm: LinearArm) -> None:
+    """Without gravity; one that is no number is not taken."""
+    two.set("motion", 1.0, 2.0)
+    arm.broken = {1}
+    two.laws.sense_motion()
+    assert arm.asked == [(0.0, [0.1, 0.4], [0.2, 0.5], [0.3, 0.6])]
+    assert two.get("motion") == pytest.approx([0.1 + 2.0 + 30.0, 2.0])
+
+
+@pytest.mark.parametrize("fast", [(), (0,), (1,), (0, 1)])
+def test_before_laws_start_motion_and_gravity_are_known(
+    two: Two, arm: LinearArm, fast: tuple[int, ...]
+) -> None:
+    """And whether all joints are at rest."""
+    two.laws.modelled = True
+    two.set("readings", 2, 2)
+    two.set("acceleration", 0.0, 0.0)
+    two.set("velocity", *(1.0 if k in fast else 0.0 for k in range(2)))
+    assert bool(two.laws.prepare()) is (not fast)
+    velocities = two.get("velocity")
+    assert arm.asked == [
+        (0.0, [0.1, 0.4], velocities, [0.0, 0.0]),
+        (1.0, [0.1, 0.4], [0.0, 0.0], [0.0, 0.0]),
+    ]
+    assert two.get("motion") == pytest.approx(
+        [0.1 + 10.0 * velocities[0], 0.4 + 10.0 * velocities[1]]
+    )
+    assert two.get("gravity") == pytest.approx([3.0 + 0.1, -7.0 + 0.4])
+
+
+def test_an_arm_that_does_not_act_is_not_asked(two: Two, arm: LinearArm) -> None:
+    two.set("gravity", 1.0, 2.0)
+    two.laws.prepare()
+    assert arm.asked == []
+    assert two.get("gravity") == [1.0, 2.0]
+
+
+# --- gravity compensation ------------------------------------------------------------------------
+
+
+def test_gravity_is_compensated_where_it_is_wanted(two: Two, arm: LinearArm) -> None:
+    """G1: asked for once for all joints."""
+    two.set("lift", 0.0, 0.0)
+    two.laws.compensate()
+    assert arm.asked == []
+    two.first.compensates = True
+    two.laws.compensate()
+    assert arm.asked == [(1.0, [0.1, 0.4], [0.0, 0.0], [0.0, 0.0])]
+    assert two.get("lift") == pytest.approx([3.0 + 0.1, 0.0])
+    assert two.get("lifts") == [True, False]
+    two.first.compensates = False  # it ends with the next cycle
+    two.laws.compensate()
+    assert two.get("lift") == [0.0, 0.0]
+    assert two.get("lifts") == [False, False]
+    two.laws.compensate()
+    assert len(arm.asked) == 2
+
+
+@pytest.mark.parametrize("why", ["no arm", "an unknown angle"])
+def test_gravity_that_is_not_known_is_not_compensated(arm: LinearArm, why: str) -> None:
+    """G1: and no longer, where it was."""
+    two = Two(None if why == "no arm" else arm, compensates=True, lifts=True, lift=4.0)
+    two.set("calibrated", True, why != "an unknown angle")
+    two.laws.compensate()
+    assert two.get("lift") == [0.0, 0.0]
+    assert two.get("lifts") == [False, False]
+    assert arm.asked == []
+
+
+def test_a_gravity_that_is_no_number_changes_nothing(two: Two, arm: LinearArm) -> None:
+    two.set("compensates", True, True)
+    two.set("lifts", True, True)
+    two.set("lift", 1.0, 2.0)
+    arm.broken = {0}
+    two.laws.compensate()
+    assert two.get("lift") == pytest.approx([1.0, -7.0 + 0.4])
+
+
+# --- loads ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settling", "awaited", "active", "rested", "expected"),
+    [
+        ((1, 1), (0, 0), (0, 0), (1, 1), (False, True)),
+        ((1, 1), (0, 0), (1, 0), (1, 1), (True, True)),
+        ((1, 1), (0, 0), (0, 1), (1, 1), (True, True)),
+        ((1, 1), (0, 0), (0, 0), (0, 1), (False, False)),
+        ((1, 1), (0, 0), (0, 0), (1, 0), (False, False)),
+        ((1, 0), (0, 0), (0, 1), (1, 0), (False, True)),  # of those that settle
+        ((1, 1), (0, 1), (0, 1), (1, 0), (False, True)),  # an awaited one is not waited for
+    ],
+)
+def test_no_load_is_captured_before_all_are_at_rest(
+    two: Two,
+    monkeypatch: pytest.MonkeyPatch,
+    settling: tuple[int, int],
+    awaited: tuple[int, int],
+    active: tuple[int, int],
+    rested: tuple[int, int],
+    expected: tuple[bool, bool],
+) -> None:
+    """M9: the joints that settle learn whether one brakes, and whether all rest."""
+    told: list[tuple[Any, bool, bool]] = []
+    monkeypatch.setattr(LAWS, "settle", lambda j, braking, rests: told.append((j, braking, rests)))
+    two.set("settling", *map(bool, settling))
+    two.set("awaited", *map(bool, awaited))
+    two.set("active", *map(bool, active))
+    cycles = math.ceil(LAWS.REST_TIME / two.first.period)
+    two.set("rest_cycles", *(cycles if one else cycles - 1 for one in rested))
+    two.laws.settle_joints()
+    assert [j for j, _, _ in told] == [one for one in two.joints if one.settling]
+    assert {(bool(braking), bool(rests)) for _, braking, rests in told} == {expected}
+
+
+@pytest.mark.parametrize(
+    ("readings", "period", "expected"),
+    [(2, 0.1, -1.0 + 0.1 * 5.0), (1, 0.1, 4.0), (2, 1.0, 4.0), (2, 2.0, 4.0)],
+)
+def test_the_load_is_filtered(readings: int, period: float, expected: float) -> None:
+    """M9: torque less that of the motion, through a low pass; at first, or if slow, as it is."""
+    one = joint(torque=6.0, motion=2.0, load=-1.0, readings=readings)
+    one.period = period * LAWS.LOAD_FILTER
+    LAWS.weigh(one)
+    assert one.load == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_at_rest(way: float) -> None:
+    """Speed and torque of the acceleration within shares of the limits, after two readings."""
+    speed, torque = LAWS.REST_SPEED * 3.0, LAWS.REST_TORQUE * 60.0
+    slow = {"velocity": way * 0.99 * speed, "acceleration": way * 0.99 * torque / 0.5}
+
+    def rests(**changes: float) -> bool:
+        return bool(joint(**({"readings": 2} | slow | changes)).at_rest())
+
+    assert rests()
+    assert not rests(readings=1)
+    assert not rests(velocity=way * 1.01 * speed)
+    assert not rests(acceleration=way * 1.01 * torque / 0.5)
+
+
+def test_a_load_is_known_at_rest() -> None:
+    """M9: before that, it is what is measured now."""
+    one = joint(torque=6.0, motion=2.0, load=1.0)
+    cycles = math.ceil(LAWS.REST_TIME / one.period)
+    one.rest_cycles = cycles
+    assert one.known_load() == 1.0
+    one.rest_cycles = cycles - 1
+    assert one.known_load() == 4.0
+
+
+# --- what a cycle reports ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("limit", "strain", "news"),
+    [
+        ((False, False), (False, False), False),
+        ((True, True), (True, True), False),
+        ((False, True), (False, False), True),
+        ((True, False), (False, False), True),
+        ((False, False), (False, True), True),
+        ((False, False), (True, False), True),
+        ((False, True), (False, True), True),
+    ],
+)
+def test_news_of_a_joint(limit: tuple[bool, bool], strain: tuple[bool, bool], news: bool) -> None:
+    """It comes to a limit, or leaves it; of torque after STRAIN_TIME."""
+    cycles = math.ceil(LAWS.STRAIN_TIME / 0.01)
+    one = joint(was_on_limit=limit[0], on_limit=limit[1], strained=strain[0])
+    one.strain_cycles = cycles if strain[1] else cycles - 1
+    assert bool(LAWS.has_news(one)) is news
+    assert (bool(one.was_on_limit), bool(one.strained)) == (limit[1], strain[1])
+    assert not LAWS.has_news(one)
+
+
+@pytest.mark.parametrize(
+    "value", ["current", "torque", "velocity", "position", "stiffness", "damping"]
+)
+def test_a_set_point_is_finite_where_all_its_values_are(value: str) -> None:
+    names = ("current", "torque", "velocity", "position", "stiffness", "damping")
+    one = joint(**{f"set_{name}": 2.0**k for k, name in enumerate(names)})
+    assert LAWS.set_point_sum(one) == 63.0
+    for wrong in (NAN, math.inf, -math.inf):
+        setattr(one, f"set_{value}", wrong)
+        assert not LAWS.is_number(LAWS.set_point_sum(one))
+
+
+class Noted(LAWS.Laws):  # type: ignore[misc,name-defined]
+    """Laws that note the steps of a cycle."""
+
+    def note(self, name: str) -> None:
+        self.steps: list[str]
+        self.steps.append(name)
+
+    def sense_motion(self) -> None:
+        self.note("sense motion")
+
+    def settle_joints(self) -> None:
+        self.note("settle")
+
+    def feed_forward(self) -> None:
+        self.note("feed forward")
+
+    def compensate(self) -> None:
+        self.note("compensate")
+
+
+@pytest.mark.parametrize("settling", [(False, False), (True, False), (False, True)])
+@pytest.mark.parametrize("modelled", [True, False])
+@pytest.mark.parametrize(
+    ("active", "braked"), [((1, 1), (0, 0)), ((1, 0), (0, 0)), ((1, 1), (1, 0))]
+)
+def test_the_steps_of_a_cycle(
+    two: Two,
+    monkeypatch: pytest.MonkeyPatch,
+    settling: tuple[bool, bool],
+    modelled: bool,
+    active: tuple[int, int],
+    braked: tuple[int, int],
+) -> None:
+    """Observe, weigh, settle, advance, feed forward, compensate, control: joint after joint."""
+    laws = Noted(two.joints, list(two.rows.values()), two.done, two.arm)
+    laws.steps, laws.modelled = [], modelled
+    for name in ("observe", "weigh", "advance", "control"):
+        monkeypatch.setattr(
+            LAWS,
+            name,
+            lambda j, *_, name=name: laws.steps.append(f"{name} {two.joints.index(j)}"),
+        )
+    two.set("settling", *settling)
+    two.set("active", *map(bool, active))
+    two.set("braked", *map(bool, braked))
+    two.set("output", 12.0, 13.0)
+    two.set("kind", LAWS.AS_PWM, LAWS.AS_PWM)
+    two.set("on_limit", False, False)
+    two.set("was_on_limit", False, False)
+    two.set("strained", False, False)
+    two.set("strain_cycles", 0, 0)
+    two.set("reference", 0.5, 0.6)
+    two.set("reference_velocity", 0.7, 0.8)
+    two.set("torque_reference", 0.9, 1.1)
+    two.set("moving", True, False)
+    assert not laws.step()
+    settles = any(settling)
+    advanced = [k for k in range(2) if active[k] and not braked[k]]
+    assert laws.steps == [
+        "observe 0",
+        "observe 1",
+        *["sense motion"] * (settles and modelled),
+        "weigh 0",
+        "weigh 1",
+        *["settle"] * settles,
+        *[f"advance {k}" for k in advanced],
+        "feed forward",
+        "compensate",
+        "control 0",
+        "control 1",
+    ]
+    for k, one in enumerate(two.joints):
+        moved = k in advanced
+        assert two.rows["position_reference"][k] == (one.reference if moved else 0.0)
+        assert two.rows["velocity_reference"][k] == (one.reference_velocity if moved else 0.0)
+        assert two.done[k] == (not one.moving if moved else 5)
+        assert two.rows["torque_reference"][k] == one.torque_reference
+        assert two.rows["output"][k] == one.output
+
+
+@pytest.mark.parametrize("wrong", [{"output": NAN}, {"output": 1e9}, {"set_torque": NAN}])
+def test_an_output_that_is_not_finite_is_never_written(
+    two: Two, monkeypatch: pytest.MonkeyPatch, wrong: dict[str, float]
+) -> None:
+    """F1: the joint gives up at its reference, at rest, and that is news."""
+    laws = Noted(two.joints, list(two.rows.values()), two.done, two.arm)
+    laws.steps = []
+    two.set("kind", LAWS.AS_PWM, LAWS.AS_PWM)
+
+    def control(j: Any) -> None:
+        for name, value in ({"output": 1.0} | (wrong if j is two.second else {})).items():
+            setattr(j, name, value)
+
+    monkeypatch.setattr(LAWS, "control", control)
+    monkeypatch.setattr(LAWS, "has_news", lambda _: False)
+    two.set("active", False, False)
+    for name in ("current", "torque", "velocity", "position", "stiffness", "damping"):
+        two.set(f"set_{name}", 0.0, 0.0)
+    two.rows["velocity_reference"][1] = 9.0
+    assert laws.step()
+    assert two.rows["output"][0] == 1.0
+    assert math.isfinite(two.rows["output"][1])
+    assert two.rows["output"][1] == 0.0
+    assert two.rows["position_reference"][1] == two.second.reference
+    assert two.rows["velocity_reference"][1] == 0.0
