@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from attempts import code_of
-from mutations import mutants
+from mutations import mutants, uses
 from reach import Reach, Recorder, interval, merged
 
 MODULE = """
@@ -105,6 +105,20 @@ def test_the_quick_ones_come_first() -> None:
     assert reach.tests_for("laws", 8) == ["other", "quick", "slow"]
     assert reach.tests_for("laws", 0) == ["other", "quick", "slow"]  # a row at the end
     assert reach.tests_for("laws", 4) == []
+
+
+def test_of_a_constant_those_about_its_uses_come_first() -> None:
+    lines = {"laws": {40: ["about"], 80: ["other"]}}
+    reach = Reach(lines, {"laws": frozenset({8})}, {"other": 0.1, "about": 1.0})
+    assert reach.tests_for("laws", 8) == ["other", "about"]
+    assert reach.tests_for("laws", 8, [40]) == ["about", "other"]
+
+
+def test_uses_of_constants() -> None:
+    """Not of tables, which the generated pages show."""
+    text = "A, B = 1, declare(2)\nROWS = {A: 3}\ndef f():\n    return A + B\n\nC = A\n"
+    assert uses(text, 1) == [2, 4, 6]
+    assert uses(text, 2) == uses(text, 4) == uses(text, 6) == uses(text, 0) == []
 
 
 def test_those_that_skip_calls_of_a_function_come_after() -> None:

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from exchange import Functions
-from mutations import Mutant
+from mutations import Mutant, uses
 from reach import Reach, Recorder, merged
 
 HERE = Path(__file__).resolve().parent
@@ -364,8 +364,12 @@ def attempts(
     """
     trials, at_import = [], set[str]()
     for mutant in tried:
-        tests = reach.tests_for(mutant.module, mutant.line)
-        if reach.at_import(mutant.module, mutant.line):  # most are in a table of these pages
+        used: list[int] = []
+        if reach.at_import(mutant.module, mutant.line):
+            path = PACKAGE / "core" / f"{mutant.module.replace('.', '/')}.py"
+            used = uses(path.read_text(encoding="utf-8"), mutant.line)
+        tests = reach.tests_for(mutant.module, mutant.line, used)
+        if reach.at_import(mutant.module, mutant.line) and not used:  # most are in a table there
             tests.sort(key=lambda test: not test.startswith(PAGES))
         tests = reach.within(tests, budget)
         if not tests:

@@ -60,6 +60,10 @@ QUIET = {"warn", "ConfigError", "TypeError", "ValueError", "field", "TypeVar"}
 TINY = 1e-5
 
 
+#: What a table is written as.
+TABLES = (ast.Dict, ast.Set, ast.DictComp, ast.SetComp)
+
+
 @dataclass(frozen=True)
 class Mutant:
     """One broken module: its name, where it is, and a function that gives its text."""
@@ -71,6 +75,20 @@ class Mutant:
 
     def __str__(self) -> str:
         return f"{self.module}: {self.name}"
+
+
+def uses(text: str, line: int) -> list[int]:
+    """The lines of a module that use the constants defined in this one; none of other lines."""
+    tree = ast.parse(text)
+    defined = set[str]()
+    for top in tree.body:
+        if isinstance(top, ast.Assign) and top.lineno <= line <= (top.end_lineno or 0):
+            if any(isinstance(one, TABLES) for one in ast.walk(top)):
+                return []
+            defined = {one.id for one in ast.walk(top) if isinstance(one, ast.Name)}
+            defined -= {one.id for one in ast.walk(top.value) if isinstance(one, ast.Name)}
+    names = (one for one in ast.walk(tree) if isinstance(one, ast.Name) and one.id in defined)
+    return sorted({one.lineno for one in names if isinstance(one.ctx, ast.Load)})
 
 
 def shown(node: ast.AST) -> str:

@@ -9,6 +9,7 @@ some calls are looked at: such a test may reach any line of it.
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from bisect import bisect_right
@@ -196,27 +197,28 @@ class Reach:
         }
         return cls(lines, imported, record["seconds"], often)
 
-    def tests_for(self, module: str, line: int) -> list[str]:
+    def tests_for(self, module: str, line: int, uses: Collection[int] = ()) -> list[str]:
         """The tests that can detect a broken line: those seen to reach it, and those that skip
         calls of its function; of a line that importing runs, all.
 
         First those that are about it, for the time that they take: tests that reach lines around
-        it which few others reach, and those of a file with the module's name; the time of one with
-        many parameters is that of all before it.
+        it which few others reach, and those of a file whose name begins with the module's; the
+        time of one with many parameters is that of all before it.
 
         A line that no test was seen to reach counts as the line before it.
 
         Args:
             module: of the core.
             line: its number; 0: a row added at the end.
+            uses: of a line that importing runs, those that use what it defines: tests about these
+                come first.
         """
         asked, line = line, self._seen(module, line)
-        about = self._about(module, line)
-
-        named = f"/test_{module.rpartition('.')[2]}.py::"
+        about = self._about(module, uses or [line])
+        name = re.compile(rf"/test_{module.rpartition('.')[2]}(_\w+)?\.py::")
 
         def gain(test: str) -> float:
-            return about.get(test, 0.0) + SLIGHT + (named in test)
+            return about.get(test, 0.0) + SLIGHT + bool(name.search(test))
 
         def cost(test: str) -> float:
             return self.seconds[test] + OVERHEAD
@@ -249,11 +251,11 @@ class Reach:
         seen = {*self.lines.get(module, ()), *self.imported.get(module, ())}
         return max((one for one in seen if one <= line), default=line)
 
-    def _about(self, module: str, line: int) -> dict[str, float]:
-        """How much tests are about a line: 1 of each line near it, shared by its tests."""
+    def _about(self, module: str, lines: Collection[int]) -> dict[str, float]:
+        """How much tests are about lines: 1 of each line near one, shared by its tests."""
         found: defaultdict[str, float] = defaultdict(float)
         for one, tests in self.lines.get(module, {}).items():
-            if abs(one - line) <= AROUND:
+            if any(abs(one - line) <= AROUND for line in lines):
                 for test in tests:
                     found[test] += 1.0 / len(tests)
         return found
