@@ -10,9 +10,10 @@ import math
 from array import array
 from typing import Any
 
+import numpy as np
 import pytest
 from joints import ROWS
-from lone_joint import LAWS, joint
+from lone_joint import INFINITE, LAWS, joint
 
 POSITION, TORQUE, IMPEDANCE = LAWS.POSITION, LAWS.TORQUE, LAWS.IMPEDANCE
 NAN = math.nan
@@ -224,6 +225,184 @@ def test_a_gravity_that_is_no_number_changes_nothing(two: Two, arm: LinearArm) -
     arm.broken = {0}
     two.laws.compensate()
     assert two.get("lift") == pytest.approx([1.0, -7.0 + 0.4])
+
+
+# --- streams -------------------------------------------------------------------------------------
+
+
+def motion(base: Any, t: float) -> tuple[float, float, float]:
+    """Position, speed and acceleration after t: straight, or turning as a sine does."""
+    if base.turning == 0.0:
+        return base.x + base.v * t + 0.5 * base.a * t * t, base.v + base.a * t, base.a
+    rate = math.sqrt(base.turning)
+    sine, cosine = math.sin(rate * t) / rate, math.cos(rate * t)
+    position = base.x + base.v * sine + base.a * (1.0 - cosine) / base.turning
+    return (
+        position,
+        base.v * cosine + base.a * sine,
+        base.a * cosine - base.turning * base.v * sine,
+    )
+
+
+def pursued(j: Any) -> tuple[dict[str, float], str]:
+    """What a cycle gives by the docstring of ``follow_stream``, and on which branch of it."""
+    stream, period, most = j.stream, j.period, j.max_acceleration
+    base = stream.grid if stream.on_grid else stream.sent
+    age = (j.direct_age - 1.0) * period + (stream.late if stream.on_grid else 0.0)
+    quick = min(LAWS.QUICK / max(stream.interval, LAWS.BRIEF), LAWS.QUICKEST, 0.2 / period)
+    goal, speed, rate = motion(base, age)
+    speed, rate = clip(speed, j.max_velocity), clip(rate, most)
+    where = "free"
+    if (goal >= j.upper and speed > 0.0) or (goal <= j.lower and speed < 0.0):
+        goal, speed, rate, where = min(max(goal, j.lower), j.upper), 0.0, 0.0, "limit"
+    filtered = j.stream_acceleration
+    filtered += (rate - filtered) * min(3.0 * quick * period, 1.0)
+    peak = max(j.stream_peak * (1.0 - period), abs(filtered))
+    mean = speed - 0.5 * filtered * period
+    error = goal - j.followed - mean * period
+    off = j.followed_velocity - mean + filtered * period
+    brake = max(0.8 * (most - peak), 0.03 * most)
+    slope = 0.5 * quick
+    near = brake / slope**2
+    wanted, ahead = slope * error, 0.0
+    if abs(error) > near:
+        wanted = math.copysign(math.sqrt(2.0 * brake * (abs(error) - 0.5 * near)), error)
+        ahead = -math.copysign(min(brake * abs(off / wanted), brake), error)
+        where += ", far"
+    given = j.followed_velocity + (filtered + ahead + 4.0 * slope * (wanted - off)) * period
+    exact = mean + error / period
+    if abs(exact - given) <= 0.01 * most * period:
+        given, where = exact, where + ", there"
+    found = {"reference_velocity": speed, "direct_velocity": speed, "given": given}
+    return found | {"stream_acceleration": filtered, "stream_peak": peak}, where
+
+
+def clip(value: float, most: float) -> float:
+    return min(max(value, -most), most)
+
+
+def test_a_stream_is_approached_and_followed_by_the_formula() -> None:
+    """P4, P14: critically damped near it, braking from far away, at rest at a limit."""
+    random = np.random.default_rng(3)
+    ways = set[str]()
+    for _ in range(400):
+        one = joint(period=float(random.choice([0.001, 0.01, 0.1])), lower=-1.0, upper=1.0)
+        one.stream.on_grid = bool(random.integers(2))
+        one.stream.interval = float(random.choice([0.001, 0.01, 0.05]))
+        one.stream.late = float(random.uniform(0.0, 0.02))
+        for base in (one.stream.grid, one.stream.sent):
+            base.x, base.v, base.a = map(float, random.uniform(-1.2, 1.2, 3) * (1.0, 4.0, 30.0))
+            base.turning = float(random.choice([0.0, 9.0]))
+        one.direct_age = float(random.integers(1, 4))
+        one.stream_acceleration, one.stream_peak = map(float, random.uniform(-5.0, 25.0, 2))
+        base = one.stream.grid if one.stream.on_grid else one.stream.sent
+        far = float(random.choice([0.0, 0.001, 0.3, 2.0]))
+        one.followed = base.x + far * float(random.uniform(-1.0, 1.0))
+        one.followed_velocity = base.v + far * float(random.uniform(-1.0, 1.0))
+        if random.integers(3) == 0:  # already on its way along it
+            base.a, one.stream_acceleration, one.stream_peak = 0.0, 0.0, 0.0
+            base.turning, base.v = 0.0, float(random.uniform(-0.5, 0.5))
+            age = (one.direct_age - 1.0) * one.period
+            age += one.stream.late if one.stream.on_grid else 0.0
+            one.followed, one.followed_velocity = base.x + base.v * (age - one.period), base.v
+        expected, way = pursued(one)
+        given = LAWS.follow_stream(one)
+        found = {name: getattr(one, name) for name in expected if name != "given"}
+        assert found | {"given": given} == pytest.approx(expected, rel=1e-6, abs=1e-6), way
+        ways.add(way)
+    assert ways >= {"free", "free, far", "free, there", "limit", "limit, far"}, ways
+
+
+# --- references ----------------------------------------------------------------------------------
+
+
+def led(**given: Any) -> Any:
+    """A joint at its reference, 0.2 rad, at rest and without direct position unless given."""
+    usual = {"lower": -1.0, "upper": 1.0, "reference": 0.2, "reference_velocity": 0.0}
+    usual |= {"followed": 0.2, "followed_velocity": 0.0, "followed_acceleration": 0.0}
+    usual |= {"active": True, "moving": False, "ramp_target": 0.0, "ramp_velocity": 0.0}
+    usual |= {"direct_age": INFINITE, "direct_velocity": 0.0}
+    one = joint(**(usual | given))
+    one.stream.flows = False
+    return one
+
+
+def test_a_reference_is_approached_as_fast_as_it_can_be_braked() -> None:
+    """P14: v = v_ref ± brake_speed(distance), within speed, acceleration and position limits."""
+    random = np.random.default_rng(4)
+    bounds = set[str]()
+    for _ in range(400):
+        reference, speed = map(float, random.uniform(-1.0, 1.0, 2))
+        goal_speed = float(random.choice([0.0, 0.5, -0.5]))
+        one = led(
+            reference=reference,
+            reference_velocity=goal_speed,
+            followed=float(random.choice([reference, random.uniform(-1.0, 1.0), -0.999, 0.999])),
+            followed_velocity=float(random.choice([0.0, 0.5, -0.5, 3.0 * speed])),
+        )
+        brake = lambda way: LAWS.brake_speed(way, 20.0, 0.01)  # noqa: E731
+        rest = reference - one.followed - goal_speed * 0.01
+        wanted = goal_speed + math.copysign(brake(abs(rest)), rest)
+        low, high = -min(brake(one.followed + 1.0), 3.0), min(brake(1.0 - one.followed), 3.0)
+        inside = min(max(wanted, low), high)
+        before = one.followed, one.followed_velocity
+        velocity = min(max(inside, before[1] - 0.2), before[1] + 0.2)
+        bounds |= (
+            {"limit"} if inside != wanted else {"acceleration"} if velocity != inside else {""}
+        )
+        LAWS.follow(one)
+        if one.active:
+            assert one.followed_velocity == pytest.approx(velocity, abs=1e-12)
+            assert one.followed_acceleration == pytest.approx((velocity - before[1]) / 0.01)
+        assert one.followed == pytest.approx(before[0] + velocity * 0.01, abs=1e-12)
+    assert bounds == {"limit", "acceleration", ""}
+
+
+@pytest.mark.parametrize(
+    "goes_on",
+    [
+        {},
+        {"moving": True},
+        {"ramp_target": 0.1},
+        {"ramp_velocity": 0.1},
+        {"direct_age": 2.0},  # a sample may follow
+        {"followed": 0.201},
+        {"direct_velocity": 0.1, "direct_age": INFINITE},
+    ],
+)
+def test_what_has_arrived_is_done(goes_on: dict[str, Any]) -> None:
+    """It is not computed again until the next reference; nothing else moves it."""
+    one = led(**goes_on)
+    LAWS.follow(one)
+    assert bool(one.active) is (goes_on != {})
+    if not goes_on:
+        assert (one.followed, one.followed_velocity, one.followed_acceleration) == (0.2, 0.0, 0.0)
+
+
+def test_the_last_rounding_error_ends_at_the_reference() -> None:
+    one = led(followed=0.2 - 1e-13, moving=True)
+    LAWS.follow(one)
+    assert one.followed == 0.2
+    one = led(followed=0.2 - 1e-13, moving=True, reference_velocity=0.5)
+    LAWS.follow(one)
+    assert one.followed != 0.2
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_stream_ends_when_no_sample_comes(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """P4: after its patience, by whole cycles since the last one."""
+    monkeypatch.setattr(LAWS, "follow_stream", lambda _: 0.0)
+    one = led(
+        direct_velocity=0.3, reference_velocity=0.3, stream_acceleration=4.0, stream_peak=5.0
+    )
+    one.stream.flows, one.stream.interval = True, 0.02
+    cycles = one.stream.patience() / one.period
+    one.direct_age = 1.0 + cycles + (0.5 if late else -0.5)
+    LAWS.follow(one)
+    assert bool(one.stream.flows) is not late
+    expected = (0.0, 0.0, 0.0, 0.0) if late else (0.3, 0.3, 4.0, 5.0)
+    names = ("direct_velocity", "reference_velocity", "stream_acceleration", "stream_peak")
+    assert tuple(getattr(one, name) for name in names) == expected
 
 
 # --- loads ---------------------------------------------------------------------------------------
