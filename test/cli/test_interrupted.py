@@ -9,13 +9,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rich.console import Console
 
+from control_board_ros.cli.board import streaming
 from control_board_ros.cli.board.experiments import (
     Experiment,
     faster_states,
     in_position_direct,
 )
 from control_board_ros.cli.line.words import Refused
+from control_board_ros.cli.text.output import REFUSED
 from control_board_ros.cli.verbs.identifying import stiff
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.reply import Answer, Reply
@@ -100,3 +103,55 @@ def test_a_refused_mode_stops_nothing() -> None:
     ):
         raise AssertionError("it went on")
     assert client.stopped == 0
+
+
+# --- streams -------------------------------------------------------------------------------------
+
+
+class Streamed:
+    """A session with a board of one joint; ``torques`` are what it was sent."""
+
+    def __init__(self) -> None:
+        self.torques: list[float] = []
+        self.names = ("j",)
+        self.options = SimpleNamespace(json=False)
+        state = SimpleNamespace(names=("j",), position=[0.0], stamp=1.0)
+        self.client = SimpleNamespace(get_state=lambda **_: state, wait_for_state=lambda *_: state)
+
+    def position(self, name: str, value: float) -> str:
+        return f"{value:g} rad"
+
+    def send(self, names: list[str], values: list[float]) -> Reply:
+        self.torques += values
+        return OK
+
+
+def test_ctrl_c_while_its_bar_appears_ends_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At any of the steps by which rich begins to draw: the joint is given zero."""
+    monkeypatch.setattr(streaming, "conclude", lambda *_, **__: 0)
+    monkeypatch.setattr(streaming, "what_they_do", lambda *_: "")
+    monkeypatch.setattr(streaming, "warn_not_holding", lambda *_: None)
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    for step in ("set_live", "push_render_hook"):
+        session: Any = Streamed()
+        with monkeypatch.context() as patched:
+            patched.setattr(Console, step, interrupted)
+            assert streaming.stream(session, session.send, {"j": 0.2}, 60.0, "torq") == REFUSED
+        assert session.torques == [0.2, 0.0], step
+
+
+def test_whatever_ends_a_stream_the_joint_is_given_zero() -> None:
+    session: Any = Streamed()
+
+    def send(names: list[str], values: list[float]) -> Reply:
+        session.send(names, values)
+        if values == [0.2] and session.torques.count(0.2) > 1:
+            raise RuntimeError("in the midst of it")
+        return OK
+
+    with pytest.raises(RuntimeError, match="in the midst of it"):
+        streaming.stream(session, send, {"j": 0.2}, 60.0, "torq")
+    assert session.torques == [0.2, 0.2, 0.0]

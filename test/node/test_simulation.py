@@ -12,6 +12,7 @@ from qos import BEST_EFFORT
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of
+from waiting import until
 
 pytestmark = pytest.mark.ros
 
@@ -67,8 +68,13 @@ def test_external_torques_push(talker: Talker) -> None:
     assert talker.set_interaction([name], "comp").success
     before = talker.state().position[6]
     push = msg.TorqueCommand(names=[name], torques=[2.0])
-    talker.command("external_torque", push)
-    talker.state(lambda s: abs(s.position[6] - before) > 0.01)
+
+    def pushed() -> bool:
+        """Once heard, it acts until the next one; the first may come before the board listens."""
+        talker.command("external_torque", push)
+        return bool(abs(talker.state().position[6] - before) > 0.01)
+
+    until(pushed)
     talker.command("external_torque", msg.TorqueCommand(names=[name], torques=[float("nan")]))
     talker.command("external_torque", msg.TorqueCommand(names=[name], torques=[0.0]))
     talker.state(lambda s: abs(s.position[6] - before) < 0.01)

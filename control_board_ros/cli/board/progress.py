@@ -36,8 +36,12 @@ class Bar:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._progress is not None and self._progress.live.is_started:
+        if self._progress is None or not self._progress.live.is_started:
+            return
+        try:
             self._progress.stop()
+        except IndexError:  # Ctrl-C while it appeared: rich has not begun what it ends here
+            self._progress.console.show_cursor(True)
 
     def update(self, share: float, text: str = "") -> None:
         """Show a share from 0 to 1."""

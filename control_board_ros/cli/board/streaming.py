@@ -41,9 +41,9 @@ def stream(
 ) -> int:
     """Send references until the time is over or Ctrl-C, then zero; the exit code.
 
-    It ends early when the board ignores them: a joint has left its mode. Ctrl-C before the end of
-    the time is exit code 1; without a time it is the regular end. Deviations of the board are
-    reported once.
+    It ends early when the board ignores them: a joint has left its mode. Zero is sent whatever
+    ends it. Ctrl-C before the end of the time is exit code 1; without a time it is the regular
+    end. Deviations of the board are reported once.
 
     Args:
         session: with the board.
@@ -52,6 +52,8 @@ def stream(
         seconds: duration; None: until Ctrl-C.
         mode: control mode that accepts them.
     """
+    from control_board_ros.client import BoardError
+
     names = list(values)
     start = time.monotonic()
     reply, shown, interrupted = None, "", False
@@ -64,6 +66,10 @@ def stream(
                 note(session, shown)
     except KeyboardInterrupt:
         interrupted = seconds is not None
+    except BaseException:
+        with contextlib.suppress(BoardError):
+            send(names, [0.0] * len(names))
+        raise
     if reply is not None and not reply:
         if accepting := joints_of(reply, Answer.ACCEPTED):
             end(session, send, accepting)
