@@ -49,3 +49,12 @@ def operate(page: Any) -> None:
     if not asked.is_visible():
         button.first.click()
     asked.wait_for()
+
+
+def press_if_there(button: Any) -> None:
+    """Press a button; a busy page may take it away in the meantime, with its question or fault."""
+    from playwright.sync_api import TimeoutError as Gone
+
+    if button.is_visible():
+        with contextlib.suppress(Gone):
+            button.click(timeout=5000.0)
