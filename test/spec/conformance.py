@@ -43,7 +43,11 @@ class Results:
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
         for item in items:
             self.rules[item.nodeid] = proved_by(getattr(item, "function", item).__doc__)
-        items[:] = [item for item in items if counts(item.path, self.rules[item.nodeid])]
+        items[:] = [
+            item
+            for item in items
+            if counts(item.path, self.rules[item.nodeid]) and not item.get_closest_marker("soak")
+        ]
 
     def pytest_deselected(self, items: list[Any]) -> None:
         self.chosen = True
@@ -116,7 +120,7 @@ def show(table: dict[str, dict[str, Counter[str]]]) -> None:
 
 def main(arguments: list[str]) -> int:
     results = Results()
-    options = ["-q", "-p", "no:cacheprovider", "-m", "not soak", f"--rootdir={ROOT}"]
+    options = ["-q", "-p", "no:cacheprovider", f"--rootdir={ROOT}"]
     code = pytest.main([*options, *map(str, files()), *arguments], plugins=[results])
     table = results.by_rule()
     show(table)
