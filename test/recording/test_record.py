@@ -112,7 +112,7 @@ def test_what_is_refused(cbctl: Cbctl, tmp_path: Path) -> None:
         f"cbctl: {tmp_path} exists already; choose another folder\n",
     )
     assert cbctl("record", "-o", "x", "--split-size", "0MB").code == 2
-    gone = cbctl("--board", "/nobody*", "--timeout", "1", "record", "-o", str(tmp_path / "x"))
+    gone = cbctl("--board", "/nobody*", "--timeout", "5", "record", "-o", str(tmp_path / "x"))
     assert "no board fits /nobody*; boards there are: /control_board" in gone.err
     assert not (tmp_path / "x").exists()
 
