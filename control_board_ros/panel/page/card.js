@@ -11,7 +11,7 @@ const VALUES = ["velocity", "torque", "position_reference", "output", "current",
 
 export class Card {
   constructor(joint, panel) {
-    Object.assign(this, { joint, panel, sliders: [], shownMode: null, shownModes: null, scale: null });
+    Object.assign(this, { joint, panel, sliders: [], shownMode: null, shownModes: null, shownWays: null, scale: null });
     const { short, name } = joint;
     this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${short}` });
     chooseOnce(this.mode, (mode) => this.setMode(mode), () => this.joint.mode);
@@ -47,7 +47,7 @@ export class Card {
     if (!falls || await panel.questions.ask(`${joint.short} to ${MODES[mode] ?? mode}? ${falls}`, "Set")) {
       await panel.request("mode", { ...this.where, mode });
     }
-    this.shownModes = null;
+    this.mode.value = this.joint.mode; // also where it was refused
     this.refresh();
   }
 
@@ -81,12 +81,14 @@ export class Card {
   refresh() {
     const { joint } = this;
     this.element.dataset.mode = joint.mode;
-    const modes = [joint.mode, joint.modes, joint.interactions, joint.interaction].join("|");
+    const modes = [joint.mode, joint.modes].join("|");
+    const ways = [joint.interaction, joint.interactions].join("|");
     const scale = [joint.limits.lower, joint.limits.upper, joint.limits.velocity, joint.kind].join("|");
     if (modes !== this.shownModes) this.drawModes();
+    if (ways !== this.shownWays) this.drawInteraction(); // else a press on it would be lost
     if (joint.mode !== this.shownMode) this.drawSliders();
     else if (scale !== this.scale) for (const slider of this.sliders) slider.layout(); // keeps what is typed
-    Object.assign(this, { shownModes: modes, shownMode: joint.mode, scale });
+    Object.assign(this, { shownModes: modes, shownWays: ways, shownMode: joint.mode, scale });
     this.panel.permit(this.element);
     this.details?.permit();
   }
@@ -98,6 +100,10 @@ export class Card {
     if (joint.mode === "hwfa") this.mode.append(h("option", { value: "fidl" }, "Clear the fault (idle)"));
     if (joint.mode === "cal") this.mode.append(h("option", { value: "fidl" }, "Abort (idle)"));
     this.mode.value = joint.mode;
+  }
+
+  drawInteraction() {
+    const { joint } = this;
     this.interaction.hidden = joint.interactions.length < 2;
     segmented(this.interaction, `Interaction of ${joint.short}`,
       Object.fromEntries(joint.interactions.map((code) => [code, INTERACTIONS[code] ?? code])), joint.interaction,
