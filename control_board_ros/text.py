@@ -103,7 +103,13 @@ def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
-def unknown_word(what: str, word: object, known: Iterable[str], lead: str = "one of") -> str:
+def unknown_word(
+    what: str,
+    word: object,
+    known: Iterable[str],
+    lead: str = "one of",
+    short: Iterable[str] = (),
+) -> str:
     """``joint 'ellbow' unknown; did you mean 'elbow'?; joints: shoulder, elbow``.
 
     Args:
@@ -111,8 +117,9 @@ def unknown_word(what: str, word: object, known: Iterable[str], lead: str = "one
         word: as the user wrote it.
         known: the known words.
         lead: to them, e.g. ``joints:``.
+        short: other forms of them that may be meant, too.
     """
     names = list(known)
     shown = repr(word[:64]) if isinstance(word, str) else repr(word)[:64]
-    hint = nearest(str(word), names)
+    hint = nearest(str(word), [*names, *short])
     return f"{what} {shown} unknown{hint}; {lead} {', '.join(names) or 'none'}"

@@ -126,6 +126,13 @@ def test_joints_that_are_none(word: str, text: str) -> None:
         find_joint(word, NAMES)
 
 
+def test_a_short_name_is_meant_too() -> None:
+    names = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
+    with pytest.raises(Refused, match="'jiont_1' unknown; did you mean 'joint_1'"):
+        find_joint("jiont_1", names)
+    assert find_joint("joint_1", names) == names[:1]
+
+
 def test_assignments() -> None:
     """JOINT=VALUE; a joint gets one value."""
     pairs = assignments(["elbow=90deg", "0=1"], "position")

@@ -126,7 +126,7 @@ def find_joint(word: str, names: Sequence[str]) -> list[str]:
             return found
         if found:
             raise Refused(f"joint {word!r} could be {', '.join(found)}; write more of its name")
-    raise Refused(unknown_word("joint", word, names, "joints:"))
+    raise Refused(unknown_word("joint", word, names, "joints:", short_names(names).values()))
 
 
 def find_joints(words: Sequence[str], names: Sequence[str]) -> list[str]:
