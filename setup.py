@@ -469,7 +469,6 @@ setup(
         "dev": DEV,
     },
     entry_points={
-        "gymnasium.envs": [f"{NAME} = {NAME}.gym:register_envs"],
         "console_scripts": [f"{command} = {called}" for command, called in COMMANDS.items()],
     },
     ext_modules=[extension(HERE, module) for module in COMPILED],

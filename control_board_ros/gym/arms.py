@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from ..core.board import Board
 from ..core.config.config import BoardConfig
 from ..core.config.layout import joined
+from ..core.model.arm_model import outwards_of
 from ..core.terms.measurement import Array
 from ..core.terms.modes import STATES
 from ..core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ..protocols import Floats
 from ..settings.loading import Settings
+from ..sim.config import SimulationConfig
 from ..sim.plant import Body, SimulatedPlant, make_body
 from ..text import unknown_word
 
@@ -65,7 +67,7 @@ class Arms:
         if control not in CONTROLS:
             raise ValueError(unknown_word("control", control, CONTROLS))
         self.control, self.count, self._cycles = CONTROLS[control], count, cycles
-        one, simulation = settings.board, settings.simulation
+        one, simulation = calibrated(settings.board, settings.simulation)
         for joint in one.joints:
             if (
                 self.control.mode not in joint.control_modes
@@ -95,7 +97,7 @@ class Arms:
         self.max_damping = np.array([joint.impedance.max_damping for joint in one.joints])
         self.begin(np.tile(self.home, (count, 1)))
 
-    def _made_body(self, one: BoardConfig, simulation: Any) -> Body:
+    def _made_body(self, one: BoardConfig, simulation: SimulationConfig) -> Body:
         if self.count == 1:
             return make_body(one, simulation)
         from ..sim.bodies.mujoco import MujocoBody
@@ -169,9 +171,10 @@ class Arms:
         """
         if self.model is None:
             raise ValueError("this task needs an arm with a URDF")
-        places: list[tuple[Array, Array]] = []
-        arms = len(positions)
-        for j, link in enumerate(self.model.links):
+        places: dict[int, tuple[Array, Array]] = {}
+        arms, links = len(positions), self.model.links
+        for j in outwards_of([link.parent for link in links]):
+            link = links[j]
             turn = np.array(link.rotation).reshape(3, 3)
             if link.parent < 0:
                 at, axes = np.zeros((arms, 3)), np.broadcast_to(np.eye(3), (arms, 3, 3))
@@ -184,8 +187,8 @@ class Arms:
                 at = at + axes[:, :, 2] * q[:, None]
             else:
                 axes = axes @ about_z(q)
-            places.append((at, axes))
-        return places[-1][0]
+            places[j] = (at, axes)
+        return places[len(links) - 1][0]
 
     def close(self) -> None:
         """Close the body; may be called twice."""
@@ -200,6 +203,20 @@ def about_z(angles: Floats) -> Floats:
     made[:, 0, 1] = -made[:, 1, 0]
     made[:, 2, 2] = 1.0
     return made
+
+
+def calibrated(
+    config: BoardConfig, simulation: SimulationConfig
+) -> tuple[BoardConfig, SimulationConfig]:
+    """The same board with encoders that know their zero: no joint has to calibrate."""
+    joints = tuple(replace(joint, calibration=None) for joint in config.joints)
+    plants = tuple(
+        replace(joint, encoder=replace(joint.encoder, zero=0.0)) for joint in simulation.joints
+    )
+    return (
+        replace(config, joints=joints, calibration_groups=()),
+        replace(simulation, joints=plants),
+    )
 
 
 def renamed(config: BoardConfig, prefix: str) -> BoardConfig:

@@ -28,7 +28,7 @@ FOLLOWED = [
 
 
 #: Packages without which a page cannot be followed.
-NEEDED = {"whole_robot": "icub_models", "record_and_report": "rosbags"}
+NEEDED = {"gymnasium": "mujoco", "whole_robot": "icub_models", "record_and_report": "rosbags"}
 
 
 @pytest.mark.slow

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -16,12 +18,11 @@ pytest.importorskip("mujoco", reason="extra mujoco")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AsyncVectorEnv  # noqa: E402
 
-from control_board_ros.gym import TASKS, register_envs  # noqa: E402
+from control_board_ros.core.terms.vocabs import ControlMode  # noqa: E402
+from control_board_ros.gym import TASKS  # noqa: E402
 from control_board_ros.gym.arms import CONTROLS, NUMBERS, Arms  # noqa: E402
 from control_board_ros.gym.env import FAULT, ArmEnv, FleetEnv  # noqa: E402
 from control_board_ros.settings.loading import load  # noqa: E402
-
-register_envs()
 
 
 def named(task: str) -> str:
@@ -32,6 +33,38 @@ def named(task: str) -> str:
 def env() -> Iterator[ArmEnv]:
     made = ArmEnv("Reach", control="velocity")
     yield made
+    made.close()
+
+
+@pytest.mark.parametrize(
+    "name", ["control_board_ros/Reach-v0", "control_board_ros.gym:control_board_ros/Reach-v0"]
+)
+def test_an_import_or_the_name_registers(name: str) -> None:
+    """As a new program does it: Gymnasium 1.x loads no plug-in of its own."""
+    imported = "" if ":" in name else "import control_board_ros.gym; "
+    made = f"import gymnasium; {imported}print(gymnasium.make({name!r}).spec.id)"
+    done = subprocess.run(
+        [sys.executable, "-c", made], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == "control_board_ros/Reach-v0", done.stderr
+
+
+@pytest.mark.parametrize("robot", ["icub_left_arm", "icub"])
+def test_an_episode_begins_calibrated(robot: str) -> None:
+    """A robot whose joints calibrate at power-on moves in the first step, at its home."""
+    pytest.importorskip("icub_models", reason="extra icub")
+    made = ArmEnv("Reach", robot=robot)
+    seen, _ = made.reset(seed=1)
+    assert set(seen["mode"]) == {NUMBERS[ControlMode.VELOCITY]}
+    placed = made._episodes.arms.target[0]
+    assert seen["position"] == pytest.approx(placed, abs=5e-3)
+    push = np.zeros(made.action_space.shape, dtype=np.float32)
+    push[0] = 1.0
+    before = seen["position"][0]
+    for _ in range(10):
+        seen, _, terminated, _, info = made.step(push)
+        assert not terminated, info
+    assert seen["position"][0] > before + 0.005
     made.close()
 
 
