@@ -4,7 +4,8 @@
 ``position_move``, ``relative_move`` and ``stop`` are services; their reply is the board's. The
 other references are published: their reply confirms only that the message was sent, and the
 board counts the rejected ones. With ``answered=True`` they call a service as well. With
-``together=True``, also by service, all joints accept their references, or none does.
+``together=True``, also by service, all joints accept their references, or none does; with
+``valid_for`` they bring a timeout (P12), as those held by a person do.
 """
 
 from __future__ import annotations
@@ -141,6 +142,7 @@ class References(Interface):
         *,
         answered: bool = False,
         together: bool = False,
+        valid_for: float = 0.0,
     ) -> Reply:
         """Set the reference velocity, reached with the reference acceleration (P5).
 
@@ -150,12 +152,14 @@ class References(Interface):
             accelerations: rad/s², likewise; None: as set.
             answered: send by service, for the board's answer.
             together: by service; all joints accept them, or none does.
+            valid_for: by service; s until they expire instead of the joint's timeout (0: that).
         """
         return await self._send(
             VELOCITY_COMMAND,
             joints,
             answered,
             together,
+            valid_for,
             velocities=velocities,
             accelerations=accelerations,
         )
@@ -168,9 +172,12 @@ class References(Interface):
         *,
         answered: bool = False,
         together: bool = False,
+        valid_for: float = 0.0,
     ) -> Reply:
-        """Set the reference torque, N·m (P7); ``answered``, ``together``: by service."""
-        return await self._send(TORQUE_COMMAND, joints, answered, together, torques=torques)
+        """Set the reference torque, N·m (P7); more as of ``velocity_move``."""
+        return await self._send(
+            TORQUE_COMMAND, joints, answered, together, valid_for, torques=torques
+        )
 
     @operation
     async def set_ref_velocity(
@@ -180,10 +187,11 @@ class References(Interface):
         *,
         answered: bool = False,
         together: bool = False,
+        valid_for: float = 0.0,
     ) -> Reply:
-        """Set the velocity, rad/s, without a ramp (Y1); ``answered``, ``together``: by service."""
+        """Set the velocity, rad/s, without a ramp (Y1); more as of ``velocity_move``."""
         return await self._send(
-            VELOCITY_DIRECT_COMMAND, joints, answered, together, velocities=velocities
+            VELOCITY_DIRECT_COMMAND, joints, answered, together, valid_for, velocities=velocities
         )
 
     @operation
@@ -194,9 +202,12 @@ class References(Interface):
         *,
         answered: bool = False,
         together: bool = False,
+        valid_for: float = 0.0,
     ) -> Reply:
-        """Set the motor current, A (Y2); ``answered``, ``together``: by service."""
-        return await self._send(CURRENT_COMMAND, joints, answered, together, currents=currents)
+        """Set the motor current, A (Y2); more as of ``velocity_move``."""
+        return await self._send(
+            CURRENT_COMMAND, joints, answered, together, valid_for, currents=currents
+        )
 
     @operation
     async def set_output(
@@ -206,9 +217,12 @@ class References(Interface):
         *,
         answered: bool = False,
         together: bool = False,
+        valid_for: float = 0.0,
     ) -> Reply:
-        """Set the PWM in percent (P8); ``answered``, ``together``: by service."""
-        return await self._send(OUTPUT_COMMAND, joints, answered, together, outputs=outputs)
+        """Set the PWM in percent (P8); more as of ``velocity_move``."""
+        return await self._send(
+            OUTPUT_COMMAND, joints, answered, together, valid_for, outputs=outputs
+        )
 
     @operation
     async def set_feedforward(
@@ -342,9 +356,12 @@ class References(Interface):
         joints: Joints,
         answered: bool,
         together: bool,
+        valid_for: float = 0.0,
         **fields: Values | None,
     ) -> Reply:
-        """Send by service (``answered``, ``together``) or topic; the first field: references.
+        """Send by service (``answered``, ``together``, ``valid_for``) or topic.
+
+        The first field has the references.
 
         An invalid request is sent as well, for the board to answer or count it (P13).
         """
@@ -352,7 +369,7 @@ class References(Interface):
         what = "feedforward" if kind is None else f"{kind} reference"
         words = {} if kind is None else {next(iter(fields)): f"{what}s"}
         wrong: RequestError | None = None
-        by_service = answered or together
+        by_service = answered or together or valid_for != 0.0
         try:
             names = (await self._services.select(joints)).names
         except RequestError as error:
@@ -377,6 +394,7 @@ class References(Interface):
                 values=references,
                 along=along,
                 together=together,
+                valid_for=float(valid_for),
             )
             return reply
         await self._link.publish(topic, names=list(names), **values)

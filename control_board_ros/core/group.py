@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .calibration.calibration import CalibrationStatus
 from .config.config import BoardConfig, ConfigError, JointConfig, Zone
 from .engine import Engine
-from .machine.commands import spread_along
+from .machine.commands import check_valid_for, spread_along
 from .machine.decisions import Wanted
 from .machine.motors import shaft_readings, terms_of
 from .model.coupling import Coupling
@@ -152,9 +152,12 @@ class JointGroup(ModeShortcuts):
         *,
         together: bool = False,
         time: float | None = None,
+        valid_for: float = 0.0,
     ) -> Reply:
         """Send references of one kind, as :meth:`Commands.command`; see COMMANDS for ``along``."""
         try:
+            if valid_for:
+                check_valid_for(kind, valid_for)
             chosen = self.selector.select(joints)
             count = len(chosen.names)
             asked = spread(values, count, f"{kind} references")
@@ -162,7 +165,7 @@ class JointGroup(ModeShortcuts):
         except RequestError as error:
             return self.reject(joints, f"{kind} reference ignored: {error}")
         return self.engine.commands.command(
-            kind, chosen, asked, extra, together=together, time=time
+            kind, chosen, asked, extra, together=together, time=time, valid_for=valid_for
         )
 
     def position_move(

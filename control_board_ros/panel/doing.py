@@ -14,12 +14,10 @@ from functools import partial
 from typing import Any
 
 from ..core.terms.reply import Reply
+from ..core.terms.vocabs import HAND_TIMEOUT
 from ..interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
 from .boards import Board, finite
 from .requests import CALLS, HOLDS, Given, joints_of, one_or_many
-
-#: s without confirmation after which a control counts as released.
-PATIENCE = 0.3
 
 
 @dataclass(slots=True)
@@ -56,7 +54,7 @@ class Holds:
 
     def hold(self, hold: Hold, now: float) -> None:
         """Add or confirm a held control; a later one of the same joint replaces it."""
-        hold.until = now + PATIENCE
+        hold.until = now + HAND_TIMEOUT
         self._held[hold.board, hold.joint] = hold
 
     def release(self, board: str, joint: str) -> Hold | None:
@@ -177,10 +175,15 @@ async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]
     return shown(await move(given["joints"] or board.names, *one_or_many(given)))
 
 
-async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
+async def send_held(
+    board: Board, kind: str, joint: str, value: float, *, valid_for: float = 0.0
+) -> Reply:
+    """Send a reference of a held control; it stops with the panel where it has a timeout (P12)."""
     topic, _, method = HOLDS[kind]
     board.sending(topic, [joint], [value])
-    reply: Reply = await getattr(board.client.aio, method)(joint, value, answered=True)
+    reply: Reply = await getattr(board.client.aio, method)(
+        joint, value, answered=True, valid_for=valid_for
+    )
     return reply
 
 

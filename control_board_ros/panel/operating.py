@@ -14,6 +14,7 @@ from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.modes import MOVES, NOT_HOLDING, STOPPABLE, UNPOWERED
+from control_board_ros.core.terms.vocabs import HAND_TIMEOUT
 
 from . import doing
 from .boards import Board
@@ -171,7 +172,7 @@ class Operating:
         self.holds.hold(hold, time.monotonic())
         self._holding.set()
         async with self._in_order[board.name]:
-            reply = await doing.send_held(board, kind, joint, value)
+            reply = await doing.send_held(board, kind, joint, value, valid_for=HAND_TIMEOUT)
         if not reply:
             self.holds.release(board.name, joint)
         return doing.shown(reply) | {"quiet": not fresh}
@@ -227,7 +228,9 @@ class Operating:
             async with self._in_order[board.name]:
                 if self.holds.get(hold.board, hold.joint) is not hold:  # released in between
                     return
-                reply = await doing.send_held(board, hold.kind, hold.joint, hold.value)
+                reply = await doing.send_held(
+                    board, hold.kind, hold.joint, hold.value, valid_for=HAND_TIMEOUT
+                )
         except (BoardError, RequestError):
             reply = None
         if not reply:  # the joint has left its mode, or the board is gone

@@ -281,3 +281,16 @@ def test_a_torque_from_elsewhere() -> None:
     board.pass_time()
     assert board.state().torque[5] == 1.25
     assert "torq" in modes()
+
+
+def test_references_bring_a_timeout_of_their_own(board: InProcess) -> None:
+    """P12: what nobody repeats ends, by default never; what does not expire is refused so."""
+    name = board.names[0]
+    assert board.set_mode([name], "open").success
+    assert send(board, "output", [name], [1.0], valid_for=0.3).success
+    for kind in ("position", "feedforward"):
+        assert "does not expire" in send(board, kind, [name], [1.0], valid_for=0.3).message
+    board.rig.tick(299)
+    assert board.rig.modes()[0].code == "open"
+    board.rig.tick(2)
+    assert board.rig.modes()[0].code == "hwfa"

@@ -58,8 +58,8 @@ PROMISED = {
     "srv/ListPoses": f"name | {OK} poses names positions speed",
     "srv/Recover": f"names partial | {OK} names answers reasons codes wait modes",
     "srv/SavePose": f"name names positions speed | {OK} poses",
-    "srv/SendReference": f"kind names values along together | {OK} names answers reasons codes "
-    "values",
+    "srv/SendReference": f"kind names values along together valid_for | {OK} names answers "
+    "reasons codes values",
     "srv/SetBrake": f"names modes | {OK} names modes answers reasons codes",
     "srv/SetControlMode": f"names modes | {OK} names modes",
     "srv/SetEncoders": f"names motor positions | {OK} names answers reasons codes",

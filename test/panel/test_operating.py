@@ -9,8 +9,9 @@ import pytest
 from standins import Air, Panel, StandIn, panel_of
 from waiting import GUARD
 
+from control_board_ros.core.terms.vocabs import HAND_TIMEOUT
 from control_board_ros.panel import lease, panels
-from control_board_ros.panel.doing import PATIENCE, Hold, Holds
+from control_board_ros.panel.doing import Hold, Holds
 from control_board_ros.panel.lease import ANSWER_TIME, Lease
 from control_board_ros.panel.security import TokenBucket
 
@@ -202,14 +203,24 @@ def test_the_first_in_the_queue_becomes_operator() -> None:
     assert lease_.holder is None
 
 
+def test_what_is_held_expires_without_the_panel(panel: Panel) -> None:
+    """P12: every reference of a held control brings a timeout; what it ends with stays."""
+    browser = panel.browser()
+    assert browser.ask("hold", board="/b", joint="b", kind="output", value=3.0)["ok"]
+    calls = panel.board().calls
+    calls.wait_for("set_output", "b", 0.0)
+    assert calls.options[repr(("set_output", "b", 3.0))]["valid_for"] == HAND_TIMEOUT
+    assert calls.options[repr(("set_output", "b", 0.0))]["valid_for"] == 0.0
+
+
 def test_holds() -> None:
     one = Hold(1, "/b", "a", "velocity", 0.1, 0.0, 0.0)
     other = replace(one, browser=2, joint="b")
     holds = Holds()
     holds.hold(one, 10.0)
-    holds.hold(other, 10.0 + PATIENCE / 2.0)
-    assert holds.expired(10.0 + 0.9 * PATIENCE) == []
-    assert holds.expired(10.0 + PATIENCE) == [one]
+    holds.hold(other, 10.0 + HAND_TIMEOUT / 2.0)
+    assert holds.expired(10.0 + 0.9 * HAND_TIMEOUT) == []
+    assert holds.expired(10.0 + HAND_TIMEOUT) == [one]
     assert holds.of_browser(1) == []
     assert holds.of_browser(2) == [other]
     assert len(holds) == 0

@@ -35,7 +35,7 @@ from rig import (
 from control_board_ros.core.config.config import Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Answer
-from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 
 PERIOD = 1.0 / RATE
 ONLY_P = Pid(kp=100.0)
@@ -879,6 +879,56 @@ def test_torques_outputs_and_currents_that_expire_fault(mode: str, method: str, 
     rig.enter(mode)
     rig.run(0.5)
     assert rig.modes()[0].code == mode
+
+
+def test_references_bring_a_timeout_of_their_own() -> None:
+    """P12: ``valid_for`` acts instead of the joint's timeout, until a reference without it."""
+    rig = ready(board_config(joint("left", timeouts=NEVER)))
+    rig.enter("open")
+    assert rig.board.command(CommandKind.OUTPUT, "left", 1.0, valid_for=0.1)
+    rig.tick(50)
+    assert rig.modes() == [M.OPENLOOP]
+    rig.board.reconfigure(rig.board.config)  # settings leave it as it is
+    rig.tick()
+    assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.get_faults("left")[0].text.startswith("reference timeout")
+    rig.board.set_control_mode("left", "fidl")
+    rig.enter("open")
+    assert rig.board.command(CommandKind.OUTPUT, "left", 1.0, valid_for=0.1)
+    assert rig.board.set_output("left", 1.0)
+    rig.run(0.5)
+    assert rig.modes() == [M.OPENLOOP]
+
+
+def test_a_held_velocity_stops_and_holds() -> None:
+    """P12: with ``valid_for``, where velocities never expire."""
+    rig = ready(board_config(joint("left", timeouts=NEVER)))
+    rig.enter("vel")
+    assert rig.board.command(CommandKind.VELOCITY, "left", 0.5, 5.0, valid_for=0.3)
+    rig.run(0.3)
+    assert rig.board.snapshot().velocity_reference[0] == 0.5
+    rig.run(0.2)
+    assert rig.board.snapshot().velocity_reference[0] == 0.0
+    assert rig.modes() == [M.VELOCITY]
+
+
+@pytest.mark.parametrize(
+    ("kind", "valid_for", "text"),
+    [
+        (CommandKind.OUTPUT, -1.0, "valid_for must be 0 or a time in s, not -1"),
+        (CommandKind.OUTPUT, float("nan"), "not nan"),
+        (CommandKind.TORQUE, float("inf"), "not inf"),
+        (CommandKind.POSITION, 0.3, "does not expire"),
+    ],
+)
+def test_a_timeout_that_is_none_is_refused(kind: CommandKind, valid_for: float, text: str) -> None:
+    """P12, M7: before anything acts."""
+    rig = ready(board_config(joint("left", timeouts=NEVER)))
+    rig.enter("open")
+    reply = rig.board.command(kind, "left", 1.0, valid_for=valid_for)
+    assert not reply
+    assert text in reply.message
+    assert rig.board.get_output("left")[0] == 0.0
 
 
 def test_a_mode_change_ends_the_timeout() -> None:

@@ -49,20 +49,25 @@ REQUESTS: dict[str, dict[str, Any]] = {
 
 
 class Calls:
-    """The awaitable methods of a client; notes each call down, and accepts it."""
+    """The awaitable methods of a client; notes each call down, and accepts it.
+
+    Attributes: made, options (by the call in words, those of the last such call).
+    """
 
     def __init__(self) -> None:
         self.made: list[tuple[Any, ...]] = []
+        self.options: dict[str, dict[str, Any]] = {}
         self.changed = threading.Condition()
         self.refused = ""
         self.delay = 0.0  # s that a velocity other than 0 is on its way
 
     def __getattr__(self, name: str) -> Any:
-        async def call(*values: Any, **_: Any) -> Any:
+        async def call(*values: Any, **options: Any) -> Any:
             if name == "velocity_move" and values[1]:
                 await asyncio.sleep(self.delay)
             with self.changed:
                 self.made.append((name, *values))
+                self.options[repr((name, *values))] = options
                 self.changed.notify_all()
             if name == "move":
                 try:

@@ -6,8 +6,10 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from control_board_ros.core.terms.reply import Answer, Reply, joints_of
+from control_board_ros.core.terms.vocabs import HAND_TIMEOUT
 
 from ..line.words import short_names
 from ..text.output import REFUSED, conclude, note
@@ -22,7 +24,8 @@ RAMP_TIMEOUT = 5.0
 #: Maximum number of joints whose positions are shown.
 SHOWN = 2
 
-Send = Callable[[list[str], list[float]], Reply]
+#: Sends values of joints, and returns the board's reply; takes ``valid_for`` (P12).
+Send = Callable[..., Reply]
 
 
 def settle(session: Session, names: list[str]) -> None:
@@ -87,6 +90,7 @@ def sent(
 ) -> Iterator[Reply]:
     """Send references at RATE, showing the state of the joints; the reply to each."""
     names, numbers = list(values), list(values.values())
+    send = partial(send, valid_for=HAND_TIMEOUT)
     where(session, names)  # later calls do not wait
     standstill = Standstill()
     with Bar(session, "streaming", endless=seconds is None) as bar:

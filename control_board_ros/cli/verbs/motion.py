@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from control_board_ros.core.terms.modes import ACCEPTS
-from control_board_ros.core.terms.vocabs import CommandKind
+from control_board_ros.core.terms.vocabs import HAND_TIMEOUT, CommandKind
 
 from ..board.progress import Bar, Standstill, Way
 from ..board.session import Session
@@ -134,7 +134,9 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
                 moving = name if velocity else ""
                 if velocity:
                     used[name] = None
-                    reply = session.client.velocity_move(name, velocity, answered=True)
+                    reply = session.client.velocity_move(
+                        name, velocity, answered=True, valid_for=HAND_TIMEOUT
+                    )
                     if not reply:
                         complain(reply.message)
                         break

@@ -37,6 +37,7 @@ class ReferenceTimeouts:
     def __init__(self, cycles: Array) -> None:
         n = cycles.shape[1]
         self._cycles = cycles
+        self._own = np.full(n, np.nan)  # duration that the last reference brought, cycles
         self._renewed = np.zeros(n)  # cycle of the last reference that expires …
         self._kind = np.full(n, -1)  # … and its kind; -1: none
         self._deadline = np.full(n, np.inf)
@@ -46,15 +47,18 @@ class ReferenceTimeouts:
     def reconfigure(self, cycles: Array) -> None:
         """Apply new durations, also to active references."""
         self._cycles = cycles
-        for j in np.flatnonzero(self._kind >= 0):
+        for j in np.flatnonzero((self._kind >= 0) & np.isnan(self._own)):
             self._deadline[j] = self._renewed[j] + cycles[self._kind[j], j]
         self._next = float(self._deadline.min())
 
-    def renew(self, kind: CommandKind, joints: Indices, cycle: int) -> None:
-        """Restart the timeouts of a kind."""
+    def renew(
+        self, kind: CommandKind, joints: Indices, cycle: int, own: float | None = None
+    ) -> None:
+        """Restart the timeouts of a kind; ``own``: duration of these references, cycles."""
         self._running.update(joints.tolist())
         self._renewed[joints], self._kind[joints] = cycle, kind
-        self._deadline[joints] = cycle + self._cycles[kind, joints]
+        self._own[joints] = np.nan if own is None else own
+        self._deadline[joints] = cycle + (self._cycles[kind, joints] if own is None else own)
         self._next = float(self._deadline.min())
 
     def cancel(self, joints: Sequence[int]) -> None:

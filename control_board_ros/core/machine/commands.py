@@ -22,7 +22,7 @@ from ..laws.references import Moves, References
 from ..selection import RequestError, Selection, spread
 from ..state import Indices
 from ..terms.arguments import Array, Values
-from ..terms.reply import Answer, JointAnswer, Reply, decided
+from ..terms.reply import Answer, JointAnswer, Reason, Reply, decided
 from ..terms.vocabs import CommandKind
 from .decisions import decide_reference
 from .explanations import all_or_none, explain_bound, explain_reference, explain_slower, range_text
@@ -100,10 +100,14 @@ def timeout_cycles(config: BoardConfig) -> Array:
             continue
         lasting = [getattr(joint.timeouts, row.timeout) for joint in config.joints]
         cycles[kind] = [
-            np.ceil(seconds / config.period - 1e-9) if seconds > 0.0 else np.inf
-            for seconds in lasting
+            in_cycles(seconds, config.period) if seconds > 0.0 else np.inf for seconds in lasting
         ]
     return cycles
+
+
+def in_cycles(seconds: float, period: float) -> float:
+    """A duration in control cycles, rounded up."""
+    return float(np.ceil(seconds / period - 1e-9))
 
 
 class Commands:
@@ -133,6 +137,7 @@ class Commands:
         *,
         together: bool,
         time: float | None,
+        valid_for: float,
     ) -> Reply:
         """Start references of one kind; COMMANDS names their accompanying values.
 
@@ -144,6 +149,7 @@ class Commands:
             together: whether all joints accept their references or none does.
             time: s after which position moves arrive, all at once (R5), no less than
                 ``get_move_time`` returns; None: each at its own.
+            valid_for: s until these references expire (P12); 0: the timeouts of the joints.
         """
         extra = self._standing(kind, selection) if along is None else along
         chosen = selection.joints
@@ -159,7 +165,7 @@ class Commands:
             extra = None if extra is None else extra[good]
         taken, notes = asked, Notes()
         if chosen.size:
-            taken, notes = self._start(kind, chosen, asked, extra, time)
+            taken, notes = self._start(kind, chosen, asked, extra, time, valid_for)
         if not (answers or notes):
             given = (Answer.ACCEPTED,) * len(selection.names)
             return Reply(selection.names, given, values=tuple(taken.tolist()))
@@ -196,6 +202,7 @@ class Commands:
         asked: Array,
         extra: Array | None,
         time: float | None,
+        valid_for: float,
     ) -> tuple[Array, Notes]:
         """Start references within the limits.
 
@@ -218,7 +225,9 @@ class Commands:
             notes |= self._bounded(kind, chosen, asked, taken)
         references.last[kind, chosen] = taken
         if row.timeout is not None:
-            self._machine.timeouts.renew(kind, chosen, self._state.cycle)
+            period = self._machine.config.period
+            own = in_cycles(valid_for, period) if valid_for else None
+            self._machine.timeouts.renew(kind, chosen, self._state.cycle, own)
         return taken, notes
 
     def _bounded(self, kind: CommandKind, chosen: Indices, asked: Array, taken: Array) -> Notes:
@@ -290,6 +299,20 @@ def spread_along(kind: CommandKind, along: Values, count: int) -> Array:
     if what is None:
         raise RequestError("nothing comes along with it; send the values alone")
     return spread(along, count, what)
+
+
+def check_valid_for(kind: CommandKind, valid_for: float) -> None:
+    """Check a timeout that references bring (P12), s; 0: they bring none.
+
+    Raises:
+        RequestError: it is no duration, or references of this kind do not expire.
+    """
+    if not (math.isfinite(valid_for) and valid_for >= 0.0):
+        raise RequestError(
+            f"valid_for must be 0 or a time in s, not {valid_for:g}", Reason.OUT_OF_RANGE
+        )
+    if valid_for and COMMANDS[kind].timeout is None:
+        raise RequestError(f"a {kind} reference does not expire; send it with valid_for 0")
 
 
 def same(one: Array, other: Array) -> bool:

@@ -118,6 +118,10 @@ class InteractionMode(Vocab):
     COMPLIANT = encode("comp")
 
 
+#: Timeout of the references that a person holds by hand, s (P12).
+HAND_TIMEOUT = 0.3
+
+
 class CommandKind(IntEnum):
     """What a reference commands; the number is a row of the board's arrays (SPEC M3)."""
 

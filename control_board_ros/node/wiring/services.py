@@ -142,6 +142,7 @@ class Services:
                 optional(request.values),
                 optional(request.along),
                 together=request.together,
+                valid_for=request.valid_for,
             )
         response.values = doubles(reply.values or [math.nan] * len(reply.joints))
         return answered(response, reply)
@@ -362,13 +363,18 @@ def send_reference(
     along: Sequence[float] | None,
     *,
     together: bool,
+    valid_for: float,
 ) -> Reply:
     """Send references as the command topic of a kind does; arguments as of SendReference."""
-    if kind == FEEDFORWARD:
+    if kind == FEEDFORWARD and not valid_for:
         return board.set_feedforward(joints, values, along, together=together)
     if kind in KINDS:
         given = () if values is None else values
-        return board.command(KINDS[kind], joints, given, along, together=together)
+        return board.command(
+            KINDS[kind], joints, given, along, together=together, valid_for=valid_for
+        )
+    if kind == FEEDFORWARD:
+        return board.reject(joints, "a feedforward does not expire; send it with valid_for 0")
     return board.reject(joints, unknown_word("kind", kind, [*KINDS, FEEDFORWARD]))
 
 
