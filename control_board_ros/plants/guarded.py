@@ -13,7 +13,8 @@ After an error the thread reconnects, every RETRY seconds, with all joints witho
 
 The thread also monitors the control loop (B5): outputs older than ``timeout`` are void, and it
 disables all joints. A loop that continues finds an alarm of each joint that it drove, and enables
-none before it has read that alarm.
+none before it has read that alarm. Before its first outputs the thread reads in every period: the
+loop begins with a reading of now, however long ago the plant was opened.
 """
 
 from __future__ import annotations
@@ -74,6 +75,7 @@ class GuardedPlant:
             motors, s.
         clock: For tests, s.
         first: s to wait for the first sample.
+        remark: Ends the reason of a silence, of either side.
 
     Attributes:
         applied: PWM that the plant reports as applied last, percent, shape (n,).
@@ -89,9 +91,10 @@ class GuardedPlant:
         timeout: float,
         clock: Callable[[], float] = time.monotonic,
         first: float = FIRST_SAMPLE,
+        remark: str = "",
     ) -> None:
         self._plant, self._timeout, self._clock = as_drives(plant), timeout, clock
-        self._board = board
+        self._board, self._remark = board, remark
         self.limits: tuple[DriveLimits, ...] = (DriveLimits(),) * len(board.joints)
         self._acting, self._refusal = self.limits, ""
         self._limits: set[str] = set()  # lines about those that differ, already reported
@@ -144,6 +147,7 @@ class GuardedPlant:
             reasons = dict.fromkeys(self._everybody, error)
         elif sample is None or silent > self._timeout:
             late = f"no answer for {1e3 * silent:.0f} ms > {1e3 * self._timeout:.0f} ms"
+            late += self._remark
             reasons = dict.fromkeys(self._everybody, late)
         else:
             reasons = faults | self._silence
@@ -217,13 +221,14 @@ class GuardedPlant:
             return
         reason = (
             f"the control loop was silent for {1e3 * (now - wanted.time):.0f} ms "
-            f"> {1e3 * self._patience:.0f} ms; the motors lost their power"
+            f"> {1e3 * self._patience:.0f} ms; the motors lost their power{self._remark}"
         )
         self._silence = dict.fromkeys(driven, reason)
         self._reported = False
 
     def _is_old(self, wanted: Wanted, now: float) -> bool:
-        return now - wanted.time > self._patience
+        """Whether outputs are void; a loop that has not begun has none (B5)."""
+        return wanted.cycle > 0 and now - wanted.time > self._patience
 
     def _run(self) -> None:
         """The plant's thread: connect, exchange until something fails, and again."""
@@ -273,7 +278,11 @@ class GuardedPlant:
         self._exchange.run(self._off, {})
 
     def _await_turn(self, wanted: Wanted) -> None:
-        """Wait for newer outputs, or until these are too old (B5)."""
+        """Wait for newer outputs, until these are too old (B5); before the first, a period."""
+        if wanted.cycle == 0:
+            if self._turn.wait(self._period):
+                self._turn.clear()
+            return
         watched = self._exchange.drives
         while (left := wanted.time + self._patience - self._clock()) >= 0.0 or not watched:
             if self._turn.wait(left + LEAST_WAIT if watched else None):

@@ -52,7 +52,15 @@ from .layers import (
 from .params_file import Entries, Entry, Layer, SettingsError, convert, read_file
 from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, levels_of, take_parts
 from .poses import POSES, poses_of, values_of
-from .schema import BOARD, JOINT, JOINT_DEFAULTS, find_row
+from .schema import (
+    BOARD,
+    JOINT,
+    JOINT_DEFAULTS,
+    PLANT_TIMEOUT,
+    VIRTUAL,
+    VIRTUAL_TIMEOUT,
+    find_row,
+)
 
 __all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]
 
@@ -253,6 +261,8 @@ def _settings(
     rate = values["control_rate"]
     values.setdefault("physics_rate", rate * math.ceil(LEAST_PHYSICS_RATE / rate))
     values.setdefault("physics", DEFAULT_PHYSICS)
+    virtual = values["plant"].startswith(VIRTUAL)
+    values.setdefault("plant_timeout", VIRTUAL_TIMEOUT if virtual else PLANT_TIMEOUT)
     for part, joints_there in parts.items():
         joints_of(joints_there, urdf, table[part].where, f"parts.{part}")
     chosen = [name for of_part in parts.values() for name in of_part]

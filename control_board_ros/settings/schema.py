@@ -22,13 +22,18 @@ from .poses import pose_row
 
 JOINT_DEFAULTS = "joint_defaults"
 
+#: Plants of the box that move a simulated body, by the beginning of their names.
+VIRTUAL = "virtual/"
+#: Default of plant_timeout, s; virtual drives have no motor to protect from a busy computer.
+PLANT_TIMEOUT, VIRTUAL_TIMEOUT = 0.1, 1.0
+
 #: Pattern of a ROS name: /arm, ~/arm, arm, ~.
 ROS_NAME = r"~/?|(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
 
 
 def _row(name: str, default: Any, text: str, unit: str = "", **more: Any) -> Parameter:
-    """A parameter of the node, of its default's kind."""
-    kind = KINDS[type(default)]
+    """A parameter of the node, of its default's kind; one that is derived has none."""
+    kind, default = KINDS[type(default)], None if "derived" in more else default
     return Parameter(name=name, kind=kind, default=default, text=text, unit=unit, **more)
 
 
@@ -73,12 +78,13 @@ NODE = (
     _row("plant_arguments", [], "Arguments of the plant, name=value each"),
     _row(
         "plant_timeout",
-        0.1,
+        PLANT_TIMEOUT,
         "Response timeout: without a response of the plant the joints fault; without "
         "commands for this time plus three cycles the plant disables the motors",
         "s",
         low=0.001,
         high=60.0,
+        derived=f"the plant: {PLANT_TIMEOUT}; virtual drives: {VIRTUAL_TIMEOUT}",
     ),
     _row(
         "plant_process",

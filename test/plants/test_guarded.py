@@ -18,6 +18,7 @@ from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.node.wiring.diagnostics import Diagnostics
@@ -31,10 +32,12 @@ TIMEOUT = 0.1
 class Bench:
     """A board on a guarded plant; time is the test's, but for the thread's own work."""
 
-    def __init__(self, plant: Any) -> None:
+    def __init__(self, plant: Any, remark: str) -> None:
         self.plant, self.now = plant, 0.0
         config = board_for(plant.describe())
-        self.guarded = GuardedPlant(plant, config, TIMEOUT, clock=lambda: self.now, first=30.0)
+        self.guarded = GuardedPlant(
+            plant, config, TIMEOUT, clock=lambda: self.now, first=30.0, remark=remark
+        )
         self.board = Board(config)
 
     def cycle(self) -> None:
@@ -59,9 +62,9 @@ class Bench:
 
 
 @contextlib.contextmanager
-def benched(plant: Levers) -> Iterator[Bench]:
+def benched(plant: Levers, remark: str = "") -> Iterator[Bench]:
     """A bench of a plant, which does not hang in the end."""
-    made = Bench(plant)
+    made = Bench(plant, remark)
     try:
         yield made
     finally:
@@ -102,6 +105,24 @@ def test_a_plant_is_powered_driven_and_released(bench: Bench) -> None:
     bench.guarded.close()
     assert bench.plant.on == [False, False]
     assert bench.plant.calls[-1] == "close"
+
+
+def test_a_loop_begins_with_a_reading_of_now() -> None:
+    """An arm that moved between the opening of the plant and the first cycle is no spike."""
+    with benched(Levers("left", "right")) as bench:
+        bench.plant.position[:] = 1.5
+        until(lambda: bool((bench.guarded.read().values[Row.POSITION] == 1.5).all()))
+        assert bench.plant.on == [False, False]
+        bench.until(lambda: bench.modes() == [M.IDLE, M.IDLE])
+
+
+def test_a_silence_ends_with_its_remark() -> None:
+    """Where nothing but this computer can be slow, the fault says so."""
+    with benched(Levers("left", "right"), remark="; this computer is too slow") as bench:
+        bench.until(lambda: bench.modes() == [M.IDLE, M.IDLE])
+        bench.plant.gate.clear()
+        bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2, step=0.003)
+        assert bench.text(0).endswith("ms > 100 ms; this computer is too slow")
 
 
 def test_a_plant_that_hangs_is_a_fault_within_its_timeout(bench: Bench) -> None:

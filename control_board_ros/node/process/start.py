@@ -21,10 +21,16 @@ from ...plants.errors import PlantSettingsError
 from ...settings.loading import Settings, load_layers
 from ...settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
 from ...settings.parts import ROBOT
+from ...settings.schema import VIRTUAL
 from ...sim.plant import SimulatedPlant
 from .console import KnownError, temporary_folder
 
 NODE = "control_board"
+#: End of the reason of a silence where nothing but a process of ours can be silent.
+TOO_SLOW = (
+    "; this computer is too slow for virtual drives, which run in real time: end other programs, "
+    "or lower control_rate"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +200,9 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     joints, arguments = settings.board.names, settings.values["plant_arguments"]
     timeout = settings.values["plant_timeout"]
     theirs: RobotPlant | DrivePlant
-    if name.startswith("virtual/"):
+    remark = ""
+    if name.startswith(VIRTUAL):
+        remark = TOO_SLOW
         from ...plants.virtual.plant import make_virtual  # with the libraries of its driver
 
         theirs = make_virtual(name, settings, arguments)
@@ -207,7 +215,8 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     except PlantSettingsError:
         theirs.close()
         raise
-    return replace(start, settings=settings), GuardedPlant(theirs, settings.board, timeout)
+    plant = GuardedPlant(theirs, settings.board, timeout, remark=remark)
+    return replace(start, settings=settings), plant
 
 
 def runtime_folder() -> Path:
