@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..core.config.config import BoardConfig, ConfigError, JointConfig, Limits
+from ..core.laws.control import PEAK_SHARE
 from ..core.terms.drives import SetPoint
 from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
 from ..core.terms.vocabs import ControlMode
@@ -139,14 +140,19 @@ def bounded(board: BoardConfig, drives: Sequence[DriveLimits]) -> BoardConfig:
 
 
 def bounded_limits(limits: Limits, drive: DriveLimits) -> Limits:
-    """The limits that act: the smaller ones (S4)."""
-    lower, upper = drive.lower, drive.upper
+    """The limits that act: the smaller ones (S4).
+
+    The board asks for PEAK_SHARE of its overcurrent threshold: for no more than the drive allows.
+    """
+    lower, upper, most = drive.lower, drive.upper, drive.current or math.inf
     return replace(
         limits,
         lower=limits.lower if lower is None else max(limits.lower, lower),
         upper=limits.upper if upper is None else min(limits.upper, upper),
         velocity=min(limits.velocity, drive.velocity or math.inf),
         torque=min(limits.torque, drive.torque or math.inf),
+        nominal_current=min(limits.nominal_current, most),
+        peak_current=min(limits.peak_current, most / PEAK_SHARE),
     )
 
 

@@ -19,6 +19,8 @@ NUMBERS = {
     "kd_scale": 2.0,
     "maximum_torque": 3.0,
     "watchdog_timeout": 0.0625,
+    "velocity_limit": -1.0,
+    "accel_limit": -1.0,
     "ilimit_scale": 1.5,
 }
 
@@ -29,7 +31,7 @@ def test_the_usual_command_is_read_as_the_library_reads_it() -> None:
     drive = moteus.Controller(id=1, query_resolution=resolution)
     data = bytes(drive.make_position(**NUMBERS, query=True).data)
     head = frames.POSITIONS.unpack_from(data)
-    assert (head[0], head[7], head[9]) == virtual_frames.HEADS, "the library writes it otherwise"
+    assert (head[0], head[7], head[11]) == virtual_frames.HEADS, "the library writes it otherwise"
     assert virtual_frames.read(data) == virtual_frames.parse(data)
     nowhere = bytes(drive.make_position(**NUMBERS | {"position": math.nan}, query=True).data)
     found = virtual_frames.read(nowhere).writes

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import time
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -81,11 +82,14 @@ class CanLine:
     """A bus of python-can, open within ``with`` or from ``open`` to ``close``; see ``open_bus``.
 
     A failure is an OSError of one line.
+
+    Attributes: dropped (frames for which the interface's queue had no room).
     """
 
     def __init__(self, text: str, *, fd: bool = False, bitrate: int = 0) -> None:
         self._text, self._fd, self._bitrate = text, fd, bitrate
         self._bus: Any = None
+        self.dropped = 0
 
     @property
     def bus(self) -> Any:
@@ -128,14 +132,15 @@ class CanLine:
         self.close()
 
     def send(self, frame_id: int, data: bytes) -> None:
+        """Send a frame; where the interface's queue is full it is dropped, and counted (S11)."""
         bus = self.bus
         try:
             bus.send(message(frame_id, data, fd=self._fd))
         except self._errors as error:
-            raise OSError(
-                f"bus {self._text}: {error}; is the interface up, and its queue long enough "
-                "(txqueuelen 1000)?"
-            ) from None
+            number = getattr(error, "error_code", None) or getattr(error, "errno", None)
+            if number != errno.ENOBUFS:
+                raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
+            self.dropped += 1
 
     def _receive(self, seconds: float) -> Any:
         """The next frame, or None; error frames, too.
@@ -240,8 +245,8 @@ class CanLine:
         """
         if self._bus is None:
             return
-        with contextlib.suppress(OSError):  # where none gets out the drives' watchdogs act
-            for frame_id, data in last:
+        for frame_id, data in last:
+            with contextlib.suppress(OSError):  # where none gets out the drives' watchdogs act
                 self.send(frame_id, data)
         with contextlib.suppress(Exception):  # an interface that is gone cannot be left
             self._bus.shutdown()

@@ -11,6 +11,7 @@ import select
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from ..errors import PlantSettingsError
@@ -26,9 +27,11 @@ class Item(NamedTuple):
     address: int
     length: int
 
-    def pack(self, value: int) -> bytes:
-        """A number, its lowest byte first; of one that does not fit, the lowest bits."""
-        return (value % (1 << 8 * self.length)).to_bytes(self.length, "little")
+    def pack(self, value: int, *, signed: bool = False) -> bytes:
+        """A number, its lowest byte first; one beyond its range is cut to the end."""
+        bits = 8 * self.length
+        low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+        return min(high, max(low, value)).to_bytes(self.length, "little", signed=signed)
 
 
 class Library(NamedTuple):
@@ -142,6 +145,14 @@ class ServoBus:
                 f"{library.package} is not installed; pip install "
                 f"'control_board_ros[{library.extra}]'"
             ) from None
+        if missing := [
+            word for word in ("PortHandler", "PacketHandler") if not hasattr(sdk, word)
+        ]:
+            raise PlantSettingsError(
+                f"{library.module} of {Path(str(sdk.__file__)).parent} is not that of "
+                f"{library.package} (it has no {missing[0]}): another package has the same name; "
+                f"pip uninstall it, and pip install --force-reinstall {library.package}"
+            )
         self._port = open_port(sdk.PortHandler, self._device, self._baudrate)
         self._port.wait = PATIENCE
         self.protocol = sdk.PacketHandler(library.protocol)

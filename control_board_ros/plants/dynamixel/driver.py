@@ -38,11 +38,13 @@ UNPOWERED = 5
 class Servo:
     """One servo since it was set up.
 
-    Attributes: model, kind (as requested), without (answers in a row without torque, while it
-        should have it).
+    Attributes: model, pwm and current (its limits, counts), kind (as requested), without (answers
+        in a row without torque, while it should have it).
     """
 
     model: t.Model = t.MODELS[1020]
+    pwm: int = t.FULL_PWM
+    current: int = 0
     kind: SetPoint = SetPoint.OFF
     without: int = 0
 
@@ -90,7 +92,9 @@ class DynamixelDrives:
             raise PlantSettingsError(
                 f"{name}: {model.name} has no current control; add current=0 to plant_arguments"
             )
-        self._servos[k] = Servo(model)
+        self._servos[k] = servo = Servo(model)
+        servo.pwm = bus.get(drive, t.PWM_LIMIT)
+        servo.current = bus.get(drive, t.CURRENT_LIMIT) if model.ampere else 0
         bus.put(drive, t.TORQUE, 0)
         bus.put(drive, t.WATCHDOG, 0)
         place = t.INDIRECT
@@ -104,7 +108,7 @@ class DynamixelDrives:
             lower=angle(bus.get(drive, t.MIN_POSITION, signed=True)) if bounded else None,
             upper=angle(bus.get(drive, t.MAX_POSITION, signed=True)) if bounded else None,
             velocity=bus.get(drive, t.VELOCITY_LIMIT) * t.SPEED,
-            current=bus.get(drive, t.CURRENT_LIMIT) * model.ampere if model.ampere else None,
+            current=servo.current * model.ampere or None,
         )
         return replace(identity(bus, drive), limits=limits)
 
@@ -145,16 +149,21 @@ class DynamixelDrives:
             )
 
     def _raw(self, k: int, kind: SetPoint, value: Sequence[float]) -> int:
+        """The goal of a kind in counts; the servo refuses one beyond its limit (S4)."""
+        servo = self._servos[k]
         if kind is SetPoint.PWM:
-            return round(value[Value.PWM] / 100.0 * t.FULL_PWM)
+            return cut(value[Value.PWM] / 100.0 * t.FULL_PWM, servo.pwm)
         if kind is SetPoint.CURRENT:
-            return round(value[Value.CURRENT] / self._servos[k].model.ampere)
+            return cut(value[Value.CURRENT] / servo.model.ampere, servo.current)
         if kind is SetPoint.VELOCITY:
             return round(value[Value.VELOCITY] / t.SPEED)
         return round(value[Value.POSITION] / t.COUNT) + t.CENTRE
 
     def _sync(self, item: Item, values: Mapping[int, int]) -> None:
-        packed = {self._axes[k].id: item.pack(value) for k, value in values.items()}
+        packed = {
+            self._axes[k].id: item.pack(value, signed=item.length > 1)
+            for k, value in values.items()
+        }
         self._bus.sync(item, packed)
 
     def _read(self, drives: Collection[int]) -> None:
@@ -191,6 +200,10 @@ class DynamixelDrives:
         if servo.without >= UNPOWERED:
             return DriveFault(0, "no torque, although enabled")
         return None
+
+
+def cut(value: float, most: int) -> int:
+    return round(max(-most, min(most, value)))
 
 
 def angle(count: int) -> float:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..drives.serial_line import Item, Library
 
 MODEL, FIRMWARE, ID, MODE = Item(0, 2), Item(6, 1), Item(7, 1), Item(11, 1)
-CURRENT_LIMIT, VELOCITY_LIMIT = Item(38, 2), Item(44, 4)
+PWM_LIMIT, CURRENT_LIMIT, VELOCITY_LIMIT = Item(36, 2), Item(38, 2), Item(44, 4)
 MAX_POSITION, MIN_POSITION = Item(48, 4), Item(52, 4)
 TORQUE, ERROR, WATCHDOG = Item(64, 1), Item(70, 1), Item(98, 1)
 GOAL_PWM, GOAL_CURRENT = Item(100, 2), Item(102, 2)

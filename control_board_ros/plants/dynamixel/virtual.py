@@ -71,6 +71,7 @@ class VirtualDynamixel:
             (t.FIRMWARE, 45),
             (t.ID, drive),
             (t.MODE, t.POSITION_MODE),
+            (t.PWM_LIMIT, t.FULL_PWM),
             (t.CURRENT_LIMIT, 1193),
             (t.VELOCITY_LIMIT, 200),
             (t.MAX_POSITION, 4095),

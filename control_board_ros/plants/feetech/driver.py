@@ -39,14 +39,15 @@ UNPOWERED = 5
 class Servo:
     """One servo since it was set up.
 
-    Attributes: kind, mode (as requested), torque (whether it is on, by the last answer), without
-        (answers in a row without torque, while it should have it), had (it had torque since its
-        kind was requested).
+    Attributes: kind (as requested), mode and torque (whether it is on) by the last answer, place
+        (its position in counts, as it answers), without (answers in a row without torque, while it
+        should have it), had (it had torque since its kind was requested).
     """
 
     kind: SetPoint = SetPoint.OFF
     mode: int = t.POSITION_MODE
     torque: bool = False
+    place: int = t.CENTRE
     without: int = 0
     had: bool = False
 
@@ -102,7 +103,8 @@ class FeetechDrives:
         modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != servos[k].mode}
         bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
         bus.sync(t.MODE, {ids[k]: bytes([mode]) for k, mode in modes.items()})
-        bus.sync(t.GOALS, {ids[k]: goals(kind, wanted[k][1]) for k, kind in powered.items()})
+        targets = {k: goals(kind, wanted[k][1], servos[k].place) for k, kind in powered.items()}
+        bus.sync(t.GOALS, {ids[k]: data for k, data in targets.items()})
         # Repeated while the answers differ; but no torque to one that had it, and lost it.
         switches = {
             ids[k]: bytes([k in powered])
@@ -115,7 +117,6 @@ class FeetechDrives:
         for k, kind in kinds.items():
             if kind is not servos[k].kind:
                 servos[k].kind, servos[k].without, servos[k].had = kind, 0, False
-            servos[k].mode = modes.get(k, servos[k].mode)
         bus.drain(self._take)
         if wanted:
             bus.read(t.READ, [ids[k] for k in wanted], self._take, self._wait)
@@ -131,9 +132,11 @@ class FeetechDrives:
         answers = self._answers
         k = answers.places.get(drive)
         if k is not None and len(data) == t.READ.length:
-            self._servos[k].torque = bool(part(data, t.TORQUE))
+            servo = self._servos[k]
+            servo.mode, servo.torque = part(data, t.MODE), bool(part(data, t.TORQUE))
+            servo.place = part(data, t.POSITION)
             answers.faults[k] = self._judge(k, part(data, t.STATUS))
-            answers.position[k] = angle(part(data, t.POSITION))
+            answers.position[k] = angle(servo.place)
             answers.velocity[k] = t.signed(part(data, t.VELOCITY)) * t.COUNT
             answers.current[k] = t.signed(part(data, t.CURRENT)) * t.AMPERE
             answers.voltage[k] = part(data, t.VOLTAGE) * t.VOLT
@@ -161,9 +164,12 @@ def angle(count: int) -> float:
     return (t.signed(count) - t.CENTRE) * t.COUNT
 
 
-def goals(kind: SetPoint, value: Sequence[float]) -> bytes:
-    """Goal position, time or PWM, and velocity of a kind of set-point."""
-    position = pwm = velocity = 0
+def goals(kind: SetPoint, value: Sequence[float], place: int) -> bytes:
+    """Goal position, time or PWM, and velocity of a kind of set-point.
+
+    Those of the other kinds are those of rest: the position is ``place``, where the servo is.
+    """
+    position, pwm, velocity = place, 0, 0
     if kind is SetPoint.POSITION:
         position = t.magnitude(value[Value.POSITION] / t.COUNT + t.CENTRE)
     elif kind is SetPoint.VELOCITY:

@@ -16,8 +16,8 @@ MODE, TORQUE, ACCELERATION, LOCK, SPEED_LIMIT = (
 GOALS = Item(42, 6)
 POSITION, VELOCITY, VOLTAGE = Item(56, 2), Item(58, 2), Item(62, 1)
 TEMPERATURE, STATUS, CURRENT = Item(63, 1), Item(65, 1), Item(69, 2)
-#: What is read in each exchange: torque switch, goals, readings.
-READ = Item(TORQUE.address, CURRENT.address + 2 - TORQUE.address)
+#: What is read in each exchange: mode, torque switch, goals, readings.
+READ = Item(MODE.address, CURRENT.address + 2 - MODE.address)
 
 POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
 #: Bits of the sign; the numbers are magnitudes.

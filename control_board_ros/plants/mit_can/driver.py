@@ -180,14 +180,14 @@ class MitDrives:
             faults.word = word
             answers.faults[k] = faults.found
             return None
-        if faults is None and data[2] == d.GET:
-            return None
+        if faults is None and d.is_register(data, self._axes[k].id):
+            return None  # late, of its set-up
         motion = f.readings(motor.ranges, data)
         answers.position[k], answers.velocity[k], answers.torque[k] = motion
         answers.came(k, data)
         if faults is None:
             answers.temperature[k] = data[7]
-            answers.faults[k] = self._judge(k, data[0] >> 4)
+            answers.faults[k] = self._judge(k, data[0] >> 4) or beyond(motor.ranges, data)
         else:
             answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
             if motor.powered:
@@ -202,6 +202,13 @@ class MitDrives:
         elif state == d.DISABLED and motor.powered and motor.enabled:
             self._answers.restarted[k] = True
         return None if state in (d.DISABLED, d.ENABLED) else coded(state, d.FAULTS)
+
+
+def beyond(ranges: f.Ranges, data: bytes) -> DriveFault | None:
+    """The fault of a position at an end of its range: the motor may be beyond it."""
+    if data[1:3] not in (b"\0\0", b"\xff\xff"):
+        return None
+    return DriveFault(0, f"position at the end of its range, {ranges.position:g} rad")
 
 
 def command(motor: Motor, kind: SetPoint, value: Sequence[float]) -> bytes:
@@ -219,18 +226,19 @@ def command(motor: Motor, kind: SetPoint, value: Sequence[float]) -> bytes:
 
 
 def scan(bus: str) -> list[Found]:
+    """What answers on a bus; it only reads, a motor that runs keeps its power."""
     found = []
     with CanLine(bus) as line:
         for drive in SHORT_IDS:
             for _ in d.masters(line, drive):
-                line.send(drive, f.DISABLE)
+                line.send(d.REGISTERS, d.refresh(drive))
                 states = [m.data[0] >> 4 for m in line.collect(PATIENCE / 10) if len(m.data) == 8]
                 faults = [coded(state, d.FAULTS) for state in states if state in d.FAULTS]
                 firmware = f"{int(d.get(line, drive, d.SOFTWARE))}"
                 fault = faults[0] if faults else None
                 found.append(Found(id=drive, type="Damiao", firmware=firmware, fault=fault))
-        for drive in IDS:
-            line.send(drive, f.DISABLE)
+        for drive in set(IDS).difference(one.id for one in found):  # it would be their command
+            line.send(drive, r.READ_FAULTS)
         mine = [m for m in line.collect(2.0 * PATIENCE) if m.arbitration_id == r.MASTER]
         for drive in sorted({m.data[0] for m in mine if len(m.data) == 8}):
             word = next(iter(r.faults(line, drive)), 0)

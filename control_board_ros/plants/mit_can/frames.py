@@ -26,12 +26,23 @@ class Ranges(NamedTuple):
 
 
 def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: float) -> bytes:
-    """A command; what is beyond a range is cut."""
-    bits = _number(q, -ranges.position, ranges.position, 16) << 48
-    bits |= _number(dq, -ranges.velocity, ranges.velocity, 12) << 36
-    bits |= _number(k, 0.0, ranges.stiffest, 12) << 24
-    bits |= _number(d, 0.0, ranges.most_damped, 12) << 12
-    bits |= _number(torque, -ranges.torque, ranges.torque, 12)
+    """A command; what is beyond a range is cut.
+
+    A number of 12 bits has no zero: what q and q̇ lose in their steps, the torque makes up,
+    τ + k (q - q sent) + d (q̇ - q̇ sent).
+    """
+    place = _number(q, -ranges.position, ranges.position, 16)
+    rate = _number(dq, -ranges.velocity, ranges.velocity, 12)
+    spring, damper = _number(k, 0.0, ranges.stiffest, 12), _number(d, 0.0, ranges.most_damped, 12)
+    if spring or damper:
+        off = q - _value(place, -ranges.position, ranges.position, 16)
+        if abs(off) * 65535.0 < 2.0 * ranges.position:  # not cut
+            torque += _value(spring, 0.0, ranges.stiffest, 12) * off
+        off = dq - _value(rate, -ranges.velocity, ranges.velocity, 12)
+        if abs(off) * 4095.0 < 2.0 * ranges.velocity:
+            torque += _value(damper, 0.0, ranges.most_damped, 12) * off
+    force = _number(torque, -ranges.torque, ranges.torque, 12)
+    bits = place << 48 | rate << 36 | spring << 24 | damper << 12 | force
     return bits.to_bytes(8, "big")
 
 

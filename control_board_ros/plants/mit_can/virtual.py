@@ -59,7 +59,9 @@ class VirtualMit:
         if self.silent or len(data) != 8:
             return
         master = int(self.registers[d.MASTER_ID])
-        if frame_id == d.REGISTERS and data[0] == self.id and data[1] == 0:
+        if frame_id == d.REGISTERS and data[:3] == d.refresh(self.id)[:3]:
+            yield master, self._motion()
+        elif frame_id == d.REGISTERS and data[0] == self.id and data[1] == 0:
             number = data[3]
             if number not in self.registers:
                 return
@@ -73,9 +75,12 @@ class VirtualMit:
         elif frame_id == self.id:
             self._quiet = 0.0
             self._obey(data)
-            moves = self._position, self._velocity, self.torque
-            head = self.id & 0xF | self.state << 4
-            yield master, f.answer(self.ranges, head, *moves, bytes([30, 35]))
+            yield master, self._motion()
+
+    def _motion(self) -> bytes:
+        moves = self._position, self._velocity, self.torque
+        head = self.id & 0xF | self.state << 4
+        return f.answer(self.ranges, head, *moves, bytes([30, 35]))
 
     def _obey(self, data: bytes) -> None:
         fault = self.state not in (d.DISABLED, d.ENABLED)

@@ -151,6 +151,8 @@ class MoteusDrives:
             drive.torque,
             at_timeout,
             self._setup.timeout,
+            f.UNLIMITED,
+            f.UNLIMITED,
             at_integral,
             1.0 if kind in (SetPoint.POSITION, SetPoint.VELOCITY) else 0.0,
         )

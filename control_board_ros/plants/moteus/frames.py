@@ -18,8 +18,10 @@ STARTING = (0, 2, 3, 4)
 VOLTAGE_DQ = 8
 #: Part of the supply that its modulation reaches.
 MODULATION = 0.5
+#: A velocity or acceleration limit with which the drive plans no trajectory of its own.
+UNLIMITED = -1.0
 #: The library's position command: floats, and the bytes between them; made once, and filled.
-POSITIONS = struct.Struct("<6s6f2sf2sf")
+POSITIONS = struct.Struct("<6s6f2s3f2sf")
 #: An answer as it usually comes, and the heads of its three parts; any other is parsed in full.
 USUAL = struct.Struct("<2sb3s4f2s3b")
 USUAL_HEADS = (b"\x21\x00", b"\x2c\x04\x01", b"\x23\x0d")
@@ -54,9 +56,10 @@ def template(drive: Any) -> tuple[bytes, bytes, bytes, bytes]:
     """The bytes between the numbers of the library's position command, and its query."""
     numbers = dict.fromkeys(("position", "velocity", "feedforward_torque", "kp_scale"), 0.0)
     numbers |= {"kd_scale": 0.0, "maximum_torque": 0.0, "watchdog_timeout": 0.0}
-    data = drive.make_position(**numbers, ilimit_scale=0.0, query=True).data
+    numbers |= {"velocity_limit": UNLIMITED, "accel_limit": UNLIMITED, "ilimit_scale": 0.0}
+    data = drive.make_position(**numbers, query=True).data
     parts = POSITIONS.unpack_from(data)
-    return parts[0], parts[7], parts[9], data[POSITIONS.size :]
+    return parts[0], parts[7], parts[11], data[POSITIONS.size :]
 
 
 def padded(data: bytes) -> bytes:

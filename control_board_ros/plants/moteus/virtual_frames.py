@@ -34,7 +34,7 @@ SCALES = {
     R.MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
 }
 #: The bytes before each row of floats of the usual command, which is that of mode 10.
-HEADS = (b"\x01\x00\x0a\x0c\x06\x20", b"\x0d\x27", b"\x0d\x2b")
+HEADS = (b"\x01\x00\x0a\x0c\x06\x20", b"\x0f\x27", b"\x0d\x2b")
 COMMANDED = (
     R.COMMAND_POSITION,
     R.COMMAND_VELOCITY,
@@ -64,7 +64,7 @@ def read(data: bytes) -> Read:
         Exception: the frame is not of the protocol.
     """
     if len(data) > POSITIONS.size:
-        first, q, dq, torque, kp, kd, most, second, timeout, third, integral = (
+        first, q, dq, torque, kp, kd, most, second, timeout, speed, rate, third, integral = (
             POSITIONS.unpack_from(data)
         )
         if (first, second, third) == HEADS:
@@ -72,6 +72,7 @@ def read(data: bytes) -> Read:
             if not (rest.writes or rest.said or rest.wanted):
                 writes = dict(zip(COMMANDED, (q, dq, torque, kp, kd, most), strict=True))
                 writes[R.MODE] = 10
+                writes[R.COMMAND_VELOCITY_LIMIT], writes[R.COMMAND_ACCEL_LIMIT] = speed, rate
                 writes[R.COMMAND_TIMEOUT], writes[R.COMMAND_ILIMIT_SCALE] = timeout, integral
                 return Read(writes, rest.reads)
     return parse(data)

@@ -75,7 +75,7 @@ class Table:
         return int.from_bytes(data, "little", signed=signed)
 
     def set(self, item: Item, value: int) -> None:
-        self.bytes[item.address : item.address + item.length] = item.pack(value)
+        self.bytes[item.address : item.address + item.length] = item.pack(value, signed=value < 0)
 
 
 class ServoMotor:

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hazards of drives that were met on a bench, each by its name (S3, S4, S8, S11)."""
+
+from __future__ import annotations
+
+import errno
+import re
+import struct
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from drive_bench import LIBRARIES, Bench
+
+from control_board_ros.core.laws.control import PEAK_SHARE
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.drives.serial_line import Item
+from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.interface import Description, DriveLimits, JointDescription
+from control_board_ros.plants.mit_can import damiao, frames
+from control_board_ros.plants.offers import bounded_limits
+from control_board_ros.plants.virtual.can_bus import Frame
+from control_board_ros.testing.plant_contract import board_for
+
+OFF, POSITION, VELOCITY = SetPoint.OFF, SetPoint.POSITION, SetPoint.VELOCITY
+TORQUE, CURRENT, PWM, IMPEDANCE = (
+    SetPoint.TORQUE, SetPoint.CURRENT, SetPoint.PWM, SetPoint.IMPEDANCE,
+)  # fmt: skip
+
+
+def bench_of(driver: str, **options: str) -> Bench:
+    pytest.importorskip(LIBRARIES[driver])
+    return Bench(driver, options=options, patience=0.02)
+
+
+class LoseFirst:
+    """A wire that loses the first frame of a sort."""
+
+    def __init__(self, chosen: Callable[[bytes], bool], *, serial: bool = False) -> None:
+        self._chosen, self._serial, self.lost = chosen, serial, 0
+
+    def __call__(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        for name, data in frames:
+            for packet in re.split(rb"(?=\xff\xff)", data) if self._serial else [data]:
+                if not self.lost and self._chosen(packet):
+                    self.lost += 1
+                elif packet:
+                    yield name, packet
+
+
+def test_a_lost_mode_packet_does_not_slam_a_feetech() -> None:
+    """S8: goals of other kinds are those of rest, and the mode is read back."""
+    with bench_of("feetech", unwatched="1") as bench:
+        bench.connect()
+        bench.follow(POSITION, 400, position=0.5)
+        bench.bus.to_drives = wire = LoseFirst(lambda data: data[4:6] == b"\x83\x21", serial=True)
+        before, fastest = bench.world.state[0].copy(), 0.0
+        for _ in range(100):
+            bench.follow(VELOCITY, velocity=0.05)
+            fastest = max(fastest, float(np.abs(bench.world.state[1]).max()))
+        assert wire.lost == 1
+        assert fastest < 0.2
+        moved = bench.world.state[0] - before
+        assert (moved > 0.0).all()
+        assert (moved < 0.05).all()
+
+
+def test_a_feetech_whose_torque_is_switched_off_is_a_fault() -> None:
+    """S8: by whatever switched it off (PickNik #930); it stays off until it is cleared."""
+    with bench_of("feetech") as bench:
+        bench.connect()
+        bench.follow(POSITION, 50)
+        with bench.world.lock:
+            bench.drives[1].table.bytes[40] = 0
+        found = bench.until(lambda found: bool(found.faults[1]), POSITION, cycles=250)
+        assert not found.faults[0]
+        assert "restarted" in str(found.faults[1])
+        bench.follow(POSITION, 50)
+        assert bench.drives[1].table.bytes[40] == 0
+
+
+@pytest.mark.parametrize("count", [0x8833, 0x7755])
+def test_every_position_of_a_damiao_is_heard(count: int) -> None:
+    """What a frame is, is decided by what was asked, not by a byte of its position."""
+    with bench_of("mit_can") as bench:
+        bench.connect()
+        at = -12.5 + count * 25.0 / 65535.0
+        with bench.world.lock:
+            bench.world.state[0] = at
+        found = bench.follow(OFF, 3)
+        assert found.ages is not None
+        assert found.ages.max() == 0.0
+        np.testing.assert_allclose(found.position, at, atol=1e-3)
+
+
+def test_all_positions_and_states_of_a_damiao_are_motions() -> None:
+    """By value, not by example: 65,536 positions in each state, at rest."""
+    ranges = frames.Ranges(12.5, 30.0, 10.0)
+    for state in (damiao.DISABLED, damiao.ENABLED, *damiao.FAULTS):
+        for count in range(1 << 16):
+            data = bytes([1 | state << 4]) + struct.pack(">H", count) + bytes.fromhex("7ff7ff1e23")
+            assert not damiao.is_register(data, 1), data.hex()
+    q, _, _ = frames.readings(ranges, data)
+    assert q == 12.5
+
+
+def test_a_late_acknowledge_of_a_register_is_no_motion() -> None:
+    """It would read −12.47 rad and −27.7 rad/s for a cycle."""
+    with bench_of("mit_can") as bench:
+        bench.connect()
+        late = (0x11, bytes.fromhex("01005509d0070000"))
+        bench.bus.from_drives = lambda answers: iter([late, *answers])
+        for _ in range(5):
+            found = bench.follow(IMPEDANCE)
+            assert abs(found.position[0]) < 0.1
+            assert not any(found.faults)
+
+
+def test_a_damiao_at_the_end_of_its_range_is_a_fault() -> None:
+    """A motor at 13.2 of 12.5 rad would be pulled back by 0.7 rad."""
+    with bench_of("mit_can") as bench:
+        bench.connect()
+        with bench.world.lock:
+            bench.world.state[0, 0] = 13.2
+        found = bench.follow(OFF, 3)
+        assert "end of its range" in str(found.faults[0])
+        assert not found.faults[1]
+
+
+def test_a_velocity_of_zero_has_no_bias_in_an_mit_frame() -> None:
+    """12 bits have no zero: what the velocity is off by, the torque makes up."""
+    ranges = frames.Ranges(12.5, 45.0, 10.0)
+    half = ranges.torque / 4095.0
+    for q, dq, k, d, torque in ((0.1, 0.0, 0.0, 5.0, 0.0), (0.1, 0.3, 90.0, 2.0, 1.5)):
+        sent = frames.command(ranges, frames.packed(ranges, q, dq, k, d, torque))
+        acts = sent[4] + sent[3] * sent[1] + sent[2] * (sent[0] - q)
+        assert acts == pytest.approx(torque + sent[3] * dq, abs=1.01 * half)
+
+
+def test_moteus_plans_no_trajectory_of_its_own() -> None:
+    """A velocity and an acceleration limit of −1: none; else those of its configuration act."""
+    moteus = pytest.importorskip("moteus")
+    from control_board_ros.plants.moteus import frames as m
+
+    command = m.template(moteus.Controller(id=1))
+    data = m.POSITIONS.pack(command[0], *[0.0] * 6, command[1], 0.1, -1.0, -1.0, command[2], 0.0)
+    values = {}
+    for part in moteus.multiplex.parse_frame(data):
+        values[part.register] = part.value
+    assert (values[0x28], values[0x29]) == (-1.0, -1.0)
+
+
+@pytest.mark.parametrize("driver", ["moteus", "odrive_can", "cia402", "mit_can"])
+def test_a_full_queue_drops_a_frame_and_faults_nothing(
+    driver: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """S11: dropped frames are counted; below plant_timeout they are no fault."""
+    with bench_of(driver) as bench:
+        bench.connect()
+        kind = bench.accepts[0]
+        bench.follow(kind, 20)
+        line = bench.plant.driver._line
+        send, full = line.bus.send, [3]
+
+        def refuse(frame: object) -> None:
+            if full[0]:
+                full[0] -= 1
+                import can
+
+                raise can.CanOperationError("Failed to transmit", error_code=errno.ENOBUFS)
+            send(frame)
+
+        monkeypatch.setattr(line.bus, "send", refuse)
+        for _ in range(30):
+            assert not any(bench.follow(kind).faults)
+        assert line.dropped == 3
+        full[0] = 1
+        bench.plant.let_go()
+        bench.pass_time(0.01)
+        assert bench.drives[1].torque == 0.0
+
+
+def test_goals_beyond_a_servo_s_limit_are_cut_to_it() -> None:
+    """S4: it refuses one beyond Current Limit or PWM Limit, and the old one would act."""
+    with bench_of("dynamixel") as bench:
+        for drive in bench.drives:
+            drive.table.bytes[36:40] = struct.pack("<HH", 400, 300)
+        bench.connect()
+        bench.follow(CURRENT, 5, current=-40.0)
+        assert struct.unpack_from("<h", bench.drives[1].table.bytes, 102)[0] == -300
+        bench.follow(PWM, 5, pwm=60.0)
+        assert struct.unpack_from("<h", bench.drives[1].table.bytes, 100)[0] == 400
+
+
+def test_the_smaller_current_acts() -> None:
+    """S4."""
+    limits = board_for(Description(joints=(JointDescription(name="a"),))).joints[0].limits
+    limits = replace(limits, nominal_current=10.0, peak_current=45.0)
+    for most, nominal in ((20.0, 10.0), (1.0, 1.0)):
+        bounded = bounded_limits(limits, DriveLimits(current=most))
+        assert bounded.peak_current * PEAK_SHARE == pytest.approx(most)
+        assert bounded.nominal_current == nominal
+
+
+@pytest.mark.parametrize("model", ["damiao", "rs02"])
+def test_a_scan_takes_no_power(model: str) -> None:
+    """A scan only reads: a running arm keeps its torque."""
+    with bench_of("mit_can", model=model, unwatched="1") as bench:
+        bench.connect()
+        bench.follow(IMPEDANCE, 20)
+        found = bench.driver.scan(bench.bus.address)
+        assert [drive.id for drive in found] == [1, 2]
+        assert [drive.state for drive in bench.drives] == [1, 1]
+
+
+@pytest.mark.parametrize("driver", ["dynamixel", "feetech"])
+def test_another_package_of_the_same_name_is_said_in_one_line(
+    driver: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """An older or another maker's package brings a module of the same name."""
+    bench = bench_of(driver)
+    with bench:
+        name = LIBRARIES[driver]
+        wrong = ModuleType(name)
+        wrong.__file__ = f"{tmp_path}/{name}/__init__.py"
+        monkeypatch.setitem(sys.modules, name, wrong)
+        with pytest.raises(PlantSettingsError, match=f"{name} of {tmp_path}.*is not .* pip"):
+            bench.connect()
+
+
+def test_the_bits_of_a_number_never_wrap() -> None:
+    """S4: 40 A would become −25.5 A."""
+    item = Item(0, 2)
+    assert item.pack(40_000, signed=True) == struct.pack("<h", 32767)
+    assert item.pack(-40_000, signed=True) == struct.pack("<h", -32768)
