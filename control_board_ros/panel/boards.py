@@ -184,9 +184,9 @@ class Board:
         try:
             fields = json.loads(asked.request)
             if isinstance(fields, dict) and "values" in fields:  # a reference, as on its topic
-                what = f"{fields['kind']}"
+                what = str(fields["kind"])
                 values = tuple(float(value) for value in fields["values"])
-        except (TypeError, ValueError, KeyError, RecursionError):
+        except (TypeError, ValueError, KeyError, OverflowError, RecursionError):
             return [f"{clean(asked.name)}, with unreadable fields"]
         topic = next((t for t in COMMAND_TOPICS if t.short == f"command/{what}"), None)
         if topic is not None and self._was_sent(topic, names, values):

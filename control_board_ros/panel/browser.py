@@ -7,7 +7,10 @@ import asyncio
 import json
 import time
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
+
+from control_board_ros.text import clean
 
 from .security import BURST, RATE, TokenBucket
 
@@ -15,6 +18,26 @@ from .security import BURST, RATE, TokenBucket
 MAX_WAITING = 500
 #: Maximum active requests of a browser.
 MAX_RUNNING = 50
+
+
+def message(what: str, fields: Mapping[str, Any]) -> str:
+    """A message to browsers, in ASCII: every text has a form on the wire.
+
+    Raises:
+        ValueError: JSON has no form for a field.
+    """
+    try:
+        return json.dumps({"is": what, **fields}, allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"a message ({what}) is left out: {error}") from None
+
+
+def message_or_error(what: str, fields: Mapping[str, Any]) -> str:
+    """A message, or in its place one that says why it is left out."""
+    try:
+        return message(what, fields)
+    except ValueError as error:
+        return message("error", {"message": clean(error)})
 
 
 class Browser:
@@ -39,7 +62,7 @@ class Browser:
         self._news = asyncio.Event()
 
     def send(self, what: str, /, **fields: Any) -> None:
-        self.send_text(json.dumps({"is": what} | fields, ensure_ascii=False, allow_nan=False))
+        self.send_text(message_or_error(what, fields))
 
     def send_text(self, text: str) -> None:
         self.lost = self.lost or len(self._texts) >= MAX_WAITING

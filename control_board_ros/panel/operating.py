@@ -15,6 +15,7 @@ from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.modes import MOVES, NOT_HOLDING, STOPPABLE, UNPOWERED
 from control_board_ros.core.terms.vocabs import HAND_TIMEOUT
+from control_board_ros.text import clean
 
 from . import doing
 from .boards import Board
@@ -64,6 +65,9 @@ class Operating:
         except (BoardError, RequestError) as error:
             gone = bool(request.board) and request.board not in self._shared.boards
             text = f"{request.board} does not answer: it has ended" if gone else str(error)
+            answer = {"ok": False, "message": text}
+        except Exception as error:  # noqa: BLE001  (every request has an answer)
+            text = clean(f"the panel has an error: {type(error).__name__}: {error}")
             answer = {"ok": False, "message": text}
         lines = self._lines(request).shown()
         browser.send("answer", id=request.id, lines=lines, **answer)

@@ -11,6 +11,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, fields
 
+from control_board_ros.text import clean, clean_name
+
 from .lease import Lease
 
 #: s between beats, s until a silent panel counts as gone, s for a handover.
@@ -36,7 +38,7 @@ class Beat:
     refused: str = ""
 
     def text(self) -> str:
-        return json.dumps(asdict(self), ensure_ascii=False)
+        return json.dumps(asdict(self))
 
     @classmethod
     def read(cls, text: str) -> Beat | None:
@@ -52,9 +54,12 @@ class Beat:
             return None
         if any(type(found[name]) is not kind for name, kind in kinds.items()):
             return None
-        if not (0 <= found["term"] < MAX_TERM and found["panel"]):
+        ids = (found["panel"], found["holder"], found["refused"])
+        if not (0 <= found["term"] < MAX_TERM and found["panel"]) or any(
+            clean_name(word) != word for word in ids
+        ):
             return None
-        return cls(**found)
+        return cls(**found | {"who": clean(found["who"])})
 
 
 class Panels:

@@ -8,7 +8,8 @@ board validates the numbers; only their form is checked here.
 from __future__ import annotations
 
 import json
-import math
+import re
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -21,13 +22,14 @@ from control_board_ros.interface import (
     VELOCITY_DIRECT_COMMAND,
     Endpoint,
 )
-from control_board_ros.text import unknown_word
+from control_board_ros.text import clean, unknown_word
 
 #: The fields of a request.
 Given = Mapping[str, Any]
 
 MAX_NAMES = 256
 MAX_TEXT = 200
+HALVES = re.compile("[\ud800-\udfff]")
 
 
 class BadRequest(ValueError):  # noqa: N818  (HTTP's word)
@@ -37,7 +39,7 @@ class BadRequest(ValueError):  # noqa: N818  (HTTP's word)
     """
 
     def __init__(self, text: str, id_: int | None = None) -> None:
-        super().__init__(text)
+        super().__init__(clean(text))
         self.id = id_
 
 
@@ -66,9 +68,9 @@ class Kind:
 
 
 def text(value: Any) -> str:
-    """A text of limited length."""
-    if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT:
-        raise ValueError(f"a text of 1 to {MAX_TEXT} characters")
+    """A text of limited length, without halves of characters (lone surrogates)."""
+    if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT or HALVES.search(value):
+        raise ValueError(f"a text of 1 to {MAX_TEXT} characters of Unicode")
     return value
 
 
@@ -80,7 +82,9 @@ def names(value: Any) -> list[str]:
 
 
 def number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError("a finite number")
+    if not -sys.float_info.max <= value <= sys.float_info.max:  # an int may have any size
         raise ValueError("a finite number")
     return float(value)
 

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import time
 from collections import deque
 from pathlib import Path
 from typing import Any
 
+from control_board_ros.text import clean
+
 from .boards import Board
-from .browser import Browser
+from .browser import Browser, message, message_or_error
 from .recordings import Recordings
 
 #: Log entries sent to a new browser.
@@ -35,7 +37,7 @@ class Shared:
         self.history = deque[dict[str, Any]](maxlen=HISTORY)
 
     def send_all(self, what: str, /, **fields: Any) -> None:
-        text = json.dumps({"is": what, **fields}, ensure_ascii=False, allow_nan=False)
+        text = message_or_error(what, fields)
         for browser in self.browsers.values():
             browser.send_text(text)
 
@@ -51,6 +53,8 @@ class Shared:
 
     def log(self, who: str, what: str, **more: Any) -> None:
         """Log an action for all browsers, also later ones; at is in s since 1970."""
-        entry = {"at": time.time(), "who": who, "what": what} | more
-        self.history.append(entry)
+        entry = {"at": time.time(), "who": clean(who), "what": clean(what)} | more
         self.send_all("log", **entry)
+        with contextlib.suppress(ValueError):  # left out, as browsers were told
+            message("log", entry)
+            self.history.append(entry)
