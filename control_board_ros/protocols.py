@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from .core.terms import arguments, vocabs
-from .core.terms.reply import Reply
+from .core.terms.reply import MotionDone, Reply
 from .core.terms.vocabs import ControlMode, InteractionMode
 
 Joints = arguments.Joints
@@ -75,7 +75,7 @@ class IPositionControl(Protocol):
 
     def get_target_position(self, joints: Joints = None) -> Floats: ...
 
-    def check_motion_done(self, joints: Joints = None) -> list[bool]: ...
+    def check_motion_done(self, joints: Joints = None) -> MotionDone: ...
 
     def stop(self, joints: Joints = None) -> Reply: ...
 

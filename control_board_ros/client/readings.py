@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from control_board_ros.core.terms.reply import MotionDone
 from control_board_ros.interface import STATE
 from control_board_ros.protocols import Floats, Joints
 
@@ -79,11 +80,11 @@ class Readings(Interface):
         return await self._measured("acceleration", joints)
 
     @operation
-    async def check_motion_done(self, joints: Joints = None) -> list[bool]:
-        """False from the cycle that accepts a move until its profile ends (P3)."""
+    async def check_motion_done(self, joints: Joints = None) -> MotionDone:
+        """False from the cycle that accepts a move until its profile ends (P3); see MotionDone."""
         selection = await self._services.select(joints)
         state = await self.get_state()
-        return [bool(done) for done in state.motion_done[selection.joints]]
+        return MotionDone(bool(done) for done in state.motion_done[selection.joints])
 
     async def _measured(self, field: str, joints: Joints) -> Floats:
         selection = await self._services.select(joints)

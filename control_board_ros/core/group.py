@@ -45,7 +45,7 @@ from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
 from .terms.motors import Motors, Pids
-from .terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided, refused
+from .terms.reply import Answer, JointAnswer, MotionDone, Reason, Reply, accepted, decided, refused
 from .terms.vocabs import (
     BrakeMode,
     CommandKind,
@@ -153,6 +153,7 @@ class JointGroup(ModeShortcuts):
         together: bool = False,
         time: float | None = None,
         valid_for: float = 0.0,
+        sampled: bool = False,
     ) -> Reply:
         """Send references of one kind, as :meth:`Commands.command`; see COMMANDS for ``along``."""
         try:
@@ -165,7 +166,14 @@ class JointGroup(ModeShortcuts):
         except RequestError as error:
             return self.reject(joints, f"{kind} reference ignored: {error}")
         return self.engine.commands.command(
-            kind, chosen, asked, extra, together=together, time=time, valid_for=valid_for
+            kind,
+            chosen,
+            asked,
+            extra,
+            together=together,
+            time=time,
+            valid_for=valid_for,
+            sampled=sampled,
         )
 
     def position_move(
@@ -564,10 +572,9 @@ class JointGroup(ModeShortcuts):
         """The last accepted motor current, A, shape (k,) (M11)."""
         return self._last(K.CURRENT, joints)
 
-    def check_motion_done(self, joints: Joints = None) -> list[bool]:
-        """False from the cycle that accepts a move until its profile ends (P3)."""
-        done: list[bool] = self.state.done[self._chosen(joints)].tolist()
-        return done
+    def check_motion_done(self, joints: Joints = None) -> MotionDone:
+        """False from the cycle that accepts a move until its profile ends (P3); see MotionDone."""
+        return MotionDone(self.state.done[self._chosen(joints)].tolist())
 
     def get_remaining_time(self, joints: Joints = None) -> Array:
         """Time until the position moves end, s, shape (k,)."""

@@ -196,7 +196,7 @@ BOARD = (*NODE, *rows_of(BoardConfig), *rows_of(SimulationConfig))
 JOINT = (*rows_of(JointConfig), *rows_of(JointSimulation))
 BOARD_BY_NAME = {row.name: row for row in BOARD}
 #: Robots of several parts: parameters of each part, and of the robot's own node.
-PART_ONLY = ("allow_partial_joints_goal", "constraints.")
+PART_ONLY = ("allow_partial_joints_goal", "constraints.", "out_of_range")
 PART_ROWS = tuple(r for r in BOARD if r.name.startswith(("joints", "calibration_", *PART_ONLY)))
 ROBOT_ROWS = tuple(row for row in BOARD if not row.name.startswith(PART_ONLY))
 JOINT_BY_NAME = {row.name: row for row in JOINT}

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,25 @@ def test_every_kind_is_bounded_by_its_limit(kind: CommandKind) -> None:
     high = LIMITS.upper if row.limit is None else getattr(LIMITS, row.limit)
     low = LIMITS.lower if row.limit is None else -high
     assert board.engine.references.last[kind].tolist() == [high[0], low[1], 0.0]
+
+
+@pytest.mark.parametrize("kind", CommandKind)
+def test_every_kind_is_refused_beyond_its_limit_where_the_board_refuses(kind: CommandKind) -> None:
+    """P9, out_of_range: degrees sent as radians move nothing; what rounding cuts is bounded."""
+    board, row = Board(replace(CONFIG, out_of_range="refuse")), COMMANDS[kind]
+    for j in range(3):
+        board.engine.machine.enter([j], modes_accepting(kind)[0])
+    high = LIMITS.upper if row.limit is None else getattr(LIMITS, row.limit)
+    before = board.engine.references.last[kind].copy()
+    reply = board.command(kind, None, [-40.0 * high[0], high[1] + 1e-8, 0.0])
+    assert [str(answer) for answer in reply.answers] == ["ignored", "accepted", "accepted"]
+    assert reply.codes[0] == "out_of_range"
+    assert "outside" in reply.reasons[0]
+    assert "out_of_range is refuse" in reply.reasons[0]
+    assert board.rejected_commands.tolist() == [1, 0, 0]
+    assert board.engine.references.last[kind].tolist() == [before[0], high[1], 0.0]
+    reply = board.command(kind, None, [0.0, 40.0 * high[1], 0.0], together=True)
+    assert not any(answer is Answer.ACCEPTED for answer in reply.answers)
 
 
 @pytest.mark.parametrize("kind", [kind for kind, row in COMMANDS.items() if row.along is None])

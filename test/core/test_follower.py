@@ -65,9 +65,9 @@ def test_the_velocity_reference_ends_at_zero(rig: Tracked, monkeypatch: Any) -> 
     fed = []
     original = rig.board.command
 
-    def spy(kind: Any, joints: Any, positions: Any, velocities: Any = None) -> Any:
+    def spy(kind: Any, joints: Any, positions: Any, velocities: Any = None, **more: Any) -> Any:
         fed.append(np.array(velocities))
-        return original(kind, joints, positions, velocities)
+        return original(kind, joints, positions, velocities, **more)
 
     monkeypatch.setattr(rig.board, "command", spy)
     rig.follower.follow("a", line(("a",), (0.1, 0.05)), rig.board.time)
@@ -269,6 +269,21 @@ def test_braking_begins_no_faster_than_the_joint_may(rig: Tracked) -> None:
     assert rig.events() == ["trajectory of a ended: cancelled"]
     assert rig.cycle(300)[0] == pytest.approx(before + 3.0**2 / (2 * 20.0), abs=1e-6)
     assert not rig.follower.busy
+
+
+def test_a_board_that_refuses_refuses_a_path_by_its_points(rig: Tracked) -> None:
+    """P9, out_of_range: a path of degrees is not begun; between good points nothing is refused."""
+    rig.board.reconfigure(replace(rig.board.config, out_of_range="refuse"))
+    reply = rig.follower.follow(None, line(NAMES, (0.5, 40.0), (1.0, 0.1)), rig.board.time)
+    assert not reply
+    assert reply.codes == ("out_of_range",) * 3
+    assert "40 is 2291.8°, outside -114.6° to 114.6°" in reply.message
+    np.testing.assert_array_equal(rig.cycle(10), 0.0)
+    bulging = cubic(NAMES, (1.0, 1.9, 2.0), (1.2, 1.9, -2.0), (2.0, 0.0, 0.0))
+    assert rig.follower.follow(None, bulging, rig.board.time)
+    _, positions = rig.track(2.1)
+    assert positions.max() == pytest.approx(2.0)
+    assert positions[-1] == pytest.approx([0.0] * 3, abs=1e-6)
 
 
 def test_a_board_that_accepts_whole_trajectories_only(rig: Tracked) -> None:

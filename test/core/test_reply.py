@@ -6,6 +6,7 @@ from __future__ import annotations
 from control_board_ros.core.terms.reply import (
     Answer,
     JointAnswer,
+    MotionDone,
     Reason,
     Reply,
     accepted,
@@ -15,6 +16,13 @@ from control_board_ros.core.terms.reply import (
 )
 
 FINE = JointAnswer()
+
+
+def test_motion_is_done_when_that_of_all_joints_is() -> None:
+    """``while not board.check_motion_done():``, as written for YARP, waits."""
+    assert not MotionDone([True, False])
+    assert MotionDone([True, True])
+    assert MotionDone([False, True]) == [False, True]
 
 
 def test_true_only_when_all_accepted() -> None:

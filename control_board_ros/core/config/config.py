@@ -74,6 +74,7 @@ __all__ = [
 
 NAMES = "a joint name: up to 120 characters that can be shown"
 OUTPUTS = ("pwm", "current")
+BOUND, REFUSE = OUT_OF_RANGE = ("bound", "refuse")
 #: The torque sensor is another program.
 EXTERNAL = "external"
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
@@ -481,6 +482,12 @@ class BoardConfig:
         default="pwm",
         choices=OUTPUTS,
     )
+    out_of_range: str = parameter(
+        "References beyond the limits: bound them, or refuse them (degrees sent as radians)",
+        default=BOUND,
+        choices=OUT_OF_RANGE,
+        run_time=True,
+    )
     heartbeat_timeout: float = parameter(
         "Time without ~/heartbeat that triggers an emergency stop; 0: disabled",
         "s",
@@ -512,6 +519,8 @@ class BoardConfig:
         self._check_couplings()
         if self.output not in OUTPUTS:
             raise ConfigError("output", self.output, _one_of(OUTPUTS))
+        if self.out_of_range not in OUT_OF_RANGE:
+            raise ConfigError("out_of_range", self.out_of_range, _one_of(OUT_OF_RANGE))
         grouped = [name for group in self.calibration_groups for name in group]
         for name in grouped:
             if name not in names or grouped.count(name) > 1:

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.coupling import Coupling, side_by_side
 from ..terms.arguments import Array
-from .config import BoardConfig, ConfigError
+from .config import REFUSE, BoardConfig, ConfigError
 
 
 def joined(parts: Mapping[str, BoardConfig]) -> BoardConfig:
@@ -60,7 +61,8 @@ class BoardLimits:
 
     Attributes: lower and upper (software limits of the position, rad), velocity (rad/s),
     acceleration (rad/s²), torque (N·m), output (PWM, percent), current (peak, A),
-    stiffness (the greatest permitted in set_impedance, N·m/rad), damping (likewise, N·m·s/rad).
+    stiffness (the greatest permitted in set_impedance, N·m/rad), damping (likewise, N·m·s/rad),
+    refused (whether references beyond them are, and not bounded).
     Metres and N where a joint slides.
     """
 
@@ -73,12 +75,16 @@ class BoardLimits:
     current: Array
     stiffness: Array
     damping: Array
+    refused: NDArray[np.bool_]
 
     @classmethod
     def of(cls, config: BoardConfig) -> BoardLimits:
         """The limits of a configuration."""
         limits = [joint.limits for joint in config.joints]
         impedances = [joint.impedance for joint in config.joints]
+        refused = [
+            zone.config.out_of_range == REFUSE for zone in config.zones() for _ in zone.joints
+        ]
         return cls(
             lower=frozen(one.lower for one in limits),
             upper=frozen(one.upper for one in limits),
@@ -89,6 +95,7 @@ class BoardLimits:
             current=frozen(one.peak_current for one in limits),
             stiffness=frozen(one.max_stiffness for one in impedances),
             damping=frozen(one.max_damping for one in impedances),
+            refused=frozen(refused).astype(np.bool_),
         )
 
 

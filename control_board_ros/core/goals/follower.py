@@ -267,15 +267,19 @@ def overdue(board: JointGroup, path: Path, start: float) -> str:
 
 
 def admitted(board: JointGroup, selection: Selection, path: Path) -> tuple[Bools, Reply]:
-    """Which joints of a path are in POSITION_DIRECT, shape (k,), and the refusal of the others.
+    """Which joints of a path accept it, shape (k,), and the refusal of the others.
 
-    These count it as a rejected direct position (M4).
+    Those are in POSITION_DIRECT, and all their points within the limits where the board refuses
+    others (P9). The others count it as a rejected direct position (M4).
     """
-    good = board.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
+    kind, commands = CommandKind.POSITION_DIRECT, board.engine.commands
+    within = commands.within(kind, selection.joints, path.positions)
+    good: Bools = board.state.accepts[kind, selection.joints] & within.all(axis=0)
     others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
     if not others:  # none named would mean all
         return good, accepted(())
-    return good, board.set_position(others, path.positions[-1, ~good])
+    worst = path.positions[within.argmin(axis=0), np.arange(len(good))]
+    return good, board.set_position(others, worst[~good])
 
 
 def cuts(board: JointGroup, run: Run) -> dict[str, str]:
@@ -290,4 +294,4 @@ def cuts(board: JointGroup, run: Run) -> dict[str, str]:
 def send(board: JointGroup, joints: list[int], sample: Sample) -> Reply:
     """Command the references of a cycle."""
     kind = CommandKind.POSITION_DIRECT
-    return board.command(kind, joints, sample.positions, sample.velocities)
+    return board.command(kind, joints, sample.positions, sample.velocities, sampled=True)

@@ -25,10 +25,19 @@ from ..terms.arguments import Array, Values
 from ..terms.reply import Answer, JointAnswer, Reason, Reply, decided
 from ..terms.vocabs import CommandKind
 from .decisions import decide_reference
-from .explanations import all_or_none, explain_bound, explain_reference, explain_slower, range_text
+from .explanations import (
+    all_or_none,
+    explain_bound,
+    explain_reference,
+    explain_refused,
+    explain_slower,
+    range_text,
+)
 from .machine import Machine
 
 K = CommandKind
+#: References that a limit's decimals cut by less than this are within: rad, m, percent, …
+ROUNDING = 1e-6
 #: Effects of limits on references, by joint.
 Notes = dict[int, str]
 Start = Callable[[References, Indices, Array, Any], Any]
@@ -120,6 +129,7 @@ class Commands:
 
     def reconfigure(self, limits: BoardLimits) -> None:
         """Apply new limits."""
+        self._refused = limits.refused if limits.refused.any() else None
         self._low, self._high, self._most = (dict.fromkeys(K, limits.lower) for _ in range(3))
         for kind, row in COMMANDS.items():
             high = limits.upper if row.limit is None else getattr(limits, row.limit)
@@ -138,6 +148,7 @@ class Commands:
         together: bool,
         time: float | None,
         valid_for: float,
+        sampled: bool = False,
     ) -> Reply:
         """Start references of one kind; COMMANDS names their accompanying values.
 
@@ -150,12 +161,15 @@ class Commands:
             time: s after which position moves arrive, all at once (R5), no less than
                 ``get_move_time`` returns; None: each at its own.
             valid_for: s until these references expire (P12); 0: the timeouts of the joints.
+            sampled: of a path whose points are already checked: bounded, never refused.
         """
         extra = self._standing(kind, selection) if along is None else along
         chosen = selection.joints
         good = self._state.accepts[kind, chosen] & np.isfinite(asked)
         if along is not None:
             good &= self._fits(kind, chosen, along)
+        if self._refused is not None and not sampled:
+            good &= self.within(kind, chosen, asked)
         answers: list[JointAnswer] = []
         if not good.all():
             answers = self._judged(kind, selection, asked, along)
@@ -255,6 +269,14 @@ class Commands:
                 notes[j] = text
         return notes
 
+    def within(self, kind: CommandKind, chosen: Indices, asked: Array) -> NDArray[np.bool_]:
+        """Whether references lie within the limits, or are bounded where they do not."""
+        if self._refused is None:
+            return np.ones(asked.shape, dtype=np.bool_)
+        low, high = self._low[kind][chosen], self._high[kind][chosen]
+        inside = (low - ROUNDING <= asked) & (asked <= high + ROUNDING)
+        return inside | ~self._refused[chosen]
+
     def _judged(
         self, kind: CommandKind, selection: Selection, asked: Array, along: Array | None
     ) -> list[JointAnswer]:
@@ -265,12 +287,17 @@ class Commands:
             if along is None
             else self._fits(kind, selection.joints, along)
         )
+        within = self.within(kind, selection.joints, asked)
         for k, j in enumerate(selection.joints.tolist()):
             facts = self._machine.facts(j)
             values = (float(asked[k]),) if along is None else (float(asked[k]), float(along[k]))
-            verdict = decide_reference(facts, kind, values, fits=bool(fits[k]))
+            verdict = decide_reference(facts, kind, values, fits=bool(fits[k] and within[k]))
             self._state.rejected[j] += np.uint64(not verdict.accepts)
-            allowed = range_text(COMMANDS[kind].along, values[-1], float(self._most[kind][j]))
+            if fits[k]:
+                bounds = float(self._low[kind][j]), float(self._high[kind][j])
+                allowed = explain_refused(facts.joint, kind, values[0], bounds)
+            else:
+                allowed = range_text(COMMANDS[kind].along, values[-1], float(self._most[kind][j]))
             text = explain_reference(verdict.reason, facts, kind, values, allowed)
             answers.append(JointAnswer(verdict.answer, text, verdict.reason))
         return answers

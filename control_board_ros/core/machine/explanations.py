@@ -147,6 +147,17 @@ def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: fl
     return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was requested)"
 
 
+def explain_refused(
+    joint: JointConfig, kind: CommandKind, asked: float, bounds: tuple[float, float]
+) -> str:
+    """Why a reference beyond its limits is refused where the board does not bound it (P9)."""
+    low, high = (quantity(kind, bound, joint.kind) for bound in bounds)
+    return (
+        f"{asked:g} is {quantity(kind, asked, joint.kind)}, outside {low} to {high}; values are "
+        "in SI units, and out_of_range is refuse"
+    )
+
+
 def explain_limit(joint: JointConfig, position: float) -> str:
     """The warning of a joint that its protection pushes back into its software limits (P9)."""
     limits = joint.limits

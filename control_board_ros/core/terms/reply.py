@@ -44,6 +44,13 @@ class Reason(StrEnum):
     TOGETHER = "together"  # another joint of the request could not
 
 
+class MotionDone(list[bool]):
+    """Whether the motion of each joint is done; true when all are (YARP's checkMotionDone)."""
+
+    def __bool__(self) -> bool:
+        return all(self)
+
+
 class JointAnswer(NamedTuple):
     """The result of a request for one joint: text and code are empty where it was carried out."""
 
