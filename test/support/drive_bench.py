@@ -3,19 +3,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-import time
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Self
+from unittest import mock
 
 import numpy as np
+from direct_bus import DirectCan, DirectPort
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import SetPoints
+from control_board_ros.plants.drives import can_line, serial_line
 from control_board_ros.plants.drives.axes import Axis
-from control_board_ros.plants.drives.plant import DrivesPlant
+from control_board_ros.plants.drives.clock import ManualClock
+from control_board_ros.plants.drives.driver import Found
 from control_board_ros.plants.interface import Readings, Setup
+from control_board_ros.plants.virtual.can_bus import VirtualCan
+from control_board_ros.plants.virtual.pty_bus import VirtualSerial
+from control_board_ros.plants.virtual.servo import Framer
 from control_board_ros.plants.virtual.world import World, free_world
 from control_board_ros.testing.plant_contract import set_points
 
@@ -49,7 +56,6 @@ class Bench:
         driver: Its folder's name.
         names: Of the joints.
         options: Of the driver, as ``plant_arguments`` has them.
-        patience: s of real time that an exchange waits for an answer.
         mounted: Options by which the drives are mounted in truth, where the user is wrong.
     """
 
@@ -58,7 +64,6 @@ class Bench:
         driver: str,
         names: tuple[str, ...] = ("left", "right"),
         options: dict[str, str] | None = None,
-        patience: float = 0.1,
         mounted: dict[str, str] | None = None,
     ) -> None:
         room = f"control_board_ros.plants.{driver}"
@@ -66,23 +71,64 @@ class Bench:
             import_module(f"{room}.driver"),
             import_module(f"{room}.virtual"),
         )
-        self.time, self._patience = 100.0, patience
+        self.clock = ManualClock()
         options = options or {}
         axes = self.driver.make(names, options if mounted is None else mounted).axes
         self.drives: list[Any] = [self._virtual.virtual_drive(axis, None) for axis in axes]
-        self.world: World = free_world(axes, self.drives, clock=lambda: self.time)
+        self.world: World = free_world(axes, self.drives, clock=self.clock.now)
         self.world.longest = math.inf
-        self.bus = self._virtual.virtual_bus(self.world, self.drives)
-        self.plant: DrivesPlant = self.driver.make(names, options | {"bus": self.bus.address})
-        self.plant.clock = lambda: self.time
+        self.bus = self._far_end()
+        self.plant: Any = self.driver.make(names, options | {"bus": "direct"})
+        self.line.clock, self.line.connect = self.clock, self._connect
+        self.plant.clock = self.clock if hasattr(self.plant.driver, "live") else self.clock.now
+        self._next = self.clock.now()
         self.joints: tuple[Any, ...] = (None,) * len(names)
+
+    @property
+    def line(self) -> Any:
+        """The bus of the driver."""
+        driver = self.plant.driver
+        names = ("line", "_line", "_bus")
+        return next(getattr(driver, name) for name in names if hasattr(driver, name))
+
+    @property
+    def time(self) -> float:
+        """Of driver, wire and drives, s."""
+        return self.clock.now()
+
+    @time.setter
+    def time(self, now: float) -> None:
+        self.clock.time = self._next = now
+
+    def _far_end(self) -> VirtualCan | VirtualSerial:
+        if not hasattr(self.drives[0], "on_packet"):
+            return VirtualCan(self.world, self.drives)
+        module = self._virtual
+        head = {"dynamixel": 7, "feetech": 4}[module.__name__.split(".")[-2]]
+        framer = Framer(module.HEADER, head, module.length_of, module.unpacked)
+        return VirtualSerial(self.world, self.drives, framer)
+
+    def _connect(self, *_: object, **options: Any) -> Any:
+        """The end of the bus that a driver opens."""
+        if isinstance(self.bus, VirtualSerial):
+            return DirectPort(self.bus, self.clock)
+        self.wire_end = DirectCan(self.bus, self.clock, fd=bool(options.get("fd")))
+        return self.wire_end
+
+    def scan(self) -> list[Found]:
+        """What a scan of the bus finds."""
+        with contextlib.ExitStack() as stack:
+            for module, name in ((can_line, "open_bus"), (serial_line, "open_port")):
+                stack.enter_context(mock.patch.object(module, name, self._connect))
+                stack.enter_context(mock.patch.object(module, "Clock", return_value=self.clock))
+            found: list[Found] = self.driver.scan("direct")
+        return found
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.plant.close()
-        self.bus.close()
 
     @property
     def accepts(self) -> tuple[SetPoint, ...]:
@@ -100,12 +146,12 @@ class Bench:
         drive.fail(FAULTS[type(drive).__name__], persists=persists)
 
     def connect(self) -> None:
-        period = self._patience / 0.6
-        self.plant.connect(Setup(period=period, timeout=TIMEOUT, joints=self.joints))
+        self.plant.connect(Setup(period=PERIOD, timeout=TIMEOUT, joints=self.joints))
 
     def tick(self, wanted: SetPoints) -> Readings:
         """One exchange, one period later."""
-        self.time += PERIOD
+        self._next = max(self._next + PERIOD, self.clock.now())
+        self.clock.time = self._next
         return self.plant.exchange(wanted)
 
     def follow(self, kind: SetPoint, cycles: int = 1, **values: float) -> Readings:
@@ -134,13 +180,7 @@ class Bench:
 
     def pass_time(self, seconds: float) -> None:
         """Time passes for the drives without frames from the board."""
-        wanted = self.time + seconds
-        while self.time < wanted:
-            self.time = min(wanted, self.time + 0.015)
-            for _ in range(2000):
-                with self.world.lock:
-                    if self.world.time + 2e-3 > self.time:
-                        break
-                time.sleep(1e-3)
-            else:
-                raise AssertionError("the virtual drives do not move")
+        end = self.time + seconds
+        while self.time < end:
+            self.time = min(end, self.time + 0.015)
+            self.bus.step([])

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from control_board_ros.plants.virtual.can_bus import Frame, VirtualCanBus
+from control_board_ros.plants.virtual.can_bus import Frame, VirtualCan
 
 
 @dataclass(slots=True)
@@ -65,6 +65,6 @@ class Wire:
 
 def wired(bus: Any) -> tuple[Wire, Wire]:
     """Put wires between a virtual bus and its drives: to them, and from them."""
-    checked = isinstance(bus, VirtualCanBus)
+    checked = isinstance(bus, VirtualCan)
     bus.to_drives, bus.from_drives = Wire(checked=checked), Wire(checked=checked, seed=1)
     return bus.to_drives, bus.from_drives

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import time
 from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, Self
 
 from ..errors import PlantSettingsError
+from .clock import Clock
 
 #: Most frames that an exchange reads for each that it waits for: a flood does not block it.
 FLOOD = 8
@@ -78,16 +78,23 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
     return can.Bus(interface=interface, channel=channel or None, **more)
 
 
+#: The id of a frame, remote ones with REMOTE, and its data.
+Frame = tuple[int, bytes]
+
+
 class CanLine:
     """A bus of python-can, open within ``with`` or from ``open`` to ``close``; see ``open_bus``.
 
     A failure is an OSError of one line.
 
-    Attributes: dropped (frames for which the interface's queue had no room).
+    Attributes: dropped (frames for which the interface's queue had no room); clock; connect
+        (opens the bus as ``open_bus`` does).
     """
 
     def __init__(self, text: str, *, fd: bool = False, bitrate: int = 0) -> None:
         self._text, self._fd, self._bitrate = text, fd, bitrate
+        self.clock = Clock()
+        self.connect: Callable[..., Any] = open_bus
         self._bus: Any = None
         self.dropped = 0
 
@@ -118,7 +125,7 @@ class CanLine:
             ) from None
         self._errors = (can.CanError, OSError)
         try:
-            self._bus = open_bus(self._text, fd=self._fd, bitrate=self._bitrate)
+            self._bus = self.connect(self._text, fd=self._fd, bitrate=self._bitrate)
         except (can.CanError, OSError, ValueError) as error:
             raise OSError(
                 f"bus {self._text}: {error}; use INTERFACE:CHANNEL, as socketcan:can0"
@@ -172,14 +179,27 @@ class CanLine:
             seconds: Timeout.
         """
         left = set(missing)
-        end, frames = time.monotonic() + seconds, FLOOD * (len(left) + 1)
+        end, frames = self.clock.now() + seconds, FLOOD * (len(left) + 1)
         while left and frames:
-            received = self._receive(max(0.0, end - time.monotonic()))
+            received = self._receive(max(0.0, end - self.clock.now()))
             if received is None:
                 return
             frames -= 1
             if not received.is_error_frame and (found := take(received)) is not None:
                 left.discard(found)
+
+    def exchange(
+        self,
+        frames: Iterable[Frame],
+        take: Callable[[Any], int | None],
+        missing: Iterable[int],
+        seconds: float,
+    ) -> None:
+        """Read what is late, send frames, and gather their answers; see ``gather``."""
+        self.drain(take)
+        for frame_id, data in frames:
+            self.send(frame_id, data)
+        self.gather(take, missing, seconds)
 
     def drain(self, take: Callable[[Any], int | None]) -> None:
         """Read pending frames, which are late answers."""
@@ -192,8 +212,8 @@ class CanLine:
     def collect(self, seconds: float) -> list[Any]:
         """All frames that arrive within a time, s."""
         found = []
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
+        end = self.clock.now() + seconds
+        while (left := end - self.clock.now()) > 0.0:
             received = self._receive(left)
             if received is not None and not received.is_error_frame:
                 found.append(received)

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ..interface import DriveFault, DriveLimits, Setup
 from .axes import Axis
 from .can_line import ATTEMPTS
+from .interview import Interview, Questions
+from .reconcile import Action, Reported
 
 Answer = TypeVar("Answer")
 NONE = DriveLimits()
@@ -55,9 +57,13 @@ class Answers:
         restarted: Drives that lost their set-up: they get no power until they are set up again.
         times: Of the last answer of each, s; -inf: none.
         raw: Distinct answers of each in this exchange, as received.
+        reported: What each drive says of itself.
+        asked: Questions for the readings of each in this exchange.
     """
 
     def __init__(self, axes: Sequence[Axis], clock: Callable[[], float] = time.monotonic) -> None:
+        self.reported = [Reported() for _ in axes]
+        self.asked = [0] * len(axes)
         self._clock, count = clock, len(axes)
         self.places = {axis.id: k for k, axis in enumerate(axes)}
         (self.position, self.velocity, self.torque, self.current, self.temperature,
@@ -89,6 +95,68 @@ class Traits:
     temperature: bool = False
     voltage: bool = False
     motor_encoders: frozenset[int] = frozenset()
+
+
+class Order(NamedTuple):
+    """What a drive is told in an exchange.
+
+    Attributes: action, kind, values (at its output, shape (VALUES,)), interview (whose question is
+        asked where the action is one of ASKING).
+    """
+
+    action: Action
+    kind: SetPoint
+    values: Sequence[float]
+    interview: Interview[Any] | None = None
+
+
+class Make(Protocol):
+    """Drives of one make on one bus: a codec, and a set-up that asks one question per exchange.
+
+    It raises OSError or ValueError with one line for people. ``reported`` has what each drive says
+    of itself; the codec writes its power, law, fault, and ``lost`` where it sees that.
+
+    Attributes:
+        traits: What all of its drives have.
+        line: Its bus; its ``clock`` and ``connect`` may be replaced before ``open``.
+        live: A law comes with its set-point, under power.
+    """
+
+    traits: Traits
+    line: Any
+    live: bool
+
+    def open(self, setup: Setup, answers: Answers) -> None:
+        """Open the bus; ``answers`` are to be filled in each exchange."""
+        ...
+
+    def law(self, k: int, kind: SetPoint) -> Hashable:
+        """The law of a kind of set-point, in the maker's own terms."""
+        ...
+
+    def set_up(self, k: int) -> Questions[Found]:
+        """Power off; identify a drive by its place, set its watchdog, read its limits."""
+        ...
+
+    def confirm(self, k: int) -> Questions[bool]:
+        """Whether a drive without power still has what a restart forgets."""
+        ...
+
+    def set_law(self, k: int, law: Any) -> Questions[Any]:
+        """Change the law of a drive without power, goals of rest with it; the one that it reads
+        back. Where ``live``, it is never called.
+        """
+        ...
+
+    def exchange(self, orders: Mapping[int, Order]) -> None:
+        """Send orders, by the places of drives, and read answers until all are there or the time
+        is up.
+        """
+        ...
+
+    def close(self) -> None:
+        """All drives without power; safe to call twice, and where nothing is open."""
+        ...
 
 
 class Driver(Protocol):

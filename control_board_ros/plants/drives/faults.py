@@ -10,6 +10,8 @@ from ..interface import DriveFault
 #: Watchdog and restart of a drive that has no fault number of its own for them.
 WATCHDOG = DriveFault(0, "watchdog: no command within its timeout")
 RESTARTED = DriveFault(0, "drive restarted")
+#: Number of what a drive does not report, although it was told to (S8).
+UNCONFIRMED = 0
 UNNAMED = "see its manual"
 
 

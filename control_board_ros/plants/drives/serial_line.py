@@ -17,6 +17,8 @@ from typing import Any, NamedTuple, Self
 from ..errors import PlantSettingsError
 from .axes import Axis
 from .can_line import ATTEMPTS, PATIENCE
+from .clock import Clock
+from .interview import Interview, Question, Questions, ask
 
 Take = Callable[[int, bytes], None]
 
@@ -32,6 +34,25 @@ class Item(NamedTuple):
         bits = 8 * self.length
         low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
         return min(high, max(low, value)).to_bytes(self.length, "little", signed=signed)
+
+
+class Request(NamedTuple):
+    """A question to a servo: an item to read, or to write where it has a value."""
+
+    item: Item
+    value: int | None = None
+    signed: bool = False
+
+    def parse(self, data: Sequence[int], error: int) -> Reply:
+        """The answer to a question for the item."""
+        return Reply(int.from_bytes(bytes(data), "little", signed=self.signed), error)
+
+
+class Reply(NamedTuple):
+    """What a servo answers: the value of an item, and its error byte."""
+
+    value: int
+    error: int
 
 
 class Library(NamedTuple):
@@ -107,16 +128,51 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
     return port
 
 
+def get(drive: int, item: Item, *, signed: bool = False) -> Questions[int]:
+    """The value of an item of a servo, in the exchanges of its bus.
+
+    Raises:
+        ConnectionError: the servo does not answer.
+    """
+    question = Question(Request(item, None, signed), lambda reply: reply)
+    reply = yield from ask(question, f"id {drive} does not answer; is it powered?")
+    value: int = reply.value
+    return value
+
+
+def put(drive: int, item: Item, value: int, refusal: int) -> Questions[None]:
+    """Write an item of a servo, and check that it was accepted.
+
+    Args:
+        drive: Its id.
+        item: Its item.
+        value: To be written.
+        refusal: Bits of its error byte that refuse it.
+
+    Raises:
+        ConnectionError: the servo does not answer, or refuses the value.
+    """
+    question = Question(Request(item, value), lambda reply: reply)
+    reply = yield from ask(question, f"id {drive} does not answer; is it powered?")
+    if reply.error & refusal:
+        raise ConnectionError(
+            f"id {drive}: {value} is refused at address {item.address} "
+            f"(error {reply.error & 0x7F})"
+        )
+
+
 class ServoBus:
     """The servos of one serial bus, by the packet handler of their maker's library.
 
     It is open within ``with`` or from ``open`` to ``close``; see ``open_port``.
 
-    Attributes: protocol (of the library).
+    Attributes: protocol (of the library); clock; connect (opens the port as ``open_port`` does).
     """
 
     def __init__(self, library: Library, device: str, baudrate: int = 1_000_000) -> None:
         self._library, self._device, self._baudrate = library, device, baudrate
+        self.clock = Clock()
+        self.connect: Callable[..., Any] = open_port
         self._port: Any = None
 
     @property
@@ -153,7 +209,7 @@ class ServoBus:
                 f"{library.package} (it has no {missing[0]}): another package has the same name; "
                 f"pip uninstall it, and pip install --force-reinstall {library.package}"
             )
-        self._port = open_port(sdk.PortHandler, self._device, self._baudrate)
+        self._port = self.connect(sdk.PortHandler, self._device, self._baudrate)
         self._port.wait = PATIENCE
         self.protocol = sdk.PacketHandler(library.protocol)
 
@@ -196,6 +252,28 @@ class ServoBus:
                 f"id {drive}: {value} is refused at address {item.address} (error {error & 0x7F})"
             )
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
+
+    def hold(self, drive: int, interview: Interview[Any] | None, seconds: float) -> None:
+        """Ask the question of an interview, once, and hear its answers until a timeout, s."""
+        if interview is None or not interview.asks or not interview.question.request:
+            return
+        request: Request = interview.question.request
+        self.port.wait = seconds
+        if request.value is None:
+            data, result, error = self.protocol.readTxRx(self.port, drive, *request.item)
+            if result == 0 and len(data) == request.item.length:
+                interview.hear(request.parse(data, error))
+        else:
+            packed = list(request.item.pack(request.value, signed=request.value < 0))
+            result, error = self.protocol.writeTxRx(self.port, drive, *request.item, packed)
+            if result == 0:
+                interview.hear(Reply(request.value, error))
+        if interview.question.several:  # a second servo with the same id
+            self.port.setPacketTimeout(0)
+            packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
+            self.port.is_using = False
+            if result == 0 and packet[self._library.place] == drive:
+                interview.hear(request.parse(self._parts(packet)[1], 0))
 
     def sync(self, item: Item, values: Mapping[int, bytes]) -> None:
         """Write an item of several servos in one packet, by their ids; there is no answer."""

@@ -1,56 +1,58 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dynamixel X servos over protocol 2: one sync write and one sync read for a whole bus.
+"""Dynamixel X servos over protocol 2: sync writes and one sync read for a whole bus.
 
-A kind of set-point is an operating mode, which such a servo changes without torque only: in one
-exchange torque off, mode, goal, torque on. Positions have no velocity and no
-feed-forward.
+A kind of set-point is an operating mode, which such a servo changes without torque only, by
+packets that it acknowledges: torque off until it is reported, mode and goal read back, torque on.
+Positions have no velocity and no feed-forward.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import ATTEMPTS, budget
-from ..drives.driver import Answers, Found, Traits, Wanted, only
+from ..drives.can_line import budget
+from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import WATCHDOG, flagged
-from ..drives.plant import maker
-from ..drives.serial_line import Item, ServoBus
+from ..drives.interview import Question, Questions, find
+from ..drives.reconcile import Action
+from ..drives.reconciled import maker
+from ..drives.serial_line import Item, Request, ServoBus, get, put
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import table as t
 
+#: The goal and the operating mode of each kind.
 GOALS = {
     SetPoint.PWM: (t.GOAL_PWM, t.PWM_MODE),
     SetPoint.CURRENT: (t.GOAL_CURRENT, t.CURRENT_MODE),
     SetPoint.VELOCITY: (t.GOAL_VELOCITY, t.VELOCITY_MODE),
     SetPoint.POSITION: (t.GOAL_POSITION, t.EXTENDED),
 }
-#: Answers without torque, until that counts as a fault of a servo that should have it.
-UNPOWERED = 5
+IDS = range(253)
 
 
 @dataclass(slots=True)
 class Servo:
     """One servo since it was set up.
 
-    Attributes: model, pwm and current (its limits, counts), kind (as requested), without (answers
-        in a row without torque, while it should have it).
+    Attributes: model; data (where its indirect data begin); pwm, current (its limits, counts).
     """
 
     model: t.Model = t.MODELS[1020]
+    data: int = t.DATA
     pwm: int = t.FULL_PWM
     current: int = 0
-    kind: SetPoint = SetPoint.OFF
-    without: int = 0
 
 
 class DynamixelDrives:
-    """The servos of one bus; see ``drives.driver.Driver``."""
+    """The servos of one bus; see ``drives.driver.Make``."""
+
+    live = False
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -70,83 +72,114 @@ class DynamixelDrives:
             temperature=True,
             voltage=True,
         )
-        self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
+        self.line = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         self._servos = [Servo() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self._bus.open()
+        self.line.open()
         self._answers, self._wait = answers, budget(setup.period)
         self._watch = max(1, min(127, int(setup.timeout / t.WATCHDOG_STEP)))  # never longer
 
-    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Disable torque, set indirect reads and watchdog; returns the drive's identification."""
-        bus, axis = self._bus, self._axes[k]
-        number = only(bus.models(axis.id, attempts), axis, self._options.bus, "dynamixel")
-        drive, name = axis.id, axis.name
+    def law(self, k: int, kind: SetPoint) -> int:
+        del k
+        return self._position_mode if kind is SetPoint.POSITION else GOALS[kind][1]
+
+    def set_up(self, k: int) -> Questions[Found]:
+        """Torque off, indirect reads, watchdog; the drive's identification and limits."""
+        axis, drive = self._axes[k], self._axes[k].id
+        question = Question(Request(t.MODEL), lambda reply: reply, several=True)
+        number = (yield from find(question, axis, self._options.bus, "dynamixel")).value
         if (model := t.MODELS.get(number)) is None:
             raise PlantSettingsError(
-                f"{name}: id {drive} is of model {number}; supported: "
+                f"{axis.name}: id {drive} is of model {number}; supported: "
                 + ", ".join(known.name for known in t.MODELS.values())
             )
         if self._senses and not model.ampere:
             raise PlantSettingsError(
-                f"{name}: {model.name} has no current control; add current=0 to plant_arguments"
+                f"{axis.name}: {model.name} has no current control; add current=0 to "
+                "plant_arguments"
             )
-        self._servos[k] = servo = Servo(model)
-        servo.pwm = bus.get(drive, t.PWM_LIMIT)
-        servo.current = bus.get(drive, t.CURRENT_LIMIT) if model.ampere else 0
-        bus.put(drive, t.TORQUE, 0)
-        bus.put(drive, t.WATCHDOG, 0)
+        firmware = yield from get(drive, t.FIRMWARE)
+        yield from self._put(drive, t.TORQUE, 0)
+        yield from self._put(drive, t.WATCHDOG, 0)
         place = t.INDIRECT
         for item in t.READ:
             for byte in range(item.length):
-                bus.put(drive, Item(place, 2), item.address + byte)
+                yield from self._put(drive, Item(place, 2), item.address + byte)
                 place += 2
-        bus.put(drive, t.WATCHDOG, self._watch)
-        bounded = self._position_mode == t.POSITION_MODE
+        yield from self._put(drive, t.WATCHDOG, self._watch)
+        pwm = yield from get(drive, t.PWM_LIMIT)
+        current = (yield from get(drive, t.CURRENT_LIMIT)) if model.ampere else 0
+        self._servos[k] = Servo(model, model.data(firmware), pwm, current)
+        ends: list[float | None] = [None, None]
+        if self._position_mode == t.POSITION_MODE:
+            for n, item in enumerate((t.MIN_POSITION, t.MAX_POSITION)):
+                ends[n] = angle((yield from get(drive, item, signed=True)))
+        speed, error = (yield from get(drive, t.VELOCITY_LIMIT)), (yield from get(drive, t.ERROR))
         limits = DriveLimits(
-            lower=angle(bus.get(drive, t.MIN_POSITION, signed=True)) if bounded else None,
-            upper=angle(bus.get(drive, t.MAX_POSITION, signed=True)) if bounded else None,
-            velocity=bus.get(drive, t.VELOCITY_LIMIT) * t.SPEED,
-            current=servo.current * model.ampere or None,
+            lower=ends[0],
+            upper=ends[1],
+            velocity=speed * t.SPEED,
+            current=current * model.ampere or None,
         )
-        return replace(identity(bus, drive), limits=limits)
+        volts = yield from get(drive, t.VOLTAGE)
+        found = Found(id=drive, type=model.name, firmware=f"{firmware}", voltage=volts * t.VOLT)
+        return replace(found, fault=flagged(error, t.ERRORS), limits=limits)
 
-    def exchange(self, wanted: Wanted) -> None:
-        kinds = {k: kind for k, (kind, _) in wanted.items()}
-        changed = {k: kind for k, kind in kinds.items() if kind is not self._servos[k].kind}
-        if changed:
-            self._sync(t.TORQUE, dict.fromkeys(changed, 0))
-            on = {k: kind for k, kind in changed.items() if kind is not SetPoint.OFF}
-            self._sync(t.MODE, {k: self._mode(kind) for k, kind in on.items()})
-            self._goals(on, wanted)
+    def confirm(self, k: int) -> Questions[bool]:
+        """A restart is seen in what is read: its watchdog is 0."""
+        del k
+        yield from ()
+        return True
+
+    def set_law(self, k: int, law: int) -> Questions[int]:
+        """A mode that is another is written, and read back; its goal is that of rest."""
+        drive = self._axes[k].id
+        if (yield from get(drive, t.MODE)) != law:
+            yield from self._put(drive, t.MODE, law)
+        for item, mode in GOALS.values():
+            if mode == law and item is not t.GOAL_POSITION:
+                yield from self._put(drive, item, 0)
+        mode = yield from get(drive, t.MODE)
+        return mode
+
+    def _put(self, drive: int, item: Item, value: int) -> Questions[None]:
+        return put(drive, item, value, t.LIBRARY.refusal)
+
+    def exchange(self, orders: Mapping[int, Order]) -> None:
+        reported = self._answers.reported
+        acting = (Action.GOAL, Action.POWER_ON)
+        driven = {k: order for k, order in orders.items() if order.action in acting}
+        off = [k for k in orders if k not in driven and orders[k].action is not Action.ASK]
+        self._sync(t.TORQUE, dict.fromkeys((k for k in off if reported[k].power), 0))
+        for k, order in orders.items():
+            if order.action is Action.RESET:
+                self._reset(k)
+        self._goals(driven)
+        on = [k for k, order in driven.items() if order.action is Action.POWER_ON]
+        if on:
             self._sync(t.TORQUE, dict.fromkeys(on, 1))
-            for k, kind in changed.items():
-                self._servos[k].kind, self._servos[k].without = kind, 0
-        self._goals(kinds, wanted)
-        self._read(wanted)
+            self._goals({k: driven[k] for k in on})
+        self._read(orders)
+        for k, order in orders.items():
+            self.line.hold(self._axes[k].id, order.interview, self._wait)
 
-    def clear_fault(self, k: int) -> None:
-        """A reboot clears a shutdown, a new watchdog one that tripped."""
-        bus, axis = self._bus, self._axes[k].id
-        if bus.get(axis, t.ERROR):
-            bus.protocol.reboot(bus.port, axis)
-            self._answers.restarted[k] = True
-        else:
-            bus.put(axis, t.WATCHDOG, 0)
-            bus.put(axis, t.WATCHDOG, self._watch)
+    def _reset(self, k: int) -> None:
+        """A restart clears a shutdown, a new watchdog one that tripped."""
+        reported, drive = self._answers.reported[k], self._axes[k].id
+        if reported.fault is WATCHDOG:
+            self._sync(t.WATCHDOG, {k: 0})
+            self._sync(t.WATCHDOG, {k: self._watch})
+        elif reported.fault is not None:
+            self.line.protocol.reboot(self.line.port, drive)
 
     def close(self) -> None:
-        self._bus.close(self._axes)
+        self.line.close(self._axes)
 
-    def _mode(self, kind: SetPoint) -> int:
-        return self._position_mode if kind is SetPoint.POSITION else GOALS[kind][1]
-
-    def _goals(self, kinds: Mapping[int, SetPoint], wanted: Wanted) -> None:
+    def _goals(self, orders: Mapping[int, Order]) -> None:
         for kind, (item, _) in GOALS.items():
-            self._sync(
-                item, {k: self._raw(k, kind, wanted[k][1]) for k in kinds if kinds[k] is kind}
-            )
+            mine = {k: order for k, order in orders.items() if order.kind is kind}
+            self._sync(item, {k: self._raw(k, kind, order.values) for k, order in mine.items()})
 
     def _raw(self, k: int, kind: SetPoint, value: Sequence[float]) -> int:
         """The goal of a kind in counts; the servo refuses one beyond its limit (S4)."""
@@ -160,46 +193,43 @@ class DynamixelDrives:
         return round(value[Value.POSITION] / t.COUNT) + t.CENTRE
 
     def _sync(self, item: Item, values: Mapping[int, int]) -> None:
-        packed = {
-            self._axes[k].id: item.pack(value, signed=item.length > 1)
-            for k, value in values.items()
-        }
-        self._bus.sync(item, packed)
+        signed = item.length > 1
+        packed = {self._axes[k].id: item.pack(v, signed=signed) for k, v in values.items()}
+        self.line.sync(item, packed)
 
-    def _read(self, drives: Collection[int]) -> None:
+    def _read(self, drives: Iterable[int]) -> None:
         """What is read of each, by the place of its indirect data."""
-        self._bus.drain(self._take)
-        for place in {self._servos[k].model.data for k in drives}:
-            ids = sorted(self._axes[k].id for k in drives if self._servos[k].model.data == place)
-            item = Item(place, t.READ_LENGTH)
-            self._bus.read(item, ids, self._take, self._wait)
+        self.line.drain(self._take)
+        places: dict[int, list[int]] = {}
+        for k in drives:
+            places.setdefault(self._servos[k].data, []).append(self._axes[k].id)
+            self._answers.asked[k] += 1
+        for place, ids in places.items():
+            self.line.read(Item(place, t.READ_LENGTH), sorted(ids), self._take, self._wait)
 
     def _take(self, drive: int, data: bytes) -> None:
         answers = self._answers
         k = answers.places.get(drive)
-        if k is not None and len(data) == t.READ_LENGTH:
-            found = struct.unpack(t.READ_FORMAT, data)
-            answers.faults[k] = self._judge(k, *found[:3])
-            if not answers.restarted[k]:
-                current, velocity, position, volts, degrees = found[3:]
-                answers.position[k] = angle(position)
-                answers.velocity[k] = velocity * t.SPEED
-                answers.current[k] = current * self._servos[k].model.ampere
-                answers.voltage[k], answers.temperature[k] = volts * t.VOLT, degrees
-            answers.came(k, data)
+        if k is None or len(data) != t.READ_LENGTH:
+            return
+        answers.came(k, data)
+        reported = answers.reported[k]
+        torque, error, watchdog, current, velocity, position, volts, degrees = struct.unpack(
+            t.READ_FORMAT, data
+        )
+        if reported.lost or watchdog == 0:  # what it reads is not set up
+            reported.lost = True
+            return
+        reported.power, reported.fault = bool(torque), judged(error, watchdog)
+        answers.position[k] = angle(position)
+        answers.velocity[k] = velocity * t.SPEED
+        answers.current[k] = current * self._servos[k].model.ampere
+        answers.voltage[k], answers.temperature[k] = volts * t.VOLT, degrees
 
-    def _judge(self, k: int, torque: int, error: int, watchdog: int) -> DriveFault | None:
-        if error:
-            return flagged(error, t.ERRORS)
-        if watchdog == 0:  # what it reads is not set up any more
-            self._answers.restarted[k] = True
-        if watchdog == t.TRIPPED:
-            return WATCHDOG
-        servo = self._servos[k]
-        servo.without = 0 if torque or not servo.kind else servo.without + 1
-        if servo.without >= UNPOWERED:
-            return DriveFault(0, "no torque, although enabled")
-        return None
+
+def judged(error: int, watchdog: int) -> DriveFault | None:
+    """The fault of a servo by its hardware errors and its watchdog."""
+    return flagged(error, t.ERRORS) or (WATCHDOG if watchdog == t.TRIPPED else None)
 
 
 def cut(value: float, most: int) -> int:
@@ -209,6 +239,13 @@ def cut(value: float, most: int) -> int:
 def angle(count: int) -> float:
     """Rad at the output for counts; 0 in the middle of the first turn."""
     return (count - t.CENTRE) * t.COUNT
+
+
+def scan(device: str) -> list[Found]:
+    """The servos that answer on a bus."""
+    with ServoBus(t.LIBRARY, device) as bus:
+        answered, _ = bus.protocol.broadcastPing(bus.port)
+        return [identity(bus, drive) for drive in sorted(answered)]
 
 
 def identity(bus: ServoBus, drive: int) -> Found:
@@ -222,15 +259,9 @@ def identity(bus: ServoBus, drive: int) -> Found:
     )
 
 
-def scan(device: str) -> list[Found]:
-    with ServoBus(t.LIBRARY, device) as bus:
-        answered, _ = bus.protocol.broadcastPing(bus.port)
-        return [identity(bus, drive) for drive in sorted(answered)]
-
-
 make = maker(
     DynamixelDrives,
     bus="/dev/ttyUSB0",
-    ids=range(253),
+    ids=IDS,
     whole={"baudrate": 1e6, "current": 1.0, "position_mode": float(t.EXTENDED)},
 )

@@ -16,7 +16,8 @@ GOAL_PWM, GOAL_CURRENT = Item(100, 2), Item(102, 2)
 GOAL_VELOCITY, GOAL_POSITION = Item(104, 4), Item(116, 4)
 CURRENT, VELOCITY, POSITION = Item(126, 2), Item(128, 4), Item(132, 4)
 VOLTAGE, TEMPERATURE = Item(144, 2), Item(146, 1)
-INDIRECT = 168
+#: Indirect addresses; their data, which begin at DATA, or in firmware with fewer before it.
+INDIRECT, DATA, DATA_OF_FEWER, LAST_FEWER = 168, 224, 208, 52
 #: What is read in each exchange, one after the other in the indirect data.
 READ = (TORQUE, ERROR, WATCHDOG, CURRENT, VELOCITY, POSITION, VOLTAGE, TEMPERATURE)
 READ_LENGTH = sum(item.length for item in READ)
@@ -43,16 +44,25 @@ ERRORS = {
 
 
 class Model(NamedTuple):
-    """A model: its name, A per count of current (0: it has no current control), indirect data."""
+    """A model: its name, and A per count of current (0: it has no current control).
+
+    Attributes: fewer (its firmware up to LAST_FEWER has 20 indirect addresses, not 28).
+    """
 
     name: str
     ampere: float
-    data: int = 224
+    fewer: bool = False
+
+    def data(self, firmware: int) -> int:
+        """Where its indirect data begin."""
+        return DATA_OF_FEWER if self.fewer and firmware <= LAST_FEWER else DATA
 
 
 MODELS = {
     1000: Model("XH430-W350", 2.69e-3),
+    1001: Model("XD430-T350", 2.69e-3),
     1010: Model("XH430-W210", 2.69e-3),
+    1011: Model("XD430-T210", 2.69e-3),
     1020: Model("XM430-W350", 2.69e-3),
     1030: Model("XM430-W210", 2.69e-3),
     1040: Model("XH430-V350", 1.34e-3),
@@ -62,14 +72,22 @@ MODELS = {
     1080: Model("XC430-W240", 0.0),
     1090: Model("2XL430-W250", 0.0),
     1100: Model("XH540-W270", 2.69e-3),
+    1101: Model("XD540-T270", 2.69e-3),
     1110: Model("XH540-W150", 2.69e-3),
+    1111: Model("XD540-T150", 2.69e-3),
     1120: Model("XM540-W270", 2.69e-3),
     1130: Model("XM540-W150", 2.69e-3),
+    1140: Model("XH540-V270", 1.34e-3),
+    1150: Model("XH540-V150", 1.34e-3),
     1160: Model("2XC430-W250", 0.0),
-    1190: Model("XL330-M077", 1e-3, 208),
-    1200: Model("XL330-M288", 1e-3, 208),
-    1230: Model("XC330-M181", 1e-3, 208),
-    1240: Model("XC330-M288", 1e-3, 208),
-    1210: Model("XC330-T181", 1e-3, 208),
-    1220: Model("XC330-T288", 1e-3, 208),
+    1170: Model("XW540-T260", 2.69e-3),
+    1180: Model("XW540-T140", 2.69e-3),
+    1190: Model("XL330-M077", 1e-3, fewer=True),
+    1200: Model("XL330-M288", 1e-3, fewer=True),
+    1210: Model("XC330-T181", 1e-3, fewer=True),
+    1220: Model("XC330-T288", 1e-3, fewer=True),
+    1230: Model("XC330-M181", 1e-3, fewer=True),
+    1240: Model("XC330-M288", 1e-3, fewer=True),
+    1270: Model("XW430-T333", 2.69e-3),
+    1310: Model("XW540-H260", 1.34e-3),
 }

@@ -83,7 +83,7 @@ class VirtualDynamixel:
     def reboot(self) -> None:
         self.table.bytes[EEPROM:] = bytes(len(self.table.bytes) - EEPROM)
         for k in range(28):
-            self.table.set(Item(t.INDIRECT + 2 * k, 2), MODEL.data + k)
+            self.table.set(Item(t.INDIRECT + 2 * k, 2), t.DATA + k)
         self._quiet, self._away = 0.0, 0.0
         self._hold = 0.0
         if self.persists:
@@ -132,7 +132,7 @@ class VirtualDynamixel:
 
     def _direct(self, address: int) -> int:
         """Indirect data are those at their addresses."""
-        number = address - MODEL.data
+        number = address - t.DATA
         if 0 <= number < 28:
             return self.table.get(Item(t.INDIRECT + 2 * number, 2))
         return address

@@ -15,17 +15,19 @@ guards: with the scales a of its gains, and the gains kp, kd that are configured
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
-from ..drives.driver import Answers, Found, Traits, Wanted, only
+from ..drives.can_line import CanLine, Frame, budget
+from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import coded
-from ..drives.plant import maker
+from ..drives.interview import ATTEMPTS, Question, Questions, find
+from ..drives.reconcile import Action
+from ..drives.reconciled import maker
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -33,8 +35,14 @@ from . import frames as f
 IDS = range(1, 128)
 WATCHED = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY, SetPoint.TORQUE)
 UNWATCHED = (SetPoint.CURRENT, SetPoint.PWM)
+#: Modes of the drive by the kind of set-point.
+LAWS = dict.fromkeys(WATCHED, f.POSITION) | {
+    SetPoint.CURRENT: f.CURRENT,
+    SetPoint.PWM: f.VOLTAGE_DQ,
+}
 #: What it does after its watchdog (servo.timeout_mode).
 ON_SILENCE = {OnSilence.FREE: 0, OnSilence.DAMPED: 15, OnSilence.BRAKED: 10}
+TIMEOUT_MODE = "servo.timeout_mode"
 
 
 class Drive:
@@ -43,9 +51,9 @@ class Drive:
     Attributes:
         controller: Of the library.
         template: Of its position command.
+        stop, query: Its data, with a question for its readings.
         kp, kd: Gains that are configured in it.
         torque: Its largest, N·m; NaN: as configured in it.
-        running: Whether it reported a running mode since its last stop.
     """
 
     def __init__(self, drive: int) -> None:
@@ -55,12 +63,16 @@ class Drive:
         resolution.q_current = moteus.F32
         self.controller = moteus.Controller(id=drive, query_resolution=resolution)
         self.template = f.template(self.controller)
+        self.stop = f.padded(self.controller.make_stop(query=True).data)
+        self.query = f.padded(self.controller.make_query().data)
         self.kp = self.kd = 1.0
-        self.torque, self.running = math.nan, False
+        self.torque = math.nan
 
 
 class MoteusDrives:
-    """The controllers of one bus; see ``drives.driver.Driver``."""
+    """The controllers of one bus; see ``drives.driver.Make``."""
+
+    live = True
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -74,59 +86,88 @@ class MoteusDrives:
             current=True,
             voltage=True,
         )
-        self._line = CanLine(options.bus, fd=True)
+        self.line = CanLine(options.bus, fd=True)
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self._line.open()
+        self.line.open()
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
         self._drives = [Drive(axis.id) for axis in self._axes]
+        self._orders: Mapping[int, Order] = {}
 
-    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
-        line, axis, joint = self._line, self._axes[k], self._setup.joints[k]
-        found = only(identify(line, axis.id, attempts), axis, self._options.bus, "moteus")
-        drive = self._drives[k]
-        line.send(axis.id, f.padded(drive.controller.make_stop().data))
-        silence = OnSilence.FREE if joint is None else joint.on_silence
-        ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
-        ask(line, axis.id, f"conf set servo.default_timeout_s {self._setup.timeout:.4f}")
+    def law(self, k: int, kind: SetPoint) -> int:
+        del k
+        return LAWS[kind]
 
-        def number(name: str) -> float:
-            return float(ask(line, axis.id, f"conf get {name}"))
-
-        drive.kp, drive.kd = (number(f"servo.pid_position.{gain}") for gain in ("kp", "kd"))
+    def set_up(self, k: int) -> Questions[Found]:
+        """Set the watchdog and the largest torque of a drive, and read its gains and limits."""
+        axis, joint, drive = self._axes[k], self._setup.joints[k], self._drives[k]
+        data = yield from find(identity(axis.id), axis, self._options.bus, "moteus")
+        found = found_of(axis.id, data)
+        yield from self._put(k, TIMEOUT_MODE, f"{self._timeout_mode(k)}")
+        yield from self._put(k, "servo.default_timeout_s", f"{self._setup.timeout:.4f}")
+        numbers = {}
+        for name in NUMBERS:
+            numbers[name] = float((yield from said(axis.id, f"conf get {name}")))
+        drive.kp, drive.kd = numbers["servo.pid_position.kp"], numbers["servo.pid_position.kd"]
+        if not (drive.kp > 0.0 and drive.kd > 0.0):
+            raise PlantSettingsError(
+                f"{axis.name}: servo.pid_position of id {axis.id} has kp {drive.kp:g} and kd "
+                f"{drive.kd:g}; above 0 are required, set them with moteus_tool"
+            )
         if joint is not None:  # S4: the smaller acts
             drive.torque = joint.limits.torque / axis.ratio
-        drive.running = False
-        lower, upper = (number(f"servopos.position_{end}") for end in ("min", "max"))
+        lower, upper = numbers["servopos.position_min"], numbers["servopos.position_max"]
         limits = DriveLimits(
             lower=lower * f.REV if math.isfinite(lower) else None,
             upper=upper * f.REV if math.isfinite(upper) else None,
-            velocity=number("servo.max_velocity") * f.REV,
-            current=number("servo.max_current_A"),
+            velocity=numbers["servo.max_velocity"] * f.REV,
+            current=numbers["servo.max_current_A"],
         )
         return replace(found, limits=limits)
 
-    def exchange(self, wanted: Wanted) -> None:
-        line = self._line
-        line.drain(self._take)
-        for k, (kind, value) in wanted.items():
-            line.send(0x8000 | self._axes[k].id, f.padded(self._command(k, kind, value)))
-        line.gather(self._take, wanted, self._wait)
+    def confirm(self, k: int) -> Questions[bool]:
+        """Whether its timeout mode is ours: a restart forgets it."""
+        mode = yield from said(self._axes[k].id, f"conf get {TIMEOUT_MODE}")
+        return mode == f"{self._timeout_mode(k)}"
 
-    def clear_fault(self, k: int) -> None:
-        """A stop clears it."""
-        self._line.send(self._axes[k].id, f.padded(self._drives[k].controller.make_stop().data))
+    def set_law(self, k: int, law: int) -> Questions[int]:
+        """Never asked: a mode comes with its command."""
+        raise NotImplementedError
+
+    def _timeout_mode(self, k: int) -> int:
+        joint = self._setup.joints[k]
+        return ON_SILENCE[OnSilence.FREE if joint is None else joint.on_silence]
+
+    def _put(self, k: int, name: str, value: str) -> Questions[None]:
+        number = self._axes[k].id
+        answer = yield from said(number, f"conf set {name} {value}")
+        if answer != "OK":
+            raise ValueError(f"id {number}: conf set {name} {value}: {answer!r}; OK is expected")
+
+    def exchange(self, orders: Mapping[int, Order]) -> None:
+        self._orders = orders
+        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
+
+    def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
+        for k, order in orders.items():
+            number, drive = self._axes[k].id, self._drives[k]
+            if order.interview is not None and order.interview.asks:
+                yield from order.interview.question.request
+            if order.action in (Action.GOAL, Action.POWER_ON):
+                data = f.padded(self._command(k, order.kind, order.values))
+            elif order.action in (Action.ASK, Action.CONFIRM):
+                data = drive.query
+            else:  # a stop clears a fault, too
+                data = drive.stop
+            self._answers.asked[k] += 1
+            yield 0x8000 | number, data
 
     def close(self) -> None:
-        self._line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
+        self.line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         drive = self._drives[k]
         controller = drive.controller
-        if kind is SetPoint.OFF:
-            drive.running = False
-            return bytes(controller.make_stop(query=True).data)
         if kind is SetPoint.CURRENT:
             amps = value[Value.CURRENT]
             return bytes(controller.make_current(d_A=0.0, q_A=amps, query=True).data)
@@ -159,34 +200,48 @@ class MoteusDrives:
         return packed + query
 
     def _take(self, message: Any) -> int | None:
-        answers = self._answers
+        answers, data = self._answers, bytes(message.data)
         k = answers.places.get(message.arbitration_id >> 8 & 0x7F)
         if k is None or message.arbitration_id & 0xFF != 0:
             return None
+        interview = self._orders[k].interview if k in self._orders else None
+        if interview is not None and interview.hear(data):
+            return None
         try:
-            mode, q, dq, torque, amps, volts, fault = f.reading(bytes(message.data))
+            mode, q, dq, torque, amps, volts, fault = f.reading(data)
         except Exception:  # noqa: BLE001 - an invalid frame, whatever the reason
             return None
         if not math.isfinite(q + dq + torque + amps + volts):
             return None
         answers.position[k], answers.velocity[k] = q * f.REV, dq * f.REV
         answers.torque[k], answers.current[k], answers.voltage[k] = torque, amps, volts
-        answers.faults[k] = self._judge(k, mode, fault)
-        answers.came(k, message.data)
-        return k
-
-    def _judge(self, k: int, mode: int, fault: int) -> DriveFault | None:
-        drive = self._drives[k]
-        if mode in f.RUNNING:
-            drive.running = True
-        elif mode in f.STARTING and drive.running:
-            self._answers.restarted[k], drive.running = True, False
-        if mode == f.FAULT:
-            return coded(fault, f.FAULTS)
-        return f.WATCHDOG if mode == f.TIMEOUT else None
+        reported = answers.reported[k]
+        reported.power, reported.law = mode in f.RUNNING or mode == f.TIMEOUT, mode
+        reported.fault = judged(mode, fault)
+        answers.came(k, data)
+        return None if interview is not None and interview.question.several else k
 
 
-def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]:
+def judged(mode: int, fault: int) -> DriveFault | None:
+    """The fault of a drive by its registers."""
+    if mode == f.FAULT:
+        return coded(fault, f.FAULTS)
+    return f.WATCHDOG if mode == f.TIMEOUT else None
+
+
+#: What is read of the configuration of a drive.
+NUMBERS = (
+    "servo.pid_position.kp",
+    "servo.pid_position.kd",
+    "servopos.position_min",
+    "servopos.position_max",
+    "servo.max_velocity",
+    "servo.max_current_A",
+)
+
+
+def identity(drive: int) -> Question:
+    """The question for model, firmware, register map, and state."""
     import moteus
     from moteus.protocol import Register
 
@@ -194,15 +249,25 @@ def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]
     registers |= {Register.REGISTER_MAP_VERSION: moteus.INT32}
     who = moteus.Controller(id=drive)
     query = who.make_custom_query(registers).data + who.make_query().data
-
-    def pick(message: Any) -> bytes | None:
-        return bytes(message.data) if message.arbitration_id == drive << 8 else None
-
-    found = line.answers(0x8000 | drive, f.padded(query), pick, attempts)
-    return [_found(drive, data) for data in dict.fromkeys(found)]
+    return Question([(0x8000 | drive, f.padded(query))], about, several=True)
 
 
-def _found(drive: int, data: bytes) -> Found:
+def about(data: bytes) -> bytes | None:
+    """An answer to the question for the identity."""
+    from moteus.protocol import Register, parse_reply
+
+    try:
+        return data if Register.REGISTER_MAP_VERSION in parse_reply(data) else None
+    except Exception:  # noqa: BLE001 - an invalid frame, whatever the reason
+        return None
+
+
+def found_of(drive: int, data: bytes) -> Found:
+    """A drive by its answer.
+
+    Raises:
+        PlantSettingsError: its register map is another one.
+    """
     from moteus.protocol import Register, parse_reply
 
     values = parse_reply(data)
@@ -224,8 +289,8 @@ def _found(drive: int, data: bytes) -> Found:
     )
 
 
-def ask(line: CanLine, drive: int, words: str) -> str:
-    """One line to the diagnostic stream of a drive, and the line that it answers.
+def said(drive: int, words: str) -> Questions[str]:
+    """What a drive answers to one line on its diagnostic stream; what it said before is dropped.
 
     Raises:
         ConnectionError: it does not answer.
@@ -234,21 +299,16 @@ def ask(line: CanLine, drive: int, words: str) -> str:
     import moteus
 
     who = moteus.Controller(id=drive)
-    line.drain(lambda _: None)
-    line.send(drive, f.padded(who.make_diagnostic_write(words.encode() + b"\n").data))
-    text = b""
-    for _ in range(20 * ATTEMPTS):
-        line.send(0x8000 | drive, f.padded(who.make_diagnostic_read().data))
-        came: list[bytes] = []
-
-        def take(message: Any, came: list[bytes] = came) -> int | None:
-            if message.arbitration_id != drive << 8:
-                return None
-            came.append(moteus.moteus.parse_diagnostic_message(message, 1) or b"")
-            return drive
-
-        line.gather(take, [drive], PATIENCE / 5)
-        text += b"".join(came)
+    poll = Question([(0x8000 | drive, f.padded(who.make_diagnostic_read().data))], f.spoken)
+    line = (drive, f.padded(who.make_diagnostic_write(words.encode() + b"\n").data))
+    ask = replace(poll, request=[line, *poll.request])
+    for _ in range(ATTEMPTS):
+        while any((yield poll)):
+            pass
+        text, empty = b"".join((yield ask)[:1]), 0
+        while b"\n" not in text and empty < ATTEMPTS:
+            more = b"".join((yield poll)[:1])
+            text, empty = text + more, 0 if more else empty + 1
         if b"\n" in text:
             answer = text.decode("latin1").splitlines()[0].strip()
             if answer.startswith("ERR"):
@@ -258,17 +318,13 @@ def ask(line: CanLine, drive: int, words: str) -> str:
 
 
 def scan(bus: str) -> list[Found]:
-    import moteus
-    from moteus.protocol import Register
-
+    """The drives that answer on a bus."""
     with CanLine(bus, fd=True) as line:
-        query = (
-            moteus.Controller(id=1).make_custom_query({Register.MODEL_NUMBER: moteus.INT32}).data
-        )
         for drive in IDS:
-            line.send(0x8000 | drive, f.padded(query))
-        drives = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
-        return [found for drive in sorted(drives) for found in identify(line, drive)]
+            line.send(*identity(drive).request[0])
+        came = {m.arbitration_id >> 8: bytes(m.data) for m in line.collect(0.1)
+                if m.arbitration_id & 0xFF == 0}  # fmt: skip
+        return [found_of(drive, data) for drive, data in sorted(came.items()) if about(data)]
 
 
 make = maker(MoteusDrives, bus="socketcan:can0", ids=IDS, whole={"unwatched": 0.0})

@@ -14,8 +14,7 @@ REV = 2.0 * math.pi
 REGISTER_MAP = 5
 #: Modes of the drive (register 0).
 STOPPED, FAULT, RUNNING, TIMEOUT = 0, 1, range(5, 11), 11
-STARTING = (0, 2, 3, 4)
-VOLTAGE_DQ = 8
+VOLTAGE_DQ, CURRENT, POSITION = 8, 9, 10
 #: Part of the supply that its modulation reaches.
 MODULATION = 0.5
 #: A velocity or acceleration limit with which the drive plans no trajectory of its own.
@@ -65,6 +64,13 @@ def template(drive: Any) -> tuple[bytes, bytes, bytes, bytes]:
 def padded(data: bytes) -> bytes:
     """Data of a length that CAN FD has, with NOPs."""
     return data.ljust(SIZES[len(data)], b"\x50")
+
+
+def spoken(data: bytes) -> bytes | None:
+    """What an answer has of the diagnostic stream of a drive; None: it is none of that."""
+    if len(data) < 3 or data[:2] != b"\x41\x01":
+        return None
+    return data[3 : 3 + data[2]]
 
 
 def voltage(drive: Any, volts: float) -> bytes:

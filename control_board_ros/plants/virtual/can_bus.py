@@ -30,8 +30,37 @@ class CanDrive(Protocol):
         ...
 
 
-class VirtualCanBus:
-    """Drives that answer on a bus until it is closed.
+class VirtualCan:
+    """Drives at the end of a wire, without thread and without time but the world's.
+
+    Args:
+        world: That they move.
+        drives: Its drives, and others that move nothing.
+
+    Attributes:
+        to_drives, from_drives: The wire, by direction; all frames arrive, unless it is replaced.
+    """
+
+    def __init__(self, world: World, drives: Sequence[CanDrive]) -> None:
+        self.world, self.drives = world, list(drives)
+        self.to_drives: Carry = iter
+        self.from_drives: Carry = iter
+
+    def step(self, frames: Iterable[Frame]) -> list[Frame]:
+        """Let the world pass up to the present; the frames that arrive for those sent."""
+        with self.world.lock:
+            self.world.advance()
+            answers = [
+                answer
+                for frame in self.to_drives(frames)
+                for drive in self.drives
+                for answer in drive.on_frame(*frame)
+            ]
+        return [*self.from_drives(answers)]
+
+
+class VirtualCanBus(VirtualCan):
+    """Drives that answer on a bus of python-can until it is closed, in a thread of their own.
 
     Args:
         world: That they move.
@@ -39,9 +68,7 @@ class VirtualCanBus:
         address: Interface and channel; empty: a new channel of this process.
         fd: With CAN FD frames.
 
-    Attributes:
-        address: For the option ``bus`` of a driver.
-        to_drives, from_drives: The wire, by direction; all frames arrive, unless it is replaced.
+    Attributes: address (for the option ``bus`` of a driver).
     """
 
     def __init__(
@@ -52,10 +79,8 @@ class VirtualCanBus:
         *,
         fd: bool = False,
     ) -> None:
-        self.world, self.drives = world, list(drives)
+        super().__init__(world, drives)
         self.address = address or f"virtual:drives {next(_numbers)}"
-        self.to_drives: Carry = iter
-        self.from_drives: Carry = iter
         self._fd = fd
         self.bus = open_bus(self.address, fd=fd)
         self._ending = threading.Event()
@@ -75,20 +100,16 @@ class VirtualCanBus:
                 received = self.bus.recv(QUIET)
             except Exception:  # noqa: BLE001 - the bus is gone
                 return
-            with self.world.lock:
-                self.world.advance()
-                if received is None or received.is_error_frame:
-                    continue
-                answers = list(self._answers(received))
-            for frame_id, data in self.from_drives(answers):
+            for frame_id, data in self.step(frames_of(received)):
                 with contextlib.suppress(Exception):  # there is no receiver
                     self.bus.send(message(frame_id, data, fd=self._fd))
 
-    def _answers(self, received: Any) -> Iterator[Frame]:
-        if (received.arbitration_id > SHORT) is not received.is_extended_id:
-            return  # its upper bits would not get onto a real bus
-        remote = REMOTE if received.is_remote_frame else 0
-        came = received.arbitration_id | remote, bytes(received.data)
-        for frame_id, data in self.to_drives([came]):
-            for drive in self.drives:
-                yield from drive.on_frame(frame_id, data)
+
+def frames_of(received: Any) -> list[Frame]:
+    """A message of python-can as a frame; none, where it would not get onto a real bus."""
+    if received is None or received.is_error_frame:
+        return []
+    if (received.arbitration_id > SHORT) is not received.is_extended_id:
+        return []  # its upper bits would be lost
+    remote = REMOTE if received.is_remote_frame else 0
+    return [(received.arbitration_id | remote, bytes(received.data))]

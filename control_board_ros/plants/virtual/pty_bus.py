@@ -9,16 +9,16 @@ import pty
 import select
 import threading
 import tty
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from .can_bus import QUIET, Carry
+from .can_bus import QUIET, Carry, Frame
 from .servo import Framer
 from .world import World
 
 
-class VirtualSerialBus:
-    """Drives that answer on a pseudo terminal until it is closed.
+class VirtualSerial:
+    """Drives at the end of a serial wire, without thread and without time but the world's.
 
     Args:
         world: That they move.
@@ -26,15 +26,37 @@ class VirtualSerialBus:
         framer: Of their protocol.
 
     Attributes:
-        address: The device that a driver opens.
         to_drives, from_drives: The wire, by direction; all bytes arrive, unless it is replaced.
             Bytes are the data of frames with id 0.
     """
 
     def __init__(self, world: World, drives: Sequence[Any], framer: Framer) -> None:
-        self.world, self.drives, self._framer = world, list(drives), framer
+        self.world, self.drives, self.framer = world, list(drives), framer
         self.to_drives: Carry = iter
         self.from_drives: Carry = iter
+
+    def step(self, frames: Iterable[Frame]) -> list[Frame]:
+        """Let the world pass up to the present; the bytes that arrive for those sent."""
+        with self.world.lock:
+            self.world.advance()
+            answers = [
+                (0, answer)
+                for _, data in self.to_drives(frames)
+                for packet in self.framer.feed(data)
+                for drive in self.drives
+                for answer in drive.on_packet(packet)
+            ]
+        return [*self.from_drives(answers)]
+
+
+class VirtualSerialBus(VirtualSerial):
+    """Drives that answer on a pseudo terminal until it is closed, in a thread of their own.
+
+    Attributes: address (the device that a driver opens).
+    """
+
+    def __init__(self, world: World, drives: Sequence[Any], framer: Framer) -> None:
+        super().__init__(world, drives, framer)
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
         self.address = os.ttyname(self._slave)
@@ -54,16 +76,8 @@ class VirtualSerialBus:
     def _run(self) -> None:
         while not self._ending.is_set():
             ready, _, _ = select.select([self._master], [], [], QUIET)
-            with self.world.lock:
-                self.world.advance()
-                answers = []
-                if ready:
-                    for _, data in self.to_drives([(0, os.read(self._master, 4096))]):
-                        for packet in self._framer.feed(data):
-                            for drive in self.drives:
-                                answers += [(0, answer) for answer in drive.on_packet(packet)]
-                else:
-                    self._framer.drop()
-            for _, data in self.from_drives(answers):
+            if not ready:
+                self.framer.drop()
+            for _, data in self.step([(0, os.read(self._master, 4096))] if ready else []):
                 with contextlib.suppress(OSError):  # there is no receiver
                     os.write(self._master, data)

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one clock of a bus: its line, its plant and, where there is one, its virtual world."""
+
+from __future__ import annotations
+
+import time
+
+
+class Clock:
+    """Seconds of the computer's monotonic clock."""
+
+    def now(self) -> float:
+        return time.monotonic()
+
+
+class ManualClock(Clock):
+    """Seconds that pass only when they are told to, for a bus without real time."""
+
+    def __init__(self, start: float = 100.0) -> None:
+        self.time = start
+
+    def now(self) -> float:
+        return self.time
+
+    def pass_by(self, seconds: float) -> None:
+        """Let time pass, s."""
+        self.time += max(0.0, seconds)

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Desired against reported: what a drive is to be told next (S8), one table for all makes.
+
+A drive is what it reports. In each exchange :func:`step` compares what the board wants of a drive
+with what the drive said last, and gives one action; a make knows the frames of each action. What
+was not confirmed is thereby sent again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import NamedTuple
+
+from ..interface import DriveFault
+
+#: Exchanges without an answer from which on a drive gets questions and stops only (S11).
+UNHEARD = 2
+
+
+class Action(Enum):
+    """What a drive is told in an exchange; each of them is a question for its readings, too."""
+
+    SET_UP = auto()  # the next question of its set-up
+    CONFIRM = auto()  # the next question for what a restart forgets, before power
+    OFF = auto()  # no power
+    RESET = auto()  # no power, and its fault is cleared
+    ASK = auto()  # nothing but the question
+    SET_LAW = auto()  # the next question by which it changes its law, without power
+    POWER_ON = auto()  # power, with the goal of rest
+    GOAL = auto()  # the set-point
+
+
+#: Actions whose frames are those of an interview.
+ASKING = (Action.SET_UP, Action.CONFIRM, Action.SET_LAW)
+
+
+class Desired(NamedTuple):
+    """What the board wants of a drive.
+
+    Attributes:
+        law: In the maker's own terms, as a mode of operation; None: no power.
+        live: The law comes with its set-point, under power; else it is changed without.
+        reset: A fault is to be cleared.
+    """
+
+    law: Hashable
+    live: bool = True
+    reset: bool = False
+
+
+@dataclass(slots=True)
+class Reported:
+    """What a drive said of itself last.
+
+    Attributes:
+        power: Its motor has power.
+        law: That acts when it has power, in the maker's own terms; None: it did not say.
+        fault: Its own, or None.
+        lost: Its set-up is lost, or was never made.
+        confirmed: What a restart forgets was read back since it last had power.
+        unheard: Exchanges in a row without an answer.
+    """
+
+    power: bool = False
+    law: Hashable = None
+    fault: DriveFault | None = None
+    lost: bool = True
+    confirmed: bool = False
+    unheard: int = 0
+
+
+def step(desired: Desired, reported: Reported) -> Action:  # noqa: PLR0911 - a table
+    """The next action. It is total: every desire and every report has one."""
+    if reported.lost:
+        return Action.SET_UP
+    if desired.law is None:
+        return Action.RESET if desired.reset else Action.OFF  # until power is reported off
+    if reported.unheard >= UNHEARD:
+        return Action.ASK
+    if reported.fault is not None:
+        return Action.OFF
+    right = desired.live or reported.law == desired.law
+    if reported.power:
+        return Action.GOAL if right else Action.OFF
+    if not reported.confirmed:
+        return Action.CONFIRM
+    return Action.POWER_ON if right else Action.SET_LAW
+
+
+def done(desired: Desired, reported: Reported) -> bool:
+    """Whether the drive reports what is desired: no power, or its law with power."""
+    if desired.law is None:
+        return not reported.power
+    return reported.power and reported.law == desired.law
+
+
+def unconfirmed(desired: Desired, reported: Reported) -> str:
+    """What a drive does not report, in words."""
+    if desired.law is None:
+        return "keeps its power, although switched off"
+    if not reported.power:
+        return "does not take power"
+    return f"acts in mode {reported.law}, not in {desired.law}"

@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The drives of one bus as a plant: what every make has in common.
+
+In each exchange every drive gets the action that ``reconcile.step`` gives for what the board wants
+and what the drive reported. Here are directions, ratios and offsets, the last answer of each
+drive, its age, its set-up in one question per exchange, and the faults that are no drive's own:
+silence, restart, two drives with one id, and what is not confirmed within the timeout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...core.terms.drives import OnSilence, SetPoint
+from ...core.terms.measurement import Array, SetPoints, Value
+from ..errors import PlantSettingsError
+from ..interface import Description, DriveFault, JointDescription, Readings, Setup
+from .axes import Axes, Axis, Options
+from .clock import Clock
+from .driver import NONE, Answers, Found, Make, Order
+from .faults import RESTARTED, UNCONFIRMED
+from .interview import Interview, Questions
+from .plant import CLASHES, FORGIVEN, LATEST, silent
+from .reconcile import ASKING, Action, Desired, done, step, unconfirmed
+
+#: s without progress after which connecting gives up.
+GIVE_UP = 5.0
+OFF = Desired(None)
+#: Actions after which a drive that had power still has it.
+HOLDING = (Action.POWER_ON, Action.GOAL, Action.ASK)
+Fault = str | DriveFault
+
+
+class ReconciledPlant:
+    """A DrivePlant over the drives of one bus.
+
+    Args:
+        axes: One for each joint, in the board's order.
+        driver: Of their make, in the same order.
+
+    Attributes: axes, driver; answers (the last of each drive); far_end (virtual drives that are
+        closed with it, or None); clock (set before ``connect``).
+    """
+
+    def __init__(self, axes: Sequence[Axis], driver: Make) -> None:
+        self.axes, self.driver = tuple(axes), driver
+        self.far_end: Any = None
+        self.clock = Clock()
+        self._axes = Axes(axes)
+        self._shafts = any(axis.motor_turns for axis in axes)
+        self._timeout, self._period = math.inf, 0.0
+        self._free = [True] * len(axes)
+        self._found: list[Found | None] = [None] * len(axes)
+        self._off = SetPoints.off(len(axes))
+        self._begin()
+
+    def _begin(self) -> None:
+        n = len(self.axes)
+        self.answers = Answers(self.axes, self.clock.now)
+        self._clashes, self._owed, self._last = [0.0] * n, [0] * n, [b""] * n
+        #: Start of the overdue answer of each drive, s; a loop that pauses expects none.
+        self._asked = np.full(n, math.inf)
+        self._interviews: list[Interview[Any] | None] = [None] * n
+        #: Faults that last until they are cleared.
+        self._latched: list[Fault | None] = [None] * n
+        self._resets = [False] * n
+        self._wishes, self._actions = [OFF] * n, [Action.OFF] * n
+        #: Since when each drive does not report what is desired, s; inf: it does.
+        self._undone = [math.inf] * n
+        self._had_power = [False] * n
+
+    def describe(self) -> Description:
+        """What the drives have; with type, firmware and limits of each once it is connected."""
+        traits = self.driver.traits
+        joints = (
+            JointDescription(
+                name=axis.name,
+                set_points=traits.set_points,
+                drive="" if found is None else f"{found.type} {found.firmware}".strip(),
+                rate=traits.rate,
+                resolution=traits.resolution / axis.ratio,
+                limits=NONE if found is None else axis.limits_at_joint(found.limits),
+                on_silence=traits.on_silence,
+                torque_estimate=traits.torque,
+                current_sensor=traits.current,
+                temperature_sensor=traits.temperature,
+                motor_encoder=axis.motor_turns > 0.0 or k in traits.motor_encoders,
+            )
+            for k, (axis, found) in enumerate(zip(self.axes, self._found, strict=True))
+        )
+        return Description(joints=tuple(joints))
+
+    def connect(self, setup: Setup) -> None:
+        """Open the bus again, and set up its drives.
+
+        Raises:
+            OSError: a drive does not answer, or two answer as one.
+            ValueError: a drive is none that this driver supports.
+        """
+        self.driver.close()
+        self._begin()
+        self._timeout, self._period = setup.timeout, setup.period
+        self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
+        self.driver.line.clock = self.clock
+        self.driver.open(setup, self.answers)
+        reported, everyone = self.answers.reported, range(len(self.axes))
+        while any(one.lost for one in reported):
+            self._exchange({k: self._order(k, OFF, SetPoint.OFF, ()) for k in everyone})
+        self._latched = [None] * len(self.axes)
+        self.exchange(self._off)
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        """Send set-points and read; a silent drive keeps its last reading."""
+        begin = self.clock.now()
+        values, kinds = self._axes.to_drive(wanted).T.tolist(), wanted.kinds.tolist()
+        orders: dict[int, Order] = {}
+        for k, kind in enumerate(map(SetPoint, kinds)):
+            try:
+                orders[k] = self._order(k, self._wish(k, kind), kind, values[k])
+            except (OSError, ValueError) as error:  # of the set-up of this drive alone
+                self._interviews[k] = None
+                self._latched[k] = str(error)
+                orders[k] = Order(Action.OFF, SetPoint.OFF, values[k])
+        self._exchange(orders)
+        return self._readings(begin)
+
+    def _exchange(self, orders: Mapping[int, Order]) -> None:
+        answers = self.answers
+        for k, raw in enumerate(answers.raw):
+            raw.clear()
+            answers.asked[k] = 0
+        self.driver.exchange(orders)
+        for k, order in orders.items():
+            self._actions[k] = order.action
+            if order.interview is not None:
+                order.interview.asks = False
+            reported = answers.reported[k]
+            reported.unheard = 0 if answers.raw[k] else reported.unheard + 1
+            if reported.power:
+                reported.confirmed = False
+        self._notice_clashes()
+
+    def _wish(self, k: int, kind: SetPoint) -> Desired:
+        """What the board wants of a drive; none of it while a fault lasts."""
+        if kind is SetPoint.OFF or self._latched[k] is not None:
+            reset, self._resets[k] = self._resets[k], False
+            return Desired(None, reset=True) if reset else OFF
+        return Desired(self.driver.law(k, kind), self.driver.live)
+
+    def _order(self, k: int, wish: Desired, kind: SetPoint, values: Sequence[float]) -> Order:
+        """The next action of a drive, after its interview went on.
+
+        Raises:
+            OSError, ValueError: from its set-up.
+        """
+        reported = self.answers.reported[k]
+        self._wishes[k] = wish
+        while (action := step(wish, reported)) in ASKING:
+            if not self._ask_on(k, action):
+                return Order(action, kind, values, self._interviews[k])
+        self._interviews[k] = None
+        if action is Action.POWER_ON:  # a goal of rest, until power is reported
+            values = [*values]
+            values[Value.POSITION], values[Value.VELOCITY] = self.answers.position[k], 0.0
+        return Order(action, kind, values)
+
+    def _ask_on(self, k: int, action: Action) -> bool:
+        """Go on with the interview of a drive; true when it is over."""
+        now, reported = self.clock.now(), self.answers.reported[k]
+        interview = self._interviews[k]
+        if interview is None:
+            interview = self._interviews[k] = Interview(self._questions(k, action), now)
+        if not interview.advance(now):
+            return False
+        self._interviews[k] = None
+        if action is Action.SET_UP:
+            self._found[k], reported.lost = interview.result, False
+            reported.confirmed = True
+        elif action is Action.SET_LAW:
+            reported.law = interview.result
+        elif interview.result:
+            reported.confirmed = True
+        else:
+            self._lose(k, RESTARTED)
+        return True
+
+    def _questions(self, k: int, action: Action) -> Questions[Any]:
+        if action is Action.SET_UP:
+            return self.driver.set_up(k)
+        if action is Action.CONFIRM:
+            return self.driver.confirm(k)
+        return self.driver.set_law(k, self._wishes[k].law)
+
+    def _lose(self, k: int, fault: Fault) -> None:
+        """The set-up of a drive is lost."""
+        reported = self.answers.reported[k]
+        reported.lost, reported.power = True, False
+        reported.law = reported.fault = None
+        self._interviews[k], self._latched[k] = None, fault
+
+    def _readings(self, begin: float) -> Readings:
+        axes, answers, traits = self._axes, self.answers, self.driver.traits
+        now = self.clock.now()
+        late = answers.times < begin
+        faults: list[Fault | None] = [None] * len(self.axes)
+        ages = np.zeros(len(faults))
+        if late.any():
+            self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
+            owed = np.where(late, now - self._asked, 0.0)  # a loop that pauses is no silence
+            ages = np.where(late, np.minimum(owed + self._period, self._timeout), 0.0)
+            for k in np.flatnonzero(owed > self._timeout).tolist():
+                self._lose(k, silent(self.axes[k], now - answers.times[k]))
+        else:
+            self._asked.fill(math.inf)
+        for k in range(len(faults)):
+            faults[k] = self._fault(k, now)
+        shafts = self._at_shafts() if self._shafts or traits.motor_encoders else (None, None)
+        return Readings(
+            position=axes.position(answers.position),
+            velocity=answers.velocity / axes.factor,
+            torque=answers.torque * axes.factor if traits.torque else None,
+            current=answers.current * axes.sign if traits.current else None,
+            temperature=answers.temperature.copy() if traits.temperature else None,
+            voltage=answers.voltage.copy() if traits.voltage else None,
+            motor_position=shafts[0],
+            motor_velocity=shafts[1],
+            ages=ages,
+            faults=faults,
+        )
+
+    def _fault(self, k: int, now: float) -> Fault | None:
+        """The fault of a drive: its own, or one of those that are judged here."""
+        reported, wish = self.answers.reported[k], self._wishes[k]
+        if self._clashes[k] >= CLASHES:
+            self._latched[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
+        if reported.lost:
+            if self._latched[k] is None:
+                self._lose(k, RESTARTED)
+        elif reported.fault is not None:
+            self._undone[k] = math.inf
+            return reported.fault
+        elif self._had_power[k] and not reported.power and self._actions[k] in HOLDING:
+            self._lose(k, RESTARTED)
+        elif done(wish, reported):
+            self._undone[k] = math.inf
+        elif reported.unheard == 0:
+            self._undone[k] = min(self._undone[k], now)
+            if now - self._undone[k] > self._timeout and self._latched[k] is None:
+                self._latched[k] = DriveFault(UNCONFIRMED, unconfirmed(wish, reported))
+        self._had_power[k] = reported.power and self._actions[k] in HOLDING
+        return self._latched[k]
+
+    def _at_shafts(self) -> tuple[Array, Array]:
+        """Position and velocity of the motors' shafts; NaN where they are not measured."""
+        axes, answers = self._axes, self.answers
+        position, velocity = axes.shaft * answers.position, axes.shaft * answers.velocity
+        own = ~np.isnan(answers.motor_position)
+        position[own], velocity[own] = (axes.sign * answers.motor_position)[own], math.nan
+        return position, velocity
+
+    def _notice_clashes(self) -> None:
+        """Detect two drives with one id: more answers than questions, which differ."""
+        for k, raw in enumerate(self.answers.raw):
+            repeated = len(raw) == 1 and self._last[k] in raw  # it may be a late copy
+            owed = min(LATEST, self._owed[k] + self.answers.asked[k])
+            owed -= 0 if repeated else len(raw)
+            self._owed[k] = max(0, owed)
+            if owed < 0:
+                self._clashes[k] += 1.0
+            elif 0.0 < self._clashes[k] < CLASHES:
+                self._clashes[k] -= FORGIVEN
+            if raw:
+                self._last[k] = next(reversed(raw))
+
+    def clear_fault(self, joint: int) -> None:
+        """Reset the fault of a drive in its next exchange, and those that are judged here."""
+        self._clashes[joint] = 0.0
+        reported = self.answers.reported[joint]
+        self._resets[joint] = reported.fault is not None
+        if not (reported.power or reported.lost):
+            self._latched[joint], self._undone[joint] = None, math.inf
+
+    def let_go(self) -> None:
+        """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
+        off = Order(Action.OFF, SetPoint.OFF, ())
+        self.driver.exchange({k: off for k, free in enumerate(self._free) if free})
+
+    def close(self) -> None:
+        self.driver.close()
+        if self.far_end is not None:
+            self.far_end.close()
+
+
+def maker(
+    driver: Callable[[Options], Make],
+    *,
+    bus: str,
+    ids: range,
+    whole: Mapping[str, str | float] | None = None,
+    each: Mapping[str, str | float] | None = None,
+) -> Callable[[Sequence[str], Mapping[str, str]], ReconciledPlant]:
+    """The ``make`` of a make's module: from joints and options to a plant.
+
+    Args:
+        driver: Its class.
+        bus: The bus that is used when none is given.
+        ids: That its drives can have.
+        whole: Its options for a bus; see ``axes.Options.parse``.
+        each: Its options for a joint.
+    """
+
+    def make(names: Sequence[str], arguments: Mapping[str, str]) -> ReconciledPlant:
+        """The plant of this driver.
+
+        Raises:
+            PlantSettingsError: an argument is unknown or invalid.
+        """
+        options = Options.parse(names, arguments, bus=bus, whole=whole, each=each)
+        for axis in options.axes:
+            if axis.id not in ids:
+                raise PlantSettingsError(
+                    f"{axis.name}.id={axis.id}: {ids[0]} to {ids[-1]} is required"
+                )
+        return ReconciledPlant(options.axes, driver(options))
+
+    return make
