@@ -74,6 +74,15 @@ def test_a_ramp_and_its_halt(made: Made) -> None:
     assert made.laws[1].ramp_step == pytest.approx(limit * CONFIG.period)
 
 
+def test_a_reference_of_zero_brakes_as_a_timeout_does(made: Made) -> None:
+    """P5: as hard as allowed, whatever acceleration comes with it."""
+    chosen = np.array([0, 1])
+    made.references.ramp(chosen, np.array([0.0, 0.4]), np.array([2.0, 2.0]))
+    limit = made.limits.acceleration[0]
+    assert made.laws[0].ramp_step == pytest.approx(limit * CONFIG.period)
+    assert made.laws[1].ramp_step == pytest.approx(2.0 * CONFIG.period)
+
+
 def test_torques_and_outputs_go_to_their_joints(made: Made) -> None:
     """P7, P8: each to its own."""
     made.references.set_torque(np.array([1, 0]), np.array([2.0, 3.0]))

@@ -211,6 +211,7 @@ def test_a_move_of_no_distance_ends_in_one_cycle() -> None:
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.1, 50.0))
 def test_ramp_arrives_and_never_passes(velocity: float, target: float, rate: float) -> None:
     """P5: v moves towards its target by at most a·T per cycle and stays there."""
+    rate = rate if target else ACCELERATION  # rest comes at the acceleration limit
     one = at(0.0)
     one.joint.ramp(velocity, ACCELERATION)
     one.step(round(3.0 / ACCELERATION / PERIOD) + 2)

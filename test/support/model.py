@@ -178,7 +178,8 @@ class JointModel:
             case "velocity":
                 value = min(max(value, -self.speed_limit), self.speed_limit)
                 self.velocity_target = value
-                self.ramp = (self.acceleration if extra is None else extra) * self.period
+                rate = self.acceleration if extra is None else extra
+                self.ramp = (rate if value else self.acceleration_limit) * self.period  # P5
                 self.velocity_age = 0  # P12
             case _:
                 value = min(max(value, -limit), limit)

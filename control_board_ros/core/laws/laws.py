@@ -752,9 +752,11 @@ class Joint:
 
     @cython.ccall
     def ramp(self, velocity: cython.double, acceleration: cython.double) -> cython.void:
-        """Ramp the velocity reference to a new value (P5)."""
+        """Ramp the velocity reference to a new value; to zero at the acceleration limit (P5)."""
         self.active = True
         self.ramp_target = velocity
+        if velocity == 0.0:
+            acceleration = self.max_acceleration
         self.ramp_step = acceleration * self.period
         self.awaited = self.settling
 
@@ -772,7 +774,7 @@ class Joint:
 
     @cython.ccall
     def halt(self) -> cython.void:
-        """Ramp the velocity reference to zero at the acceleration limit (P12)."""
+        """Bring the velocity reference to zero, as a reference of zero does (P5, P12)."""
         if self.driven:
             self.drive_at(0.0)
         else:
