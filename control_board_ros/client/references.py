@@ -148,7 +148,8 @@ class References(Interface):
 
         Args:
             joints: that move.
-            velocities: rad/s; one for all joints, or shape (k,). They expire (P12).
+            velocities: rad/s; one for all joints, or shape (k,). They expire (P12); zero brakes
+                at the acceleration limit.
             accelerations: rad/s², likewise; None: as set.
             answered: send by service, for the board's answer.
             together: by service; all joints accept them, or none does.
