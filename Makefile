@@ -6,17 +6,8 @@ VENV ?= .venv
 # Workers of the tests: they wait for boards a third of their time, so one more than two cores.
 JOBS ?= 3
 BIN := $(VENV)/bin
-PIP := tools/patiently $(BIN)/python -m pip --disable-pip-version-check -q
-STAMPS := $(VENV)/.control_board_ros
-
-# What the installation is made of: when one of these changes, it is made again.
-SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
-    control_board_ros/__init__.py control_board_ros/core/model/dynamics.py \
-    control_board_ros/core/laws/laws.py \
-    control_board_ros/core/watch/freeze_frame.py \
-    control_board_ros/core/watch/monitor.py control_board_ros/sim/drive.py \
-    tools/compile_modules.py tools/msg_defs.cmake \
-    $(shell find msg_defs vendor config launch resource -type f 2>/dev/null)
+SETUP := PYTHON="$(PYTHON)" tools/set-up "$(VENV)"
+PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 # This environment stands on its own: a sourced ROS 2 of another Python would break it.
 ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
@@ -34,52 +25,66 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## Say what there is
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
 
-run: setup ## Start the arm; ARGS="--ros-args --params-file …" go to the node
+run: ## Start the arm; ARGS="--ros-args --params-file …" go to the node
+	@$(SETUP)
 	@$(BIN)/control_board $(ARGS)
 
-panel: setup $(STAMPS)/panel ## Open the web panel beside a running board; ARGS="--port …" go to cbctl panel
+panel: ## Open the web panel beside a running board; ARGS="--port …" go to cbctl panel
+	@$(SETUP) panel
 	@$(BIN)/cbctl panel $(ARGS)
 
-test: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests; ARGS="-k M4" go to pytest
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow and not soak" $(ARGS)
+test: ## Run the tests; ARGS="-k M4" go to pytest
+	@$(SETUP) test icub
+	@$(PYTEST) -m "not slow and not soak" $(ARGS)
 
-test-long: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests that take more than 5 s each
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "slow and not soak" $(ARGS)
+test-long: ## Run the tests that take more than 5 s each
+	@$(SETUP) test icub
+	@$(PYTEST) -m "slow and not soak" $(ARGS)
 
-check: setup $(STAMPS)/test $(STAMPS)/dev ## Run ruff, mypy --strict and import-linter
+check: ## Run ruff, mypy --strict and import-linter
+	@$(SETUP) test dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache --no-logo
 
-bench: setup $(STAMPS)/test $(STAMPS)/dev $(STAMPS)/icub ## Measure the figures of the README
+bench: ## Measure the figures of the README
+	@$(SETUP) test dev icub
 	@$(BIN)/python benchmark/run.py $(ARGS)
 
-motion: setup $(STAMPS)/test $(STAMPS)/dev $(STAMPS)/icub ## Measure how well joints move, write docs/motion.md
+motion: ## Measure how well joints move, write docs/motion.md
+	@$(SETUP) test dev icub
 	@$(BIN)/python benchmark/motion.py $(or $(ARGS),--page --plots)
 
-soak: setup $(STAMPS)/test $(STAMPS)/dev ## Run the board for a long time under load
+soak: ## Run the board for a long time under load
+	@$(SETUP) test dev
 	@$(BIN)/python benchmark/soak.py $(ARGS)
 
-conformance: setup $(STAMPS)/test ## Print rule -> tests -> result, write docs/conformance.md
+conformance: ## Print rule -> tests -> result, write docs/conformance.md
+	@$(SETUP) test
 	@$(BIN)/python test/spec/conformance.py $(ARGS)
 
-mutants: setup $(STAMPS)/test $(STAMPS)/icub ## Break the core in small ways: a test must fail; ARGS=--all for every way
+mutants: ## Break the core in small ways: a test must fail; ARGS=--all for every way
+	@$(SETUP) test icub
 	@$(BIN)/python test/spec/mutants.py $(ARGS)
 
-docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages of docs/; ARGS=--pictures draws anew
+docs: ## Write the generated pages of docs/; ARGS=--pictures draws anew
+	@$(SETUP) test dev
 	@$(BIN)/python docs/generate.py $(ARGS)
 
-site: setup $(STAMPS)/site ## Build the site from docs/ into build/site; warnings and dead links are errors
+site: ## Build the site from docs/ into build/site; warnings and dead links are errors
+	@$(SETUP) site
 	@$(BIN)/python docs/site/build.py $(ARGS)
 
 wheels: ## Build sdist and manylinux wheels into dist/; PYTHON="python3.11 python3.12" names the Pythons
 	@tools/build-wheels $(or $(PYTHON),python3.11 python3.12)
 
-house: setup $(STAMPS)/dev ## Print lines, floors and circles with their goals; ARGS=-v names them
+house: ## Print lines, floors and circles with their goals; ARGS=-v names them
+	@$(SETUP) dev
 	@$(BIN)/python tools/house.py $(ARGS)
 
-setup: $(STAMPS)/installed ## Make the environment and install into it, where not yet done
+setup: ## Make the environment, where it is not up to date; EXTRAS="test icub" names more of it
+	@$(SETUP) $(EXTRAS)
 
 clean: ## Remove what was built, and caches; keeps the environment
 	rm -rf build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -90,27 +95,3 @@ clean: ## Remove what was built, and caches; keeps the environment
 distclean: clean ## Remove the environment too
 	rm -rf $(VENV)
 	find control_board_ros -name '*.so' -delete
-
-$(STAMPS)/environment: pyproject.toml tools/find-python
-	@python=$$(tools/find-python $(PYTHON)) || exit 1; \
-	test -x $(BIN)/python && $(BIN)/python -m pip --version >/dev/null 2>&1 || \
-	{ echo "making $(VENV) with $$python"; "$$python" -m venv $(VENV); } || exit 1; \
-	mkdir -p $(STAMPS); \
-	$(BIN)/python -c 'import tomllib; print("\n".join( \
-	    tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"]))' \
-	    >$(STAMPS)/build-requirements.txt; \
-	echo "installing the build tools of ROS 2 Jazzy into $(VENV)"; \
-	$(PIP) install -r $(STAMPS)/build-requirements.txt
-	@touch $@
-
-$(STAMPS)/installed: $(STAMPS)/environment $(SOURCES)
-	@echo "building messages and laws, installing control_board_ros (once, a minute or two)"
-	@$(PIP) install --no-build-isolation -e .
-	@$(BIN)/control_board --version
-	@touch $@
-
-# By its name, the project is found installed: only what the extra adds is fetched.
-$(STAMPS)/test $(STAMPS)/icub $(STAMPS)/dev $(STAMPS)/panel $(STAMPS)/site: $(STAMPS)/%: $(STAMPS)/installed
-	@echo "installing the packages of the extra '$*'"
-	@$(PIP) install 'control_board_ros[$*]'
-	@touch $@

@@ -2,21 +2,21 @@
 """The one build of the project, for pip, editable installs, uv and colcon.
 
 The package is plain Python with two exceptions, both in `build_ext`. `msg_defs/` is an ament_cmake
-package of interfaces: CMake builds it into a staging folder, and what came out goes to setuptools
+package of interfaces: CMake builds it (tools/interfaces.py), and what came out goes to setuptools
 as data files, so that every way of installing Python installs the messages too. So are those of
 `vendor/`, parts of packages that the ROS wheels lack, where the ROS 2 at hand has none of that
 name. The modules of COMPILED are compiled by Cython where that is possible, beside their source.
+What is built is kept by its content (tools/store.py), and not built again.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import runpy
 import shutil
-import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +26,17 @@ from setuptools.dist import Distribution
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "tools"))
-from compile_modules import extension, say_uncompiled, translate  # noqa: E402
+import store  # noqa: E402
+from compile_modules import extension, made_of, say_uncompiled, translate  # noqa: E402
+from interfaces import (  # noqa: E402
+    MSG_DEFS,
+    VENDORED,
+    build_interfaces,
+    installed_files,
+    is_sourced,
+)
+from interfaces import PROJECT as NAME  # noqa: E402
 
-NAME = "control_board_ros"
-MESSAGES = "control_board_msgs"
-MSG_DEFS = HERE / "msg_defs"
-#: Interface packages of others, by name: built only where there is none.
-VENDORED = {path.parent.name: path.parent for path in sorted(HERE.glob("vendor/*/package.xml"))}
 #: Plain Python in Cython's pure mode; runs as it is where it cannot be compiled.
 COMPILED = runpy.run_path(str(HERE / NAME / "compiled.py"))["MODULES"]
 #: Executables, and what they call.
@@ -43,7 +47,6 @@ COMMANDS = {
 }
 #: Where shells look for executables, and where `ros2 run` does.
 BIN, LIB = "bin", f"lib/{NAME}"
-PYTHON_DIR = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
 
 # Another version, or an unpinned name, can belong to another ROS distribution.
 ROS_WHEELS = [
@@ -63,180 +66,6 @@ ROS_WHEELS = [
     "ros-unique-identifier-msgs==2.5.0",
     "setuptools",
 ]
-
-#: Of CMake's output, where it fails.
-LAST_LINES = 60
-
-# What one machine's build leaves behind and no other has a use for.
-UNWANTED_DIRS = {"environment", "__pycache__", "parent_prefix_path"}
-UNWANTED_SUFFIXES = (".pyc", ".egg-info")
-
-
-def sourced_prefixes() -> list[Path]:
-    """The prefixes of sourced setup files; without an earlier install of this very project."""
-    entries = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    prefixes = [Path(entry) for entry in entries if entry]
-    return [path for path in prefixes if not (path / "share" / NAME).is_dir() or has_ros(path)]
-
-
-def has_ros(prefix: Path) -> bool:
-    return (prefix / "share/std_msgs").is_dir()
-
-
-def ros_prefixes() -> list[Path]:
-    """Folders that hold ROS 2: those of sourced setup files, else where the ROS wheels are.
-
-    `sys.prefix` is of no use: pip and uv build in an environment apart, and colcon sets it.
-    """
-    prefixes = sourced_prefixes()
-    if not any(map(has_ros, prefixes)):
-        sites = [Path(entry).resolve() for entry in sys.path if entry]
-        prefixes += [site.parents[2] for site in sites if (site / "rosidl_generator_py").is_dir()]
-    prefixes = list(dict.fromkeys(path for path in prefixes if path.is_dir()))
-    if not any(map(has_ros, prefixes)):
-        raise SystemExit(
-            "ROS 2 not found: AMENT_PREFIX_PATH names no folder with std_msgs, and "
-            "rosidl_generator_py is not importable; source /opt/ros/jazzy/setup.sh, or build "
-            "with pip's isolation (pip install . without --no-build-isolation)"
-        )
-    return prefixes
-
-
-def definitions_to_build(prefixes: list[Path]) -> dict[str, Path]:
-    """The interface packages to build, by name: ours, and those that no prefix has."""
-
-    def is_there(name: str) -> bool:
-        files = [prefix / "share" / name / "package.xml" for prefix in prefixes]
-        # An earlier install of this project has its own; the next one replaces it.
-        return any(NAME not in file.read_text("utf-8") for file in files if file.is_file())
-
-    # In the layout of a release (tools/release_layout.py) it is a package beside this one.
-    ours = {MESSAGES: MSG_DEFS} if MSG_DEFS.is_dir() else {}
-    return ours | {name: folder for name, folder in VENDORED.items() if not is_there(name)}
-
-
-def require_tools() -> None:
-    """Stop with one line that names the packages, where a build tool is missing."""
-    packages = {"cmake": "cmake", "c++": "g++", "make": "make"}
-    chosen = {"c++": os.environ.get("CXX", "c++").split()[0]}
-    missing = [packages[tool] for tool in packages if shutil.which(chosen.get(tool, tool)) is None]
-    if missing:
-        raise SystemExit(
-            f"cannot build the messages without {', '.join(missing)}: "
-            f"install them, e.g. sudo apt-get install {' '.join(missing)}"
-        )
-
-
-def build_environment(prefixes: list[Path]) -> dict[str, str]:
-    """The environment of CMake: the ROS prefixes, and no interpreter tricks of colcon."""
-    environment = dict(os.environ)
-    joined = os.pathsep.join(str(prefix) for prefix in prefixes)
-    environment["AMENT_PREFIX_PATH"] = joined
-    known = environment.get("CMAKE_PREFIX_PATH", "")
-    environment["CMAKE_PREFIX_PATH"] = joined + (os.pathsep + known if known else "")
-    python_path = environment.get("PYTHONPATH", "").split(os.pathsep)
-    kept = [entry for entry in python_path if entry and "prefix_override" not in entry]
-    environment["PYTHONPATH"] = os.pathsep.join(kept)
-    return environment
-
-
-def fresh_folder(work: Path, definitions: Path, prefixes: list[Path]) -> None:
-    """Make the work folder; begin anew where CMake's cache would belong to another setup."""
-    compilers = [os.environ.get(name, "") for name in ("CC", "CXX", "CFLAGS", "CXXFLAGS")]
-    parts = [sys.executable, sys.version, str(definitions), *compilers, *map(str, prefixes)]
-    key = "\n".join(parts)
-    stamp = work / "built-for.txt"
-    if work.exists() and not (stamp.is_file() and stamp.read_text() == key):
-        shutil.rmtree(work)
-    work.mkdir(parents=True, exist_ok=True)
-    stamp.write_text(key)
-
-
-def packages_used(definitions: Path, prefixes: list[Path]) -> list[Path]:
-    """The package.xml of everything that a package of definitions depends on, near and far."""
-    found: dict[str, Path] = {}
-    left = [definitions / "package.xml"]
-    while left:
-        text = left.pop().read_text("utf-8")
-        for name in re.findall(r"<\w*depend[^>]*>\s*(\w+)\s*</", text):
-            there = (prefix / "share" / name / "package.xml" for prefix in prefixes)
-            path = next((path for path in there if path.is_file()), None)
-            if path is not None and name not in found:
-                found[name] = path
-                left.append(path)
-    return [found[name] for name in sorted(found)]
-
-
-def made_of(definitions: Path, prefixes: list[Path]) -> str:
-    """What a build of messages depends on, as a hash: not on where pip keeps the build tools.
-
-    pip has a new folder of them for each build in isolation, and CMake's cache is of no use there.
-    """
-    inside = sorted(path for path in definitions.rglob("*") if path.is_file())
-    compilers = [os.environ.get(name, "") for name in ("CC", "CXX", "CFLAGS", "CXXFLAGS")]
-    found = hashlib.sha256("\n".join([sys.version, *compilers]).encode())
-    for path in [
-        *inside,
-        HERE / "tools" / "msg_defs.cmake",
-        *packages_used(definitions, prefixes),
-    ]:
-        found.update(path.name.encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()
-
-
-def build_messages(definitions: Path, work: Path, prefixes: list[Path], jobs: int) -> Path:
-    """Build one interface package in the work folder, unless it is there; return its tree."""
-    build, stage = work / "build", work / "stage"
-    key, built = made_of(definitions, prefixes), work / "made-of.txt"
-    if stage.is_dir() and built.is_file() and built.read_text() == key:
-        return stage
-    built.unlink(missing_ok=True)
-    fresh_folder(work, definitions, prefixes)
-    if stage.exists():
-        shutil.rmtree(stage)  # or files of a message that is gone would be installed for ever
-    settings = {
-        "CMAKE_INSTALL_PREFIX": stage,
-        "BUILD_TESTING": "OFF",
-        "Python3_EXECUTABLE": sys.executable,
-        "PYTHON_EXECUTABLE": sys.executable,
-        "PYTHON_INSTALL_DIR": PYTHON_DIR,
-        # Libraries find each other, and Python modules find the libraries, wherever installed.
-        "CMAKE_INSTALL_RPATH": "$ORIGIN;$ORIGIN/../../..",
-        "CMAKE_PROJECT_INCLUDE": HERE / "tools" / "msg_defs.cmake",
-    }
-    environment = build_environment(prefixes)
-    arguments = [f"-D{key}={value}" for key, value in settings.items()]
-    log = work / "cmake.log"  # hundreds of lines, most of them warnings about the files of ROS
-    with log.open("w", encoding="utf-8") as written:
-        for command in (
-            ["cmake", "-S", str(definitions), "-B", str(build), *arguments],
-            ["cmake", "--build", str(build), "--target", "install", "--parallel", str(jobs)],
-        ):
-            done = subprocess.run(
-                command, env=environment, stdout=written, stderr=subprocess.STDOUT, check=False
-            )
-            if done.returncode != 0:
-                last = log.read_text("utf-8", "replace").splitlines()[-LAST_LINES:]
-                raise SystemExit(
-                    "\n".join([*last, f"building the messages failed; the whole log: {log}"])
-                )
-    built.write_text(key)
-    return stage
-
-
-def staged_files(stage: Path) -> list[tuple[str, list[str]]]:
-    """The staged tree as data files: pairs of a folder under the prefix and its files."""
-    found: dict[str, list[str]] = {}
-    for path in sorted(stage.rglob("*")):
-        relative = path.relative_to(stage)
-        unwanted = (
-            UNWANTED_DIRS & set(relative.parts)
-            or any(part.endswith(UNWANTED_SUFFIXES) for part in relative.parts)
-            or relative.name.startswith("local_setup.")
-        )
-        if path.is_file() and not unwanted:
-            found.setdefault(str(relative.parent), []).append(os.path.relpath(path))
-    return list(found.items())
 
 
 def links(folder: Path, others: str) -> list[str]:
@@ -265,30 +94,44 @@ class Build(build_ext):
     """`build_ext`: the messages, the modules of COMPILED, and links to the executables."""
 
     def run(self) -> None:
-        jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
+        level = self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL")
+        jobs = int(level or os.cpu_count() or 1)
         # An editable install's own folders are gone afterwards, and the one above is everybody's.
-        builds = HERE / "build" if self.editable_mode else Path(self.build_temp).resolve().parent
+        here = self.editable_mode or self.inplace
+        builds = HERE / "build" if here else Path(self.build_temp).resolve().parent
         known = self.distribution.data_files  # in place: install_data already holds this list
         kept = (f"share/{NAME}", "resource_index")
         known[:] = [pair for pair in known if any(part in pair[0] for part in kept)]
-        by_pip = {"bdist_wheel", "editable_wheel"} & set(self.distribution.commands)
+        commands = self.distribution.commands
+        by_pip = {"bdist_wheel", "editable_wheel"} & {*commands} or commands == ["build_ext"]
         place, others = (LIB, f"../../{BIN}") if by_pip else (BIN, f"../{LIB}")
         known.append((place, links(builds / "executables", others)))
-        prefixes = ros_prefixes()
-        if definitions_to_build(prefixes):
-            require_tools()
-        for name, definitions in definitions_to_build(prefixes).items():
-            work = builds / f"{name}-{sys.implementation.cache_tag}"
-            stage = build_messages(definitions, work, prefixes, jobs or os.cpu_count() or 1)
-            known.extend(staged_files(stage))
-        super().run()
+        # C++ programs, rosbag2 and other middlewares come with a ROS 2 that is sourced.
+        python_only = bool(by_pip) and not is_sourced()
+        with ThreadPoolExecutor(1) as beside:
+            stages = beside.submit(build_interfaces, builds, jobs, python_only=python_only)
+            super().run()
+        for stage in stages.result():
+            known.extend(installed_files(stage))
 
     def build_extension(self, ext: Extension) -> None:
         """Compile one module; where that fails, the module stays Python and the build goes on."""
-        Path(self.get_ext_fullpath(ext.name)).unlink(missing_ok=True)  # of an older source
+        built = Path(self.get_ext_fullpath(ext.name))
+        built.unlink(missing_ok=True)  # of an older source
         try:
-            ext.sources = [str(translate(ext.name, HERE / ext.sources[0], Path(self.build_temp)))]
-            super().build_extension(ext)
+            key = made_of(HERE / ext.sources[0])
+            kept = store.find(ext.name, key)
+            if kept is None:
+                work = Path(self.build_temp)
+                ext.sources = [str(translate(ext.name, HERE / ext.sources[0], work))]
+                super().build_extension(ext)
+                made = work / "made" / ext.name
+                made.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(built, made)
+                store.keep(ext.name, key, made)
+            else:
+                built.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(kept / built.name, built)
         except Exception as error:  # noqa: BLE001 - whatever is wrong, the module runs as it is
             say_uncompiled(ext.name, error)
 
@@ -349,7 +192,7 @@ def runtime_requirements() -> list[str]:
         "pyyaml>=6.0",
         "rich>=13.0",
     ]
-    return plain if any(map(has_ros, sourced_prefixes())) else plain + ROS_WHEELS
+    return plain if is_sourced() else plain + ROS_WHEELS
 
 
 XACRO = ["xacro>=2.1"]

@@ -11,6 +11,8 @@ import os
 import sys
 from pathlib import Path
 
+import store
+from interfaces import toolchain
 from setuptools import Extension
 
 # Compiled and uncompiled give the same bits: no fused multiply-add, no reordering, whatever
@@ -62,6 +64,17 @@ def translate(module: str, source: Path, work: Path) -> Path:
         [Extension(module, [str(copy)])], compiler_directives=DIRECTIVES, force=True, quiet=True
     )
     return Path(made[0].sources[0])
+
+
+def made_of(source: Path) -> str:
+    """What a compiled module depends on, as a hash.
+
+    Raises:
+        ImportError: Cython is not installed.
+    """
+    import Cython
+
+    return store.key([*toolchain(), Cython.__version__, Path(__file__), source])
 
 
 def say_uncompiled(module: str, error: Exception) -> None:
