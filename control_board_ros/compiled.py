@@ -13,8 +13,7 @@ from importlib.machinery import EXTENSION_SUFFIXES, SourceFileLoader
 from importlib.util import module_from_spec, source_hash, spec_from_file_location
 from pathlib import Path
 
-#: Modules that are compiled where possible; pyproject.toml (cache-keys, mypy) and the Makefile
-#: (SOURCES) name the same ones.
+#: Modules that are compiled where possible; pyproject.toml (cache-keys, mypy) names the same ones.
 MODULES = (
     "control_board_ros.core.model.dynamics",
     "control_board_ros.core.laws.laws",

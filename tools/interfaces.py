@@ -143,14 +143,14 @@ def packages_used(definitions: Path, prefixes: list[Path]) -> list[Path]:
     return [found[name] for name in sorted(found)]
 
 
-def made_of(definitions: Path, prefixes: list[Path], for_python_only: bool) -> str:
+def made_of(definitions: Path, prefixes: list[Path], *, python_only: bool) -> str:
     """What a build of messages depends on, as a hash: not on where pip keeps the build tools.
 
     pip has a new folder of them for each build in isolation, and CMake's cache is of no use there.
     """
     inside = sorted(path for path in definitions.rglob("*") if path.is_file())
     # C++ users get CMake's files, which may name the prefixes.
-    scope = ["Python"] if for_python_only else ["all", *map(str, prefixes)]
+    scope = ["Python"] if python_only else ["all", *map(str, prefixes)]
     numpy = metadata.version("numpy").split(".")[0]
     used = packages_used(definitions, prefixes)
     return store.key([*toolchain(), *scope, numpy, *RECIPE, *inside, *used])
@@ -170,7 +170,7 @@ class Package:
         self.log = self.work / "cmake.log"
         #: Which setup CMake's cache belongs to; there from the end of a build to the next one.
         self.stamp = self.work / "built-for.txt"
-        self.key = made_of(definitions, prefixes, python_only)
+        self.key = made_of(definitions, prefixes, python_only=python_only)
 
     def begin(self, prefixes: list[Path]) -> None:
         """Write the build script; anew where the folder is another setup's, or half made."""
@@ -270,7 +270,7 @@ def run_make(
     makefile.write_text("\n".join([*rules, ""]))
     for name in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS"):
         environment.pop(name, None)  # of `make setup`, whose job server is not handed down
-    sizes = [len(list(package.definitions.glob("*/*"))) for package in packages]
+    sizes = [1 + len(list(package.definitions.glob("*/*"))) for package in packages]
     command = ["make", "-s", "-f", makefile.name, f"-j{jobs}"]
     with subprocess.Popen(command, cwd=builds, env=environment) as made:
         while made.poll() is None:

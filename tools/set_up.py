@@ -176,6 +176,13 @@ class Installer:
             )
 
 
+def sources() -> list[Path]:
+    """The files that the installation is made of."""
+    compiled = runpy.run_path(str(ROOT / "control_board_ros" / "compiled.py"))["MODULES"]
+    names = [*SOURCES, *(f"{name.replace('.', '/')}.py" for name in compiled)]
+    return sorted({path for name in names for path in ROOT.glob(name) if path.is_file()})
+
+
 class Environment:
     """A virtual environment and what make has put into it."""
 
@@ -191,14 +198,11 @@ class Environment:
 
     def wanted(self, extras: list[str]) -> dict[str, str]:
         """What is to be there, by name, as hashes of what it is made of."""
-        compiled = runpy.run_path(str(ROOT / "control_board_ros" / "compiled.py"))["MODULES"]
-        names = [*SOURCES, *(f"{name.replace('.', '/')}.py" for name in compiled)]
-        files = {path for name in names for path in ROOT.glob(name) if path.is_file()}
-        paths = [part for path in sorted(files) for part in (str(path.relative_to(ROOT)), path)]
+        files = [part for path in sources() for part in (str(path.relative_to(ROOT)), path)]
         packages = store.key([ROOT / "setup.py"])
         return {
             "build tools": store.key([ROOT / "pyproject.toml"]),
-            "control_board_ros": store.key(paths),
+            "control_board_ros": store.key(files),
             **{f"packages {extra}".rstrip(): packages for extra in ("", *extras)},
         }
 
@@ -224,7 +228,12 @@ class Environment:
         done = subprocess.run(
             [self.python, "-c", REQUIREMENTS], cwd=ROOT, capture_output=True, text=True, check=True
         )
-        required = json.loads(done.stdout.splitlines()[-1])
+        required: dict[str, list[str]] = {}
+        for name, lines in json.loads(done.stdout.splitlines()[-1]).items():
+            extra, _, marker = name.partition(":")  # setuptools keeps what has a marker apart
+            required.setdefault(extra, []).extend(
+                f"{line}; {marker}" if marker else line for line in lines
+            )
         if unknown := set(extras) - set(required):
             raise SystemExit(
                 f"no extra {', '.join(sorted(unknown))}; there are: {', '.join(required)}"
@@ -261,14 +270,15 @@ class Environment:
         last_s = json.loads(times.read_text())["first"] if is_new and times.is_file() else None
         progress = Progress(last_s)
         self.own.mkdir(parents=True, exist_ok=True)
+        self.log.write_text("")
         installer = Installer(self.python, self.log)
         with progress.shown():
             if is_new:
                 version = f"Python {sys.version_info[0]}.{sys.version_info[1]}"
                 hint = f"{last_s:.0f} s last time" if last_s else "a minute or two"
                 progress.say(f"setting up {self.folder} with {version}, once: {hint}")
-                self.make(installer)
-            self.log.write_text("")
+                with progress.step("environment"):
+                    self.make(installer)
             if self.done.get("build tools") != wanted["build tools"]:
                 with progress.step("build tools"):
                     installer.find_uv()
@@ -277,11 +287,12 @@ class Environment:
                 self.record(wanted, "build tools")
             else:
                 installer.find_uv()
-            self._compile_and_install(wanted, extras, installer, progress)
+            self.complete(wanted, extras, installer, progress)
         if is_new:
             times.write_text(json.dumps({"first": progress.seconds}))
+            subprocess.run([self.folder / "bin" / "control_board", "--version"], check=False)
 
-    def _compile_and_install(
+    def complete(
         self, wanted: dict[str, str], extras: list[str], installer: Installer, progress: Progress
     ) -> None:
         """The two that take long, at once; then the project itself."""
@@ -306,7 +317,8 @@ class Environment:
             step.result()
         if not is_same:
             arguments = ("--no-deps", "--no-build-isolation", "-e", ".")
-            installer.install("control_board_ros", *arguments, anew="control_board_ros")
+            with progress.step("control_board_ros"):
+                installer.install("control_board_ros", *arguments, anew="control_board_ros")
             self.record(wanted, "control_board_ros")
 
 

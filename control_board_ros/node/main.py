@@ -58,7 +58,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(USAGE)
         return 0
     if "--version" in arguments:
-        say(f"control_board_ros {__version__}\nlaws: {describe()}\n")
+        from ..sim.config import DEFAULT_PHYSICS
+
+        say(f"control_board_ros {__version__}\nlaws: {describe()}\nphysics: {DEFAULT_PHYSICS}\n")
         return 0
     ended, at_once = threading.Event(), threading.Event()
 
@@ -191,7 +193,8 @@ def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> 
     name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
     parks, modes = bool(settings.values["park_on_exit"]), boards.loop.main.snapshots.modes.control
     waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
-    say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits))
+    by = settings.values["plant"] or settings.values["physics"]
+    say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits, plant=by))
     ended.wait()
     return parked(boards, at_once) if parks and boards.loop.failure is None else ""
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import ast
 import importlib.util
 import os
-import re
 import shutil
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -20,6 +19,7 @@ from pure import as_python, load_python
 
 import control_board_ros
 from control_board_ros import compiled, nocython
+from control_board_ros.sim.config import DEFAULT_PHYSICS
 
 MODULES = [ROOT / f"{name.replace('.', '/')}.py" for name in compiled.MODULES]
 SUFFIX = EXTENSION_SUFFIXES[0]
@@ -34,13 +34,9 @@ def run(code: str, folder: Path) -> str:
 
 def test_build_descriptions_name_the_compiled_modules() -> None:
     """What is compiled from them is made anew when they change; Cython is requested."""
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    sources = re.search(r"^SOURCES := ((?:.*\\\n)*.*)$", makefile, re.MULTILINE)
-    assert sources is not None
     keys = {entry["file"] for entry in PYPROJECT["tool"]["uv"]["cache-keys"]}
     for path in MODULES:
         assert path.is_file()
-        assert str(path.relative_to(ROOT)) in sources[1].split()
         assert str(path.relative_to(ROOT)) in keys
     pins = [entry for entry in PYPROJECT["build-system"]["requires"] if "ython==" in entry]
     assert len(pins) == 1
@@ -184,38 +180,9 @@ def test_a_build_without_a_compiler_continues_with_one_warning(tmp_path: Path) -
     assert not leftover.exists()
 
 
-REUSE = """
-import sys
-from pathlib import Path
-from distutils.core import run_setup
-import setuptools
-build = run_setup("setup.py", stop_after="init").get_command_obj("build_ext")
-setup, folder = type(build).run.__globals__, Path(sys.argv[1])
-definitions, prefixes = folder / "defs", setup["ros_prefixes"]()
-elsewhere = []
-for k, prefix in enumerate(prefixes):
-    (folder / f"prefix{k}").symlink_to(prefix)
-    elsewhere.append(folder / f"prefix{k}")
-key = setup["made_of"](definitions, prefixes)
-assert key == setup["made_of"](definitions, elsewhere)
-(folder / "work/stage").mkdir(parents=True)
-(folder / "work/made-of.txt").write_text(key)
-setup["subprocess"].run = None  # nothing is built
-assert setup["build_messages"](definitions, folder / "work", elsewhere, 1).is_dir()
-changed = definitions / "msg/Request.msg"
-changed.write_text(changed.read_text() + "bool more")
-assert key != setup["made_of"](definitions, prefixes)
-"""
-
-
-def test_messages_are_rebuilt_only_if_their_sources_changed(tmp_path: Path) -> None:
-    """Each build of pip has the tools of ROS in a new folder."""
-    shutil.copytree(ROOT / "msg_defs", tmp_path / "defs")
-    python(REUSE, tmp_path, cwd=ROOT)
-
-
 def test_version_reports_which_laws_run() -> None:
     done = ended(sys.executable, "-m", "control_board_ros.node.main", "--version")
-    version, laws = done.stdout.splitlines()
+    version, laws, physics = done.stdout.splitlines()
     assert version == f"control_board_ros {control_board_ros.__version__}"
     assert laws == f"laws: {compiled.describe()}"
+    assert physics == f"physics: {DEFAULT_PHYSICS}"

@@ -83,6 +83,7 @@ def welcome(
     *,
     parks: bool = False,
     managed: bool = False,
+    plant: str = "",
 ) -> str:
     """The joints with their limits and modes, and lines to paste.
 
@@ -93,6 +94,7 @@ def welcome(
         parts: the joints of each part, where the board is a robot's.
         parks: whether it moves to the pose park at its end.
         managed: whether it waits for the transitions of a managed node.
+        plant: what moves the joints: a physics engine, or drives.
     """
     present = sorted({mode.name for mode in modes})
     option = "" if name == "/control_board" else f" --board {name}"
@@ -103,7 +105,8 @@ def welcome(
     lines = [
         *table(config.joints, parts or {}),
         "",
-        f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. {when}:",
+        f"{name} runs at {config.control_rate:g} Hz{f' with {plant}' if plant else ''}, "
+        f"joints in {', '.join(present)}. {when}:",
         *(f"  cbctl{option} {line}" for line in (*words, "watch")),
         "in a browser: cbctl panel (make panel); or, where ROS itself is installed:",
         *ros2_lines(name, config.joints[0]),
