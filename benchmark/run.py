@@ -43,6 +43,7 @@ GROUPS = {
     "B18": "b18_gym",
     "B19": "b19_hands",
     "B20": "b20_buses",
+    "B21": "b21_first_run",
 }
 
 
