@@ -329,7 +329,7 @@ GET_COUPLING = service(
 STOP = service(
     "~/stop",
     "Stop",
-    "Stop the motion of joints: the position reference becomes the measured position.",
+    "Stop the motion of joints: they brake, and are held where they come to rest.",
 )
 GET_FAULTS = service(
     "~/get_faults", "GetFaults", "Read the last fault of joints, also after it was cleared."

@@ -48,17 +48,17 @@ required, an aborted or failed one leaves the joint with its former angle and li
 MOTION = """\
 ## Entering a mode
 
-The position reference becomes the measured position, the output reference zero. A law that
-outputs a torque starts from the *load*: gravity, payload, a steady push. The load is the measured
-torque less the acceleration's share (`inertia_mean` times the measured acceleration) and less
-`u_ff` and `tau_ff`. Gearbox friction is not included: the sensor is behind the gearbox.
+A joint at rest is held at its measured position; one in motion brakes, and is held where it comes
+to rest. The output reference becomes zero. A law that outputs a torque starts from the *load*:
+gravity, payload, a steady push. The load is the measured torque less the acceleration's share
+(`inertia_mean` times the measured acceleration) and less `u_ff` and `tau_ff`. Gearbox
+friction is not included: the sensor is behind the gearbox.
 
 * **At rest** the load is the measured torque, filtered over 10 ms. POSITION, POSITION_DIRECT,
   VELOCITY and MIXED start from it in either interaction mode.
 * **In motion**, or at the first reading, the position law first stops a joint that enters
-  COMPLIANT or TORQUE: it brakes within the acceleration limit and returns to the position of the
-  mode change. The load is captured after 30 ms of rest, after 0.5 s at the latest. References that
-  arrive before are followed, after 50 ms at the latest; a torque or a `tau_ff` acts at once.
+  COMPLIANT or TORQUE: it brakes within its limits. The load is captured after 30 ms of rest,
+  after 0.5 s at the latest. References that arrive before are followed, after 50 ms at the latest; a torque or a `tau_ff` acts at once.
 * **TORQUE** holds the joint until the first torque reference: with the load, and a hold of at most
   a tenth of the torque limit. A stronger push moves the joint, and it stays where it is left.
   From the first reference on only the reference acts: in a pose without stable equilibrium the

@@ -6,6 +6,7 @@ Some of it are C functions where the laws are compiled; here they are the same a
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -50,11 +51,12 @@ def test_to_hold(velocity: float, followed: float) -> None:
     """At a position, from the speed that the joint has; at rest below 0.002 of its limit."""
     one = joint(velocity=velocity, moving=True, driven=True, active=not followed)
     one.followed_velocity = 8.0
-    zeros = "moved_velocity reference_velocity ramped ramp_velocity ramp_target"
-    expected = dict.fromkeys(zeros.split(), 0.0)
-    expected |= {"followed_acceleration": 0.0, "direct_velocity": 0.0, "moving": False}
+    zeros = "ramped ramp_velocity ramp_target followed_acceleration direct_velocity"
+    expected = dict.fromkeys(zeros.split(), 0.0) | {"moving": False, "driven": False}
     expected |= dict.fromkeys(("moved", "reference", "followed"), 1.25)
-    expected |= {"driven": False, "followed_velocity": followed, "active": followed != 0.0}
+    speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
+    expected |= dict.fromkeys(speeds, followed)
+    expected |= {"stopping": followed != 0.0, "active": followed != 0.0}
     assert changes(one, "hold", 1.25) == expected | {"direct_age": INFINITE}
     assert (one.stream.count, one.stream.flows) == (0.0, False)
 
@@ -66,6 +68,7 @@ def test_to_move(time: float, lasts: float) -> None:
     assert changes(one, "move", 1.5, time, 0.3) == {
         "active": True,
         "moving": True,
+        "stopping": False,
         "move_start": 0.5,
         "move_velocity": 0.2,
         "move_target": 1.5,
@@ -93,6 +96,7 @@ def test_a_velocity_at_once_and_its_end() -> None:
     one = joint(active=False, driven=False, settling=True)
     at_once = dict.fromkeys(("ramp_target", "ramp_velocity", "reference_velocity"), 0.4)
     at_once |= {"active": True, "driven": True, "ramp_step": INFINITE, "awaited": True}
+    at_once |= {"stopping": False}
     assert changes(one, "drive_at", 0.4) == at_once
     stopped = dict.fromkeys(("ramp_target", "ramp_velocity", "reference_velocity"), 0.0)
     assert changes(one, "halt") == stopped
@@ -114,6 +118,7 @@ def test_a_direct_position(velocity: float | None, given: float) -> None:
     zeros = "ramped moved_velocity ramp_velocity ramp_target reference_velocity direct_age"
     expected = dict.fromkeys(zeros.split(), 0.0) | {"moved": 0.8, "reference": 0.8}
     expected |= {"active": True, "moving": False, "awaited": True, "direct_velocity": given}
+    expected |= {"stopping": False}
     arguments = (0.8,) if velocity is None else (0.8, velocity)
     method = "step_to" if velocity is None else "step_with"
     assert changes(one, method, *arguments) == expected
@@ -234,6 +239,9 @@ def test_a_law_takes_over_the_load(law: str) -> None:
     expected |= {"holding": number in (LAWS.TORQUE, LAWS.CURRENT)}
     if number != LAWS.POSITION:
         expected |= {"law": number}
+    if number == LAWS.OUTPUT:  # it brakes nothing
+        speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
+        expected |= dict.fromkeys(speeds, 0.0) | dict.fromkeys(("active", "stopping"), False)
     assert found == expected
     assert one.position_pid.integral == 10.0 - 3.0 - 0.5 * 0.5
     assert one.torque_pid.integral == 12.0 - 0.5 * 10.0
@@ -423,6 +431,46 @@ def test_a_move_from_cycle_to_cycle(velocity: float, time: float, brake: float) 
         assert one.moved == pytest.approx(0.2 + way)
         assert one.moved_velocity == pytest.approx(speed, abs=1e-12)
         assert one.moving
+
+
+@pytest.mark.parametrize("velocity", [0.5, -0.5, 0.19, 2.9])
+def test_a_stop_from_cycle_to_cycle(velocity: float) -> None:
+    """M9, P3: at the acceleration limit to rest, where the joint is held; never back."""
+    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0)
+    one.velocity, one.reference = velocity, 0.3
+    one.hold(0.3)
+    way, speed = 0.0, abs(velocity)
+    while one.stopping:
+        LAWS.advance_stop(one)
+        speed = max(speed - 0.2, 0.0)
+        way += speed * 0.01
+        assert one.moved_velocity == pytest.approx(math.copysign(speed, velocity), abs=1e-12)
+        assert one.moved == pytest.approx(0.3 + math.copysign(way, velocity))
+    assert one.moved_velocity == 0.0
+
+
+def test_a_stop_ends_at_a_limit() -> None:
+    """P9: of a joint that is too fast to come to rest before it."""
+    for velocity in (2.0, -2.0):
+        one = joint(lower=0.25, upper=0.35, ramped=0.0, velocity=velocity)
+        one.hold(0.3)
+        for _ in range(5):
+            LAWS.advance_stop(one)
+        assert (one.moved, one.moved_velocity, one.stopping) == (
+            0.3 + math.copysign(0.05, velocity), 0.0, False,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("velocity", [1.5, -1.5, 9.0])
+def test_a_stop_without_the_torque_for_it_goes_on_with_the_joint(velocity: float) -> None:
+    """P14, M9: the reference is not left behind, to come back to."""
+    one = joint(velocity=velocity, stopping=True, ramped=0.1, forward=3.0)
+    one.followed_acceleration = 4.0
+    LAWS.stay(one, 0.7)
+    speed = min(velocity, 3.0)
+    assert (one.followed, one.moved) == (0.7, pytest.approx(0.6))
+    assert (one.followed_velocity, one.moved_velocity) == (speed, speed)
+    assert (one.followed_acceleration, one.forward) == (0.0, 3.0 - 0.5 * 4.0)
 
 
 def ramped(**at: float) -> Any:

@@ -321,6 +321,7 @@ def led(**given: Any) -> Any:
     usual = {"lower": -1.0, "upper": 1.0, "reference": 0.2, "reference_velocity": 0.0}
     usual |= {"followed": 0.2, "followed_velocity": 0.0, "followed_acceleration": 0.0}
     usual |= {"active": True, "moving": False, "ramp_target": 0.0, "ramp_velocity": 0.0}
+    usual |= {"stopping": False}
     usual |= {"direct_age": INFINITE, "direct_velocity": 0.0}
     one = joint(**(usual | given))
     one.stream.flows = False
@@ -363,6 +364,7 @@ def test_a_reference_is_approached_as_fast_as_it_can_be_braked() -> None:
     [
         {},
         {"moving": True},
+        {"stopping": True},
         {"ramp_target": 0.1},
         {"ramp_velocity": 0.1},
         {"direct_age": 2.0},  # a sample may follow

@@ -284,7 +284,7 @@ class BoardMachine(RuleBasedStateMachine):
             reference = float(shot.position_reference[j])
             assert not shot.motion_done[j] or not one.moving(), one
             assert abs(reference - one.reference()) < 1e-6, (reference, one)
-            if one.unasked and one.mode in POSITION_LIKE:
+            if one.unasked and one.mode in POSITION_LIKE and not one.stopping:
                 assert shot.velocity_reference[j] == 0.0
             if one.mode in POSITION_LIKE:
                 assert one.low <= reference <= one.high

@@ -24,7 +24,8 @@ class JointModel:
     acceleration_limit; velocity_timeout (cycles); period; needs_calibration, calibrator (type or
     None), calibrated and after_calibration (K3); startup (N3); mode and interaction; kept
     references; rejected (M4); fault (text of the last one) and its number; position_reference
-    and how it moves; unasked (no reference accepted since the mode was entered).
+    and how it moves; stopping (it may still brake); unasked (no reference accepted since the mode
+    was entered).
     """
 
     name: str
@@ -56,6 +57,8 @@ class JointModel:
     move: tuple[float, float, float, int] | None = None  # from, to, duration (s), cycles done
     vague: bool = False
     base: float = 0.0
+    stopping: bool = False
+    stopped: float = 0.0  # where it was told to
     velocity: float = 0.0
     velocity_target: float = 0.0
     ramp: float = 0.0
@@ -64,17 +67,24 @@ class JointModel:
     low: float = 0.0
     high: float = 0.0
 
+    @property
+    def longest_stop(self) -> float:
+        v, a = self.speed_limit, self.acceleration_limit
+        return v * (0.5 * v / a + self.period)
+
     # --- modes ------------------------------------------------------------------------------
 
     def enter(self, mode: str, measured: float) -> None:
-        """M9: position reference := measured, velocity := 0."""
+        """M9: position reference := measured, or where the joint comes to rest; velocity := 0."""
         self.mode = mode
         self.hold(measured)
+        self.stopping = mode not in ("idl", "open", FAULT, OFF)
         self.low, self.high = min(self.lower, measured), max(self.upper, measured)  # P9
         self.unasked = True
 
     def hold(self, position: float) -> None:
         self.move, self.vague, self.base = None, False, position
+        self.stopping, self.stopped = False, position
         self.velocity = self.velocity_target = self.added = 0.0
         self.velocity_age = -1
 
@@ -188,7 +198,8 @@ class JointModel:
 
     def start_move(self, target: float, speed: float) -> None:
         """P1, P6: from the present reference; known exactly only from rest."""
-        start, moving = self.reference(), self.moving()
+        start, moving = self.reference(), self.moving() or self.stopping
+        self.stopping = False
         distance = abs(target - start)
         self.added = 0.0
         if moving:
@@ -202,6 +213,7 @@ class JointModel:
         """P3."""
         if self.mode in POSITION_LIKE:
             self.hold(min(max(measured, self.low), self.high))
+            self.stopping = True
         return "accepted" if self.mode in (*POSITION_LIKE, "idl", FAULT) else "ignored"
 
     def moving(self) -> bool:
@@ -247,7 +259,14 @@ class JointModel:
             self.high = max(min(self.reference(), self.high), self.upper)
 
     def learn(self, reference: float, done: bool) -> None:
-        """Of a move whose course the rules leave open, take over where it has come to."""
+        """Of a move or a stop whose course the rules leave open, take over where it has come to.
+
+        A stop goes no further than the joint's braking distance from its top speed (P3).
+        """
+        if self.stopping:
+            place = reference - self.added
+            assert abs(place - self.stopped) <= self.longest_stop, self
+            self.stopping, self.base = place != self.base, place
         if self.move is not None and self.vague:
             _, target, _, _ = self.move
             if done:

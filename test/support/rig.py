@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import (
@@ -204,6 +206,16 @@ def ready(config: BoardConfig | None = None, plant: Any = None, **per_joint: Any
     rig = Rig(config or board_config(), plant, **per_joint)
     rig.tick(2)
     return rig
+
+
+def check_stop(board: Board, shown: Snapshot, after: Snapshot) -> None:
+    """M9, P3: the first joint rests its braking distance v²/(2a) ahead, and is held there."""
+    speed, limits = float(shown.velocity[0]), board.config.joints[0].limits
+    way = math.copysign(speed * speed / (2.0 * limits.acceleration), speed)
+    cycle = abs(speed) * board.period
+    assert after.position_reference[0] - shown.position[0] == pytest.approx(way, abs=cycle)
+    assert after.velocity_reference[0] == 0.0
+    assert after.position[0] == pytest.approx(float(after.position_reference[0]), abs=2e-3)
 
 
 def with_a_slide() -> Rig:

@@ -632,6 +632,7 @@ class Joint:
     upper = cython.declare(cython.double, visibility="public")
     active = cython.declare(cython.bint, visibility="public")  # the reference moves
     moving = cython.declare(cython.bint, visibility="public")  # a position move is under way
+    stopping = cython.declare(cython.bint, visibility="public")  # it brakes, and holds at rest
     move_start = cython.declare(cython.double, visibility="public")
     move_target = cython.declare(cython.double, visibility="public")
     move_velocity = cython.declare(cython.double, visibility="public")  # at its start
@@ -710,21 +711,17 @@ class Joint:
 
     @cython.ccall
     def hold(self, position: cython.double) -> cython.void:
-        """Set the reference to a position, at rest (M9, P3).
-
-        The followed reference starts at the joint's velocity and brakes within the acceleration
-        limit (P14).
-        """
+        """Stop at a position: at rest there, or where the joint comes to rest (M9, P3)."""
         self.moving = False
         self.moved = self.reference = self.followed = position
-        self.moved_velocity = self.reference_velocity = self.ramped = 0.0
-        self.ramp_velocity = self.ramp_target = 0.0
+        self.ramped = self.ramp_velocity = self.ramp_target = 0.0
         self.driven = False
-        self.followed_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
+        self.stopping = self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
+        self.moved_velocity = 0.0
+        if self.stopping:
+            self.moved_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
+        self.followed_velocity = self.reference_velocity = self.moved_velocity
         self.followed_acceleration = self.direct_velocity = 0.0
-        self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
-        if not self.active:
-            self.followed_velocity = 0.0
         self.direct_age = INFINITE
         self.stream.count, self.stream.flows = 0.0, False
 
@@ -740,6 +737,7 @@ class Joint:
             brake: time to brake the present velocity, s; 0: the move starts with that velocity.
         """
         self.active = self.moving = True
+        self.stopping = False
         self.move_start = self.reference
         self.move_velocity = self.moved_velocity
         self.move_target = target
@@ -768,6 +766,7 @@ class Joint:
         costs is not made up for.
         """
         self.active = self.driven = True
+        self.stopping = False
         self.ramp_target = self.ramp_velocity = self.reference_velocity = velocity
         self.ramp_step = INFINITE
         self.awaited = self.settling
@@ -798,7 +797,7 @@ class Joint:
             position, velocity, given, self.direct_age, self.period, self.max_velocity,
             self.max_acceleration,
         )  # fmt: skip
-        self.active, self.moving = True, False
+        self.active, self.moving, self.stopping = True, False, False
         self.moved, self.ramped = position, 0.0
         self.moved_velocity = self.ramp_velocity = self.ramp_target = 0.0
         self.reference, self.reference_velocity = position, 0.0
@@ -854,10 +853,19 @@ class Joint:
         self.current_command = 0.0
         self.torque_pid.reset(0.0)
         self.asked = clamp(self.torque * self.per_torque, -self.max_drive, self.max_drive)
+        if law in (OFF, OUTPUT):
+            self.rest()
         if law == OFF:
             self.output = 0.0
         elif not self.settling:
             self.take(load)
+
+    @cython.cfunc
+    def rest(self) -> cython.void:
+        """No law brakes the joint: the reference is at rest where it is."""
+        if self.stopping:
+            self.stopping = self.active = False
+            self.moved_velocity = self.reference_velocity = self.followed_velocity = 0.0
 
     @cython.cfunc
     def take(self, load: cython.double) -> cython.void:
@@ -999,6 +1007,8 @@ def advance(j: Joint) -> cython.void:
         j.moved, j.ramped, j.reference = j.followed, 0.0, j.followed
     if j.moving:
         advance_move(j)
+    elif j.stopping:
+        advance_stop(j)
     velocity = j.moved_velocity
     if j.ramp_target != 0.0 or j.ramp_velocity != 0.0:
         advance_ramp(j)
@@ -1058,6 +1068,19 @@ def advance_move(j: Joint) -> cython.void:
     c: cython.double = 6.0 * reach - 3.0 * run
     j.moved = j.move_start + way + s * (run + s * s * (a + s * (b + s * c)))
     j.moved_velocity = speed + (run + s * s * (3.0 * a + s * (4.0 * b + s * 5.0 * c))) / time
+
+
+@cython.cfunc
+def advance_stop(j: Joint) -> cython.void:
+    """Brake within the acceleration limit, to hold where the joint comes to rest (M9, P3)."""
+    step: cython.double = j.max_acceleration * j.period
+    place: cython.double
+    j.moved_velocity = clamp(0.0, j.moved_velocity - step, j.moved_velocity + step)
+    j.moved += j.moved_velocity * j.period
+    place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
+    if place != j.moved:  # too fast to stop before a limit
+        j.moved, j.moved_velocity = place, 0.0
+    j.stopping = j.moved_velocity != 0.0
 
 
 @cython.cfunc
@@ -1130,7 +1153,7 @@ def follow(j: Joint) -> cython.void:
     if (
         j.followed == goal
         and fabs(velocity) <= step * 1e-6
-        and not (j.moving or j.ramp_target != 0.0 or j.ramp_velocity != 0.0)
+        and not (j.moving or j.stopping or j.ramp_target != 0.0 or j.ramp_velocity != 0.0)
         and j.direct_velocity == 0.0
         and (j.direct_age == INFINITE or j.direct_age * j.period > LAST)
     ):
@@ -1265,10 +1288,17 @@ def friction(j: Joint, velocity: cython.double) -> cython.double:
 
 @cython.cfunc
 def stay(j: Joint, place: cython.double) -> cython.void:
-    """Stop the followed reference at a place, without the feed-forward of its acceleration."""
+    """Stop the followed reference at a place, without the feed-forward of its acceleration.
+
+    Of a joint that brakes with less torque than that takes, it goes on with the joint's speed.
+    """
     j.forward -= j.inertia * j.followed_acceleration
     j.followed = place
     j.followed_velocity = j.followed_acceleration = 0.0
+    if j.stopping:
+        j.moved = place - j.ramped
+        j.moved_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
+        j.followed_velocity = j.moved_velocity
     j.active = True
 
 

@@ -128,7 +128,7 @@ class References:
             self.speed[j], self.acceleration[j] = own.reference_speed, own.reference_acceleration
 
     def reset(self, joints: Sequence[int], *, bounded: bool) -> None:
-        """Hold joints where they are measured to be, at rest (M9).
+        """Hold joints where they are measured to be, or come to rest (M9).
 
         A joint found outside its software limits may stay there or move inwards, never
         further out (P9); one that is not calibrated has no limits.
@@ -147,7 +147,7 @@ class References:
             joint.upper = max(joint.limit_upper, joint.reference)
 
     def hold(self, joints: Sequence[int], positions: Sequence[float]) -> None:
-        """Step the position reference, at rest (P3, M9)."""
+        """Stop at positions, or where joints in motion come to rest (P3, M9)."""
         state = self._state
         for j, position in zip(joints, positions, strict=True):
             state.position_reference[j], state.velocity_reference[j] = position, 0.0

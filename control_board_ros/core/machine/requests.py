@@ -144,7 +144,7 @@ class Requests:
             self._machine.enter([j], mode)
 
     def stop(self, selection: Selection) -> Reply:
-        """Set the position reference to the measured position; the mode stays (P3)."""
+        """Brake, and hold where joints come to rest; the mode stays (P3)."""
         answers = []
         for j in selection.numbers:
             facts = self._machine.facts(j)
@@ -157,7 +157,7 @@ class Requests:
         return decided(selection.names, answers)
 
     def _hold(self, chosen: Sequence[int]) -> None:
-        """Hold joints where they are; where the law is the impedance, keep the load (I10)."""
+        """Stop joints; where the law is the impedance, keep the load (I10)."""
         machine, state = self._machine, self._machine.state
         laws = [machine.controller.joints[j] for j in chosen]
         places = [float(state.position[j]) for j in chosen]
