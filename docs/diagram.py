@@ -58,7 +58,8 @@ friction is not included: the sensor is behind the gearbox.
   VELOCITY and MIXED start from it in either interaction mode.
 * **In motion**, or at the first reading, the position law first stops a joint that enters
   COMPLIANT or TORQUE: it brakes within its limits. The load is captured after 30 ms of rest,
-  after 0.5 s at the latest. References that arrive before are followed, after 50 ms at the latest; a torque or a `tau_ff` acts at once.
+  after 0.5 s at the latest. References that arrive before are followed, after
+  50 ms at the latest; a torque or a `tau_ff` acts at once.
 * **TORQUE** holds the joint until the first torque reference: with the load, and a hold of at most
   a tenth of the torque limit. A stronger push moves the joint, and it stays where it is left.
   From the first reference on only the reference acts: in a pose without stable equilibrium the
