@@ -57,7 +57,9 @@ def test_a_lost_mode_packet_does_not_slam_a_feetech() -> None:
     with bench_of("feetech", unwatched="1") as bench:
         bench.connect()
         bench.follow(POSITION, 400, position=0.5)
-        bench.bus.to_drives = wire = LoseFirst(lambda data: data[4:6] == b"\x83\x21", serial=True)
+        bench.bus.to_drives = wire = LoseFirst(
+            lambda data: data[4:6] in (b"\x03\x21", b"\x83\x21"), serial=True
+        )
         before, fastest = bench.world.state[0].copy(), 0.0
         for _ in range(100):
             bench.follow(VELOCITY, velocity=0.05)
@@ -136,7 +138,7 @@ def test_a_velocity_of_zero_has_no_bias_in_an_mit_frame() -> None:
     ranges = frames.Ranges(12.5, 45.0, 10.0)
     half = ranges.torque / 4095.0
     for q, dq, k, d, torque in ((0.1, 0.0, 0.0, 5.0, 0.0), (0.1, 0.3, 90.0, 2.0, 1.5)):
-        sent = frames.command(ranges, frames.packed(ranges, q, dq, k, d, torque))
+        sent = frames.commanded(ranges, frames.packed(ranges, q, dq, k, d, torque))
         acts = sent[4] + sent[3] * sent[1] + sent[2] * (sent[0] - q)
         assert acts == pytest.approx(torque + sent[3] * dq, abs=1.01 * half)
 
@@ -190,9 +192,9 @@ def test_goals_beyond_a_servo_s_limit_are_cut_to_it() -> None:
         for drive in bench.drives:
             drive.table.bytes[36:40] = struct.pack("<HH", 400, 300)
         bench.connect()
-        bench.follow(CURRENT, 5, current=-40.0)
+        bench.follow(CURRENT, 20, current=-40.0)
         assert struct.unpack_from("<h", bench.drives[1].table.bytes, 102)[0] == -300
-        bench.follow(PWM, 5, pwm=60.0)
+        bench.follow(PWM, 20, pwm=60.0)
         assert struct.unpack_from("<h", bench.drives[1].table.bytes, 100)[0] == 400
 
 

@@ -12,13 +12,14 @@ A set-up is a generator that yields questions and receives answers::
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from .axes import Axis
 
-#: s after which a question without an answer counts as unanswered; times that one is asked.
-PATIENCE, ATTEMPTS = 0.05, 5
+#: s after which a question without an answer counts as unanswered, twice as long each time, and
+#: how many times it is asked.
+PATIENCE, ATTEMPTS = 0.01, 5
 Result = TypeVar("Result")
 Answers = list[Any]
 
@@ -109,8 +110,8 @@ def find(question: Question, axis: Axis, bus: str, driver: str) -> Questions[Any
         ConnectionError: no drive answers, or two with one id.
     """
     several = False
-    for _ in range(ATTEMPTS):
-        answers = yield question
+    for attempt in range(ATTEMPTS):
+        answers = yield longer(question, attempt)
         if len(answers) == 1:
             return answers[0]
         if answers and several:
@@ -133,8 +134,13 @@ def ask(question: Question, unanswered: str) -> Questions[Any]:
         ConnectionError: it does not come.
     """
     for attempt in range(ATTEMPTS):
-        if answers := (yield question):
+        if answers := (yield longer(question, attempt)):
             if attempt:  # what comes late is no answer to the next question
-                yield PAUSE
+                yield longer(PAUSE, attempt)
             return answers[0]
     raise ConnectionError(unanswered)
+
+
+def longer(question: Question, attempt: int) -> Question:
+    """The question, with the patience of an attempt."""
+    return replace(question, patience=question.patience * 2**attempt) if attempt else question

@@ -142,6 +142,8 @@ class ReconciledPlant:
             reported.unheard = 0 if answers.raw[k] else reported.unheard + 1
             if reported.power:
                 reported.confirmed = False
+            elif not self.driver.live and order.action in (Action.OFF, Action.RESET):
+                reported.law = None  # it is set again before each power, with goals of rest
         self._notice_clashes()
 
     def _wish(self, k: int, kind: SetPoint) -> Desired:
@@ -213,7 +215,11 @@ class ReconciledPlant:
             owed = np.where(late, now - self._asked, 0.0)  # a loop that pauses is no silence
             ages = np.where(late, np.minimum(owed + self._period, self._timeout), 0.0)
             for k in np.flatnonzero(owed > self._timeout).tolist():
-                self._lose(k, silent(self.axes[k], now - answers.times[k]))
+                fault = silent(self.axes[k], now - answers.times[k])
+                if answers.reported[k].lost:  # its set-up goes on
+                    self._latched[k] = fault
+                else:
+                    self._lose(k, fault)
         else:
             self._asked.fill(math.inf)
         for k in range(len(faults)):
@@ -237,7 +243,7 @@ class ReconciledPlant:
         reported, wish = self.answers.reported[k], self._wishes[k]
         if self._clashes[k] >= CLASHES:
             self._latched[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
-        if reported.lost:
+        elif reported.lost:
             if self._latched[k] is None:
                 self._lose(k, RESTARTED)
         elif reported.fault is not None:
@@ -267,7 +273,7 @@ class ReconciledPlant:
         for k, raw in enumerate(self.answers.raw):
             repeated = len(raw) == 1 and self._last[k] in raw  # it may be a late copy
             owed = min(LATEST, self._owed[k] + self.answers.asked[k])
-            owed -= 0 if repeated else len(raw)
+            owed -= min(owed, 1) if repeated else len(raw)
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0

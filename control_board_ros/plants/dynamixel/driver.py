@@ -40,13 +40,15 @@ IDS = range(253)
 class Servo:
     """One servo since it was set up.
 
-    Attributes: model; data (where its indirect data begin); pwm, current (its limits, counts).
+    Attributes: model; data (where its indirect data begin); pwm, current (its limits, counts);
+        mode (as it acknowledged).
     """
 
     model: t.Model = t.MODELS[1020]
     data: int = t.DATA
     pwm: int = t.FULL_PWM
     current: int = 0
+    mode: int = t.POSITION_MODE
 
 
 class DynamixelDrives:
@@ -110,7 +112,8 @@ class DynamixelDrives:
         yield from self._put(drive, t.WATCHDOG, self._watch)
         pwm = yield from get(drive, t.PWM_LIMIT)
         current = (yield from get(drive, t.CURRENT_LIMIT)) if model.ampere else 0
-        self._servos[k] = Servo(model, model.data(firmware), pwm, current)
+        mode = yield from get(drive, t.MODE)
+        self._servos[k] = Servo(model, model.data(firmware), pwm, current, mode)
         ends: list[float | None] = [None, None]
         if self._position_mode == t.POSITION_MODE:
             for n, item in enumerate((t.MIN_POSITION, t.MAX_POSITION)):
@@ -133,15 +136,19 @@ class DynamixelDrives:
         return True
 
     def set_law(self, k: int, law: int) -> Questions[int]:
-        """A mode that is another is written, and read back; its goal is that of rest."""
-        drive = self._axes[k].id
-        if (yield from get(drive, t.MODE)) != law:
+        """The mode, where it is another, and its goal of rest, each acknowledged."""
+        drive, servo = self._axes[k].id, self._servos[k]
+        if servo.mode != law:
             yield from self._put(drive, t.MODE, law)
-        for item, mode in GOALS.values():
-            if mode == law and item is not t.GOAL_POSITION:
-                yield from self._put(drive, item, 0)
-        mode = yield from get(drive, t.MODE)
-        return mode
+            servo.mode = law
+        rest = {t.PWM_MODE: t.GOAL_PWM, t.CURRENT_MODE: t.GOAL_CURRENT,
+                t.VELOCITY_MODE: t.GOAL_VELOCITY}  # fmt: skip
+        if law in rest:
+            yield from self._put(drive, rest[law], 0)
+        else:
+            place = round(self._answers.position[k] / t.COUNT) + t.CENTRE
+            yield from self._put(drive, t.GOAL_POSITION, place)
+        return law
 
     def _put(self, drive: int, item: Item, value: int) -> Questions[None]:
         return put(drive, item, value, t.LIBRARY.refusal)

@@ -1,28 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feetech STS servos by their maker's library: one sync write and one sync read for a whole bus.
+"""Feetech STS servos by their maker's library: sync writes and one sync read for a whole bus.
 
 They have no watchdog: a servo without commands follows its last one. For a position that is
 holding it; velocities and PWM are offered with ``unwatched=1`` only. A kind of set-point is an
-operating mode, changed without torque, and not stored. Positions have no velocity and no
-feed-forward.
+operating mode, changed without torque, by packets that the servo acknowledges, and not stored.
+Positions have no velocity and no feed-forward.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import ATTEMPTS, budget
-from ..drives.driver import Answers, Found, Traits, Wanted, only
+from ..drives.can_line import budget
+from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import flagged
-from ..drives.plant import maker
-from ..drives.serial_line import Item, ServoBus
+from ..drives.interview import Question, Questions, find
+from ..drives.reconcile import Action
+from ..drives.reconciled import maker
+from ..drives.serial_line import Item, Request, ServoBus, get, put
 from ..errors import PlantSettingsError
-from ..interface import DriveFault, DriveLimits, Setup
+from ..interface import DriveLimits, Setup
 from . import table as t
 
 MODES = {
@@ -31,29 +32,12 @@ MODES = {
     SetPoint.PWM: t.PWM_MODE,
 }
 IDS = range(253)
-#: Answers without torque that mean a restart of a servo that should have torque.
-UNPOWERED = 5
-
-
-@dataclass(slots=True)
-class Servo:
-    """One servo since it was set up.
-
-    Attributes: kind (as requested), mode and torque (whether it is on) by the last answer, place
-        (its position in counts, as it answers), without (answers in a row without torque, while it
-        should have it), had (it had torque since its kind was requested).
-    """
-
-    kind: SetPoint = SetPoint.OFF
-    mode: int = t.POSITION_MODE
-    torque: bool = False
-    place: int = t.CENTRE
-    without: int = 0
-    had: bool = False
 
 
 class FeetechDrives:
-    """The servos of one bus; see ``drives.driver.Driver``."""
+    """The servos of one bus; see ``drives.driver.Make``."""
+
+    live = False
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -65,92 +49,124 @@ class FeetechDrives:
             temperature=True,
             voltage=True,
         )
-        self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
-        self._servos = [Servo() for _ in self._axes]
+        self.line = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
+        #: Position of each servo in counts, and its mode, as it answers.
+        self._places = [t.CENTRE] * len(self._axes)
+        self._modes = [t.POSITION_MODE] * len(self._axes)
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self._bus.open()
+        self.line.open()
         self._answers, self._wait = answers, budget(setup.period)
 
-    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Disable torque and ramps; returns the identification of the drive."""
-        bus, axis = self._bus, self._axes[k]
-        number = only(bus.models(axis.id, attempts), axis, self._options.bus, "feetech")
-        drive = axis.id
+    def law(self, k: int, kind: SetPoint) -> int:
+        del k
+        return MODES[kind]
+
+    def set_up(self, k: int) -> Questions[Found]:
+        """Disable torque and ramps; the identification of the drive and its limits."""
+        axis, drive = self._axes[k], self._axes[k].id
+        question = Question(Request(t.MODEL), lambda reply: reply, several=True)
+        number = (yield from find(question, axis, self._options.bus, "feetech")).value
         if number not in t.MODELS:
             raise PlantSettingsError(
                 f"{axis.name}: id {drive} is of model {number}; supported: "
                 + ", ".join(t.MODELS.values())
             )
+        for item, mask, right, name in t.READINGS:
+            if (value := (yield from get(drive, item))) & mask != right:
+                raise PlantSettingsError(
+                    f"{axis.name}: {name} (address {item.address}) of id {drive} is {value}: its "
+                    f"positions are not those of one turn; set its bits {mask:#x} to {right:#x} "
+                    "with the maker's tool"
+                )
         # Behind the lock a mode acts, and is not stored.
         for item, value in ((t.TORQUE, 0), (t.LOCK, 1), (t.ACCELERATION, 0)):
-            bus.put(drive, item, value)
-        bus.put(drive, t.MODE, t.POSITION_MODE)
-        self._servos[k] = Servo()
-        lower, upper = bus.get(drive, t.MIN_POSITION), bus.get(drive, t.MAX_POSITION)
-        limits = DriveLimits(
-            lower=angle(lower) if lower < upper else None,
-            upper=angle(upper) if lower < upper else None,
-            velocity=bus.get(drive, t.SPEED_LIMIT) * t.SPEED_LIMIT_STEP * t.COUNT or None,
-            current=bus.get(drive, t.CURRENT_LIMIT) * t.AMPERE or None,
+            yield from self._put(drive, item, value)
+        lower, upper = (
+            (yield from get(drive, t.MIN_POSITION)),
+            (yield from get(drive, t.MAX_POSITION)),
         )
-        return replace(identity(bus, drive), limits=limits)
+        if lower >= upper:  # none of its own: those of its count, which would wrap
+            lower, upper = 0, t.LAST
+        speed = yield from get(drive, t.SPEED_LIMIT)
+        limits = DriveLimits(
+            lower=angle(lower),
+            upper=angle(upper),
+            velocity=speed * t.SPEED_LIMIT_STEP * t.COUNT or None,
+            current=(yield from get(drive, t.CURRENT_LIMIT)) * t.AMPERE or None,
+        )
+        firmware, status = (yield from get(drive, t.FIRMWARE)), (yield from get(drive, t.STATUS))
+        return Found(
+            id=drive,
+            type=t.MODELS[number],
+            firmware=f"{firmware & 0xFF}.{firmware >> 8}",
+            fault=flagged(status, t.ERRORS),
+            limits=limits,
+        )
 
-    def exchange(self, wanted: Wanted) -> None:
-        bus, servos, ids = self._bus, self._servos, [axis.id for axis in self._axes]
-        kinds = {k: kind for k, (kind, _) in wanted.items()}
-        powered = {k: kind for k, kind in kinds.items() if kind is not SetPoint.OFF}
-        modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != servos[k].mode}
-        bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
-        bus.sync(t.MODE, {ids[k]: bytes([mode]) for k, mode in modes.items()})
-        targets = {k: goals(kind, wanted[k][1], servos[k].place) for k, kind in powered.items()}
-        bus.sync(t.GOALS, {ids[k]: data for k, data in targets.items()})
-        # Repeated while the answers differ; but no torque to one that had it, and lost it.
-        switches = {
-            ids[k]: bytes([k in powered])
-            for k, kind in kinds.items()
-            if k in modes
-            or kind is not servos[k].kind
-            or (servos[k].torque is not (k in powered) and not servos[k].had)
-        }
-        bus.sync(t.TORQUE, switches)
-        for k, kind in kinds.items():
-            if kind is not servos[k].kind:
-                servos[k].kind, servos[k].without, servos[k].had = kind, 0, False
-        bus.drain(self._take)
-        if wanted:
-            bus.read(t.READ, [ids[k] for k in wanted], self._take, self._wait)
+    def confirm(self, k: int) -> Questions[bool]:
+        """A restart is seen in what is read: its lock is 0."""
+        del k
+        yield from ()
+        return True
 
-    def clear_fault(self, k: int) -> None:
-        """Torque off resets a shutdown."""
-        self._bus.put(self._axes[k].id, t.TORQUE, 0)
+    def set_law(self, k: int, law: int) -> Questions[int]:
+        """Goals of rest, and the mode, where it is another; each acknowledged."""
+        drive = self._axes[k].id
+        rest = struct.pack("<HHH", self._places[k], 0, 0)
+        yield from self._put(drive, t.GOALS, int.from_bytes(rest, "little"))
+        if self._modes[k] != law:
+            yield from self._put(drive, t.MODE, law)
+        return law
+
+    def _put(self, drive: int, item: Item, value: int) -> Questions[None]:
+        return put(drive, item, value, t.LIBRARY.refusal)
+
+    def exchange(self, orders: Mapping[int, Order]) -> None:
+        ids, reported = [axis.id for axis in self._axes], self._answers.reported
+        acting = (Action.GOAL, Action.POWER_ON)
+        driven = {k: order for k, order in orders.items() if order.action in acting}
+        rest = [k for k in orders if k not in driven and orders[k].action is not Action.ASK]
+        # Torque off resets a shutdown, too.
+        off = [k for k in rest if reported[k].power or orders[k].action is Action.RESET]
+        self.line.sync(t.TORQUE, {ids[k]: bytes(1) for k in off})
+        targets = {ids[k]: self._goals(k, order) for k, order in driven.items()}
+        self.line.sync(t.GOALS, targets)
+        on = [ids[k] for k, order in driven.items() if order.action is Action.POWER_ON]
+        self.line.sync(t.TORQUE, dict.fromkeys(on, b"\1"))
+        self.line.drain(self._take)
+        for k in orders:
+            self._answers.asked[k] += 1
+        if orders:
+            self.line.read(t.READ, [ids[k] for k in orders], self._take, self._wait)
+        for k, order in orders.items():
+            self.line.hold(ids[k], order.interview, self._wait)
 
     def close(self) -> None:
-        self._bus.close(self._axes)
+        self.line.close(self._axes)
+
+    def _goals(self, k: int, order: Order) -> bytes:
+        return goals(order.kind, order.values, self._places[k])
 
     def _take(self, drive: int, data: bytes) -> None:
         answers = self._answers
         k = answers.places.get(drive)
-        if k is not None and len(data) == t.READ.length:
-            servo = self._servos[k]
-            servo.mode, servo.torque = part(data, t.MODE), bool(part(data, t.TORQUE))
-            servo.place = part(data, t.POSITION)
-            answers.faults[k] = self._judge(k, part(data, t.STATUS))
-            answers.position[k] = angle(servo.place)
-            answers.velocity[k] = t.signed(part(data, t.VELOCITY)) * t.COUNT
-            answers.current[k] = t.signed(part(data, t.CURRENT)) * t.AMPERE
-            answers.voltage[k] = part(data, t.VOLTAGE) * t.VOLT
-            answers.temperature[k] = part(data, t.TEMPERATURE)
-            answers.came(k, data)
-
-    def _judge(self, k: int, status: int) -> DriveFault | None:
-        servo = self._servos[k]
-        powered = servo.kind is not SetPoint.OFF
-        servo.had = powered and (servo.had or servo.torque)
-        servo.without = servo.without + 1 if powered and not servo.torque else 0
-        if servo.without >= UNPOWERED:
-            self._answers.restarted[k] = True
-        return flagged(status, t.ERRORS)
+        if k is None or len(data) != t.READ.length:
+            return
+        answers.came(k, data)
+        reported, self._places[k] = answers.reported[k], part(data, t.POSITION)
+        if not part(data, t.LOCK):
+            reported.lost = True
+        reported.power = bool(part(data, t.TORQUE))
+        self._modes[k] = part(data, t.MODE)
+        if reported.power:
+            reported.law = self._modes[k]
+        reported.fault = flagged(part(data, t.STATUS), t.ERRORS)
+        answers.position[k] = angle(self._places[k])
+        answers.velocity[k] = t.signed(part(data, t.VELOCITY)) * t.COUNT
+        answers.current[k] = t.signed(part(data, t.CURRENT)) * t.AMPERE
+        answers.voltage[k] = part(data, t.VOLTAGE) * t.VOLT
+        answers.temperature[k] = part(data, t.TEMPERATURE)
 
 
 def part(data: bytes, item: Item) -> int:
@@ -193,6 +209,7 @@ def identity(bus: ServoBus, drive: int) -> Found:
 
 
 def scan(device: str) -> list[Found]:
+    """The servos that answer on a bus."""
     with ServoBus(t.LIBRARY, device) as bus:
         bus.port.wait = 5e-3
         return [identity(bus, drive) for drive in IDS if bus.models(drive, attempts=1)]

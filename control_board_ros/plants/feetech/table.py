@@ -9,6 +9,7 @@ from ..drives.serial_line import Item, Library
 
 FIRMWARE, MODEL, ID = Item(0, 2), Item(3, 2), Item(5, 1)
 MIN_POSITION, MAX_POSITION, CURRENT_LIMIT = Item(9, 2), Item(11, 2), Item(28, 2)
+PHASE, ANGULAR_RESOLUTION = Item(18, 1), Item(30, 1)
 MODE, TORQUE, ACCELERATION, LOCK, SPEED_LIMIT = (
     Item(33, 1), Item(40, 1), Item(41, 1), Item(55, 1), Item(84, 1),
 )  # fmt: skip
@@ -16,6 +17,8 @@ MODE, TORQUE, ACCELERATION, LOCK, SPEED_LIMIT = (
 GOALS = Item(42, 6)
 POSITION, VELOCITY, VOLTAGE = Item(56, 2), Item(58, 2), Item(62, 1)
 TEMPERATURE, STATUS, CURRENT = Item(63, 1), Item(65, 1), Item(69, 2)
+#: By which positions are not those of one turn of 4096 counts: item, mask, right value, name.
+READINGS = ((PHASE, 0x10, 0, "Phase"), (ANGULAR_RESOLUTION, 0xFF, 1, "Angular_Resolution"))
 #: What is read in each exchange: mode, torque switch, goals, readings.
 READ = Item(MODE.address, CURRENT.address + 2 - MODE.address)
 
@@ -24,7 +27,7 @@ POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
 SIGN, PWM_SIGN = 15, 10
 LIBRARY = Library("scservo_sdk", "feetech-servo-sdk", "feetech", 0, (), 5, 1, 2, 0, MODEL, TORQUE)
 COUNT = 2.0 * math.pi / 4096.0  # rad; velocities are in counts/s
-CENTRE = 2048
+CENTRE, LAST = 2048, 4095
 SPEED_LIMIT_STEP = 50.0  # counts/s
 AMPERE, VOLT = 6.5e-3, 0.1
 FULL_PWM = 1000

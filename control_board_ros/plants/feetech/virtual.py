@@ -50,6 +50,7 @@ class VirtualFeetech:
             (t.FIRMWARE, 3 | 10 << 8),
             (t.MODEL, 777),
             (t.ID, drive),
+            (t.ANGULAR_RESOLUTION, 1),
             (t.CURRENT_LIMIT, 500),
             (t.SPEED_LIMIT, 254),
         ):

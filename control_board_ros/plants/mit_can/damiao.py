@@ -1,19 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Damiao motors: registers, states and faults as published."""
+"""Damiao motors: registers, states and faults as published.
+
+An answer has the id and the state of its motor. What a restart forgets is read back before power:
+TIMEOUT, the watchdog, and CTRL_MODE are lost with the supply.
+"""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from typing import Any
 
-from ..drives.can_line import CanLine
+from ..drives.axes import Axis
+from ..drives.can_line import Frame
+from ..drives.driver import Answers, Found, Order
+from ..drives.faults import coded
+from ..drives.interview import Question, Questions, ask, find
+from ..drives.reconcile import Action
+from ..errors import PlantSettingsError
+from ..interface import DriveFault, DriveLimits
+from . import frames as f
 
+#: Ids whose answers hold them: four bits.
+IDS = range(1, 16)
 #: Where registers are read and written: frame, orders.
 REGISTERS, GET, SET, REFRESH = 0x7FF, 0x33, 0x55, 0xCC
-MASTER_ID, DRIVE_ID, TIMEOUT, CONTROL_MODE, SOFTWARE = 7, 8, 9, 10, 14
-RANGES = POSITION_RANGE, VELOCITY_RANGE, TORQUE_RANGE = 21, 22, 23
+MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, SW_VER = 7, 8, 9, 10, 14
+RANGES = PMAX, VMAX, TMAX = 21, 22, 23
 #: Registers that hold whole numbers; the others are floats.
-WHOLE = {MASTER_ID, DRIVE_ID, TIMEOUT, CONTROL_MODE, SOFTWARE}
+WHOLE = {MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, SW_VER}
 LAST_REGISTER = 81
 #: s per count of TIMEOUT; the control mode of MIT frames.
 TIMEOUT_STEP, MIT_MODE = 50e-6, 1
@@ -29,36 +44,112 @@ FAULTS = {
 }
 
 
-def masters(line: CanLine, drive: int, attempts: int = 1) -> list[int]:
-    """The id that motors with this id answer to: none, one, or several."""
-    found = line.answers(
-        REGISTERS, _question(drive, MASTER_ID), lambda m: _pick(m, drive, MASTER_ID), attempts
+class Damiao:
+    """One motor.
+
+    Args:
+        axis: Its joint.
+        bus: For texts.
+
+    Attributes: ranges (of its frames), master (the id of its answers; None: it is not known).
+    """
+
+    law = MIT_MODE
+
+    def __init__(self, axis: Axis, bus: str) -> None:
+        if axis.id not in IDS:
+            raise PlantSettingsError(
+                f"{axis.name}.id={axis.id}: 1 to 15 is required: answers hold four bits of it"
+            )
+        self._axis, self._bus = axis, bus
+        self.ranges = f.Ranges(12.5, 30.0, 10.0)
+        self.master: int | None = None
+
+    def set_up(self, timeout: float) -> Questions[Found]:
+        """MIT mode and watchdog, acknowledged; its ranges."""
+        number = self._axis.id
+        question = reading(number, MST_ID, several=True)
+        self.master = int((yield from find(question, self._axis, self._bus, "mit_can")))
+        yield from self._put(CTRL_MODE, MIT_MODE)
+        yield from self._put(TIMEOUT, int(timeout / TIMEOUT_STEP))
+        ends = []
+        for register in RANGES:
+            ends.append((yield from self._get(register)))
+        self.ranges = f.Ranges(*ends)
+        version = int((yield from self._get(SW_VER)))
+        return Found(id=number, type="Damiao", firmware=f"{version}", limits=limits(self.ranges))
+
+    def confirm(self, timeout: float) -> Questions[bool]:
+        mode, watch = (yield from self._get(CTRL_MODE)), (yield from self._get(TIMEOUT))
+        return mode == MIT_MODE and watch == int(timeout / TIMEOUT_STEP)
+
+    def _get(self, register: int) -> Questions[float]:
+        number = self._axis.id
+        text = f"id {number} does not answer for register {register}"
+        value: float = yield from ask(reading(number, register), text)
+        return value
+
+    def _put(self, register: int, value: int) -> Questions[None]:
+        """Write a register of whole numbers, until it is lost with the supply; clear faults."""
+        number = self._axis.id
+        data = struct.pack("<BBBBI", number, 0, SET, register, value)
+        request = [(number, f.CLEAR), (REGISTERS, data)]
+        question = Question(request, reading(number, register).pick)
+        text = f"id {number} does not answer for register {register}"
+        if (yield from ask(question, text)) != value:
+            raise ValueError(f"id {number} does not accept {value} in register {register}")
+
+    def frames(self, order: Order, answers: Answers, k: int) -> Iterator[Frame]:
+        number, action = self._axis.id, order.action
+        answers.asked[k] += 1
+        if action is Action.GOAL:
+            yield number, f.command(self.ranges, order.kind, order.values)
+        elif action is Action.POWER_ON:
+            answers.asked[k] += 1
+            yield number, f.ENABLE
+            yield number, f.command(self.ranges, order.kind, order.values)
+        elif action in (Action.ASK, Action.CONFIRM):
+            yield REGISTERS, refresh(number)
+        else:
+            yield number, f.CLEAR if action is Action.RESET else f.DISABLE
+
+    def take(self, data: bytes, answers: Answers, k: int) -> bool:
+        """Read an answer; true where it is a motion."""
+        if is_register(data, self._axis.id):
+            return False  # late, of a question before
+        reported, state = answers.reported[k], data[0] >> 4
+        answers.came(k, data)
+        if reported.lost:
+            return True  # its ranges are not known yet
+        motion = f.readings(self.ranges, data)
+        answers.position[k], answers.velocity[k], answers.torque[k] = motion
+        answers.temperature[k] = data[7]
+        reported.power, reported.law = state == ENABLED, MIT_MODE
+        fault = None if state in (DISABLED, ENABLED) else coded(state, FAULTS)
+        reported.fault = fault or beyond(self.ranges, data)
+        return True
+
+
+def limits(ranges: f.Ranges) -> DriveLimits:
+    """The limits of a motor: the ends of its frames."""
+    return DriveLimits(
+        lower=-ranges.position,
+        upper=ranges.position,
+        velocity=ranges.velocity,
+        torque=ranges.torque,
     )
-    return [int.from_bytes(data, "little") for data in found]
+
+
+def beyond(ranges: f.Ranges, data: bytes) -> DriveFault | None:
+    """The fault of a position at an end of its range: the motor may be beyond it."""
+    if data[1:3] not in (b"\0\0", b"\xff\xff"):
+        return None
+    return DriveFault(0, f"position at the end of its range, {ranges.position:g} rad")
 
 
 def refresh(drive: int) -> bytes:
     """A question for the motion of a motor, which commands nothing."""
     return bytes([drive, 0, REFRESH, 0, 0, 0, 0, 0])
-
-
-def get(line: CanLine, drive: int, number: int) -> float:
-    """A register of a motor.
-
-    Raises:
-        ConnectionError: it does not answer.
-    """
-    data = _ask(line, drive, _question(drive, number), number)
-    return float(struct.unpack("<I" if number in WHOLE else "<f", data)[0])
-
-
-def put(line: CanLine, drive: int, number: int, value: int) -> None:
-    """Write a register of whole numbers, until it is lost with the power.
-
-    Raises:
-        ConnectionError: it does not answer.
-    """
-    _ask(line, drive, struct.pack("<BBBBI", drive, 0, SET, number, value), number)
 
 
 def is_register(data: bytes, drive: int) -> bool:
@@ -71,19 +162,14 @@ def is_register(data: bytes, drive: int) -> bool:
     return data[:2] == bytes([drive, 0]) and data[2] in (GET, SET) and data[3] <= LAST_REGISTER
 
 
-def _question(drive: int, number: int) -> bytes:
-    return bytes([drive, 0, GET, number, 0, 0, 0, 0])
+def reading(drive: int, register: int, *, several: bool = False) -> Question:
+    """The question for a register; its answer is a number."""
+    form = "<I" if register in WHOLE else "<f"
 
+    def pick(message: Any) -> float | None:
+        data = bytes(message.data)
+        if len(data) != 8 or message.arbitration_id >= REGISTERS or not is_register(data, drive):
+            return None
+        return float(struct.unpack(form, data[4:])[0]) if data[3] == register else None
 
-def _ask(line: CanLine, drive: int, data: bytes, number: int) -> bytes:
-    found = line.ask(REGISTERS, data, lambda m: _pick(m, drive, number))
-    if found is None:
-        raise ConnectionError(f"id {drive} does not answer for register {number}")
-    return found
-
-
-def _pick(message: Any, drive: int, number: int) -> bytes | None:
-    data = bytes(message.data)
-    if len(data) == 8 and is_register(data, drive):
-        return data[4:] if data[3] == number and message.arbitration_id < REGISTERS else None
-    return None
+    return Question([(REGISTERS, bytes([drive, 0, GET, register, 0, 0, 0, 0]))], pick, several)

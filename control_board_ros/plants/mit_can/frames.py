@@ -9,7 +9,11 @@ What the makes add is in ``damiao`` and ``robstride``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
+
+from ...core.terms.drives import SetPoint
+from ...core.terms.measurement import Value
 
 DAMIAO = "damiao"
 ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB))
@@ -46,7 +50,24 @@ def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: floa
     return bits.to_bytes(8, "big")
 
 
-def command(ranges: Ranges, data: bytes) -> tuple[float, float, float, float, float]:
+def values(kind: SetPoint, value: Sequence[float]) -> tuple[float, float, float, float, float]:
+    """q, q̇, k, d, τ of a set-point; a torque is an impedance with k = d = 0."""
+    springs = kind is SetPoint.IMPEDANCE
+    return (
+        value[Value.POSITION],
+        value[Value.VELOCITY],
+        value[Value.STIFFNESS] if springs else 0.0,
+        value[Value.DAMPING] if springs else 0.0,
+        value[Value.TORQUE],
+    )
+
+
+def command(ranges: Ranges, kind: SetPoint, value: Sequence[float]) -> bytes:
+    """The command of a set-point."""
+    return packed(ranges, *values(kind, value))
+
+
+def commanded(ranges: Ranges, data: bytes) -> tuple[float, float, float, float, float]:
     """The values of a command: q, q̇, k, d, τ."""
     bits = int.from_bytes(data, "big")
     return (

@@ -10,15 +10,20 @@ power by its watchdog or a restart is detected by its missing torque.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from ...text import nearest
 from ..drives.axes import Axis
-from ..drives.can_line import ATTEMPTS, CanLine
+from ..drives.can_line import Frame
+from ..drives.driver import Answers, Found, Order
 from ..drives.faults import flagged
+from ..drives.interview import Question, Questions, ask, find
+from ..drives.reconcile import Action
 from ..errors import PlantSettingsError
 from ..interface import DriveFault
 from . import frames as f
+from .damiao import limits
 
 #: The id of the host that motors answer to, as their maker sets it.
 MASTER = 0xFD
@@ -79,16 +84,26 @@ def ranges(axis: Axis) -> f.Ranges:
     return found
 
 
-def faults(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[int]:
-    """The words of faults of motors with this id: none, one, or several."""
+def faults(drive: int) -> Question:
+    """The question for the word of faults of a motor."""
 
-    def pick(message: Any) -> bytes | None:
+    def pick(message: Any) -> int | None:
         data = bytes(message.data)
         mine = message.arbitration_id == MASTER and len(data) == 8 and data[0] == drive
-        return data[1:5] if mine and fault_word(data) is not None else None
+        return fault_word(data) if mine else None
 
-    found = line.answers(drive, READ_FAULTS, pick, attempts)
-    return [int.from_bytes(data, "little") for data in found]
+    return Question([(drive, READ_FAULTS)], pick, several=True)
+
+
+def motion(drive: int, request: list[Frame]) -> Question:
+    """A question whose answer is a motion."""
+
+    def pick(message: Any) -> bool | None:
+        data = bytes(message.data)
+        mine = message.arbitration_id == MASTER and len(data) == 8 and data[0] == drive
+        return True if mine and fault_word(data) is None else None
+
+    return Question(request, pick)
 
 
 def fault_word(data: bytes) -> int | None:
@@ -124,3 +139,87 @@ class Faults:
         wanted = min(abs(forward + k * (at - q) + d * (rate - dq)), self._most)
         none = wanted > ASKED * self._most and abs(torque) < GIVEN * wanted
         self._without = self._without + 1 if none else 0
+
+
+class RobStride:
+    """One motor.
+
+    Its answers hold no state: it has power when both frames of its power-on were answered, until
+    its torque is missing.
+
+    Args:
+        axis: Its joint.
+        bus: For texts.
+
+    Attributes: ranges (of its frames), master (the id of its answers).
+    """
+
+    law = "MIT"
+    master = MASTER
+
+    def __init__(self, axis: Axis, bus: str) -> None:
+        self._axis, self._bus = axis, bus
+        self.ranges = ranges(axis)
+        self._faults = Faults(self.ranges)
+        self._action, self._answered = Action.OFF, 0
+
+    def set_up(self, _timeout: float) -> Questions[Found]:
+        number = self._axis.id
+        word = yield from find(faults(number), self._axis, self._bus, "mit_can")
+        yield from self._stop()
+        self._faults = Faults(self.ranges)
+        kind = f"RobStride {str(self._axis.own['model']).upper()}"
+        fault = flagged(word, FAULTS)
+        return Found(id=number, type=kind, fault=fault, limits=limits(self.ranges))
+
+    def confirm(self, _timeout: float) -> Questions[bool]:
+        """A restart is not reported; its protocol is set again before power."""
+        yield from self._stop()
+        return True
+
+    def _stop(self) -> Questions[None]:
+        number = self._axis.id
+        for data in (f.DISABLE, f.CLEAR, RUN_MIT):
+            question = motion(number, [(number, data)])
+            yield from ask(question, f"id {number} does not answer; is it powered?")
+
+    def frames(self, order: Order, answers: Answers, k: int) -> Iterator[Frame]:
+        number, self._action, self._answered = self._axis.id, order.action, 0
+        answers.asked[k] += 1
+        if order.action in (Action.GOAL, Action.POWER_ON):
+            if order.action is Action.POWER_ON:
+                answers.asked[k] += 1
+                self._faults.reset()
+                yield number, f.ENABLE
+            values = f.values(order.kind, order.values)
+            self._faults.command = values
+            yield number, f.packed(self.ranges, *values)
+        elif order.action is Action.ASK:
+            yield number, READ_FAULTS
+        elif order.action is Action.RESET:
+            self._faults.reset()
+            yield number, f.CLEAR
+            yield number, f.DISABLE
+        elif order.interview is None:
+            yield number, f.DISABLE
+
+    def take(self, data: bytes, answers: Answers, k: int) -> bool:
+        """Read an answer; true where it is a motion."""
+        reported = answers.reported[k]
+        if (word := fault_word(data)) is not None:
+            self._faults.word, answers.raw[k][data] = word, None
+            reported.fault = self._faults.found
+            return self._action is Action.ASK
+        moved = f.readings(self.ranges, data)
+        answers.position[k], answers.velocity[k], answers.torque[k] = moved
+        answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
+        answers.came(k, data)
+        self._answered += 1
+        if self._action is Action.POWER_ON:
+            reported.power = self._answered > 1
+        elif self._action is not Action.GOAL:
+            reported.power = False
+        elif reported.power:
+            self._faults.compare(*moved)
+        reported.law, reported.fault = self.law, self._faults.found
+        return self._action is not Action.POWER_ON or self._answered > 1

@@ -40,14 +40,14 @@ class VirtualMit:
     def reboot(self) -> None:
         self.state = self.persists or d.DISABLED
         self.registers: dict[int, float] = {
-            d.MASTER_ID: 0x10 + self.id,
-            d.DRIVE_ID: self.id,
+            d.MST_ID: 0x10 + self.id,
+            d.ESC_ID: self.id,
             d.TIMEOUT: 0,
-            d.CONTROL_MODE: 2,
-            d.SOFTWARE: 5013,
-            d.POSITION_RANGE: self.ranges.position,
-            d.VELOCITY_RANGE: self.ranges.velocity,
-            d.TORQUE_RANGE: self.ranges.torque,
+            d.CTRL_MODE: 2,
+            d.SW_VER: 5013,
+            d.PMAX: self.ranges.position,
+            d.VMAX: self.ranges.velocity,
+            d.TMAX: self.ranges.torque,
         }
         self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
         self._quiet = self.torque = 0.0
@@ -58,7 +58,7 @@ class VirtualMit:
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
         if self.silent or len(data) != 8:
             return
-        master = int(self.registers[d.MASTER_ID])
+        master = int(self.registers[d.MST_ID])
         if frame_id == d.REGISTERS and data[:3] == d.refresh(self.id)[:3]:
             yield master, self._motion()
         elif frame_id == d.REGISTERS and data[0] == self.id and data[1] == 0:
@@ -93,8 +93,8 @@ class VirtualMit:
         elif data == f.CLEAR:
             if fault:
                 self.state = self.persists or d.DISABLED
-        elif self.registers[d.CONTROL_MODE] == d.MIT_MODE:
-            self._command = f.command(self.ranges, data)
+        elif self.registers[d.CTRL_MODE] == d.MIT_MODE:
+            self._command = f.commanded(self.ranges, data)
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
         self._position, self._velocity = position, velocity
@@ -148,7 +148,7 @@ class VirtualRobStride:
         elif data[:6] == b"\xff" * 6 and data[7] == f.ENABLE[7] and data[6] < 3:
             self._mode = data[6]
         elif self._mode == 0:
-            self._command = f.command(self.ranges, data)
+            self._command = f.commanded(self.ranges, data)
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
         self._position, self._velocity = position, velocity
