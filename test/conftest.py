@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+#: Why a test is skipped that needs a browser.
+NO_BROWSER = "there is no chromium"
 #: The tests that open a browser, which alone keeps a processor busy.
 BROWSED = "test/panel/"
 #: Tests against pybullet, or with robots of pybullet_data: no wheel for Python from 3.12 on.
@@ -44,6 +46,18 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             return BROWSED if nodeid.startswith(BROWSED) else str(super()._split_scope(nodeid))
 
     return OneBrowser(config, log)
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Say what was not tested for want of a browser, and how to get it."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    count = sum(NO_BROWSER in str(report.longrepr) for report in skipped)
+    if count:
+        terminalreporter.section("not tested", yellow=True)
+        terminalreporter.write_line(
+            f"{count} tests of the panel and of reports in a browser: there is no chromium; "
+            "on Debian: sudo apt-get install chromium"
+        )
 
 
 def pytest_collection_finish() -> None:

@@ -193,7 +193,9 @@ class Environment:
         self.state = self.own / "state.json"
         self.log = self.own / "log.txt"
         self.done: dict[str, str] = {}
-        if self.state.is_file() and Path(sys.prefix).resolve() == folder.resolve():
+        #: Another Python runs this where the environment is not there, or its Python is gone.
+        self.is_there = Path(sys.prefix).resolve() == folder.resolve()
+        if self.is_there and self.state.is_file():
             self.done = json.loads(self.state.read_text())
 
     def wanted(self, extras: list[str]) -> dict[str, str]:
@@ -265,7 +267,7 @@ class Environment:
 
     def set_up(self, wanted: dict[str, str], extras: list[str]) -> None:
         """Bring everything up to date, and say how it goes."""
-        is_new = not self.done
+        is_new = not self.is_there
         times = store.folder() / "times.json"
         last_s = json.loads(times.read_text())["first"] if is_new and times.is_file() else None
         progress = Progress(last_s)
