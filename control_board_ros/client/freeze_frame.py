@@ -35,9 +35,11 @@ class FreezeFrame:
         position_reference: followed, rad.
         velocity_reference: followed, rad/s.
         torque_reference: followed, N·m.
-        output: PWM, percent.
+        output: PWM asked for, percent.
         current: of the motor, A.
         temperature: of the winding, °C.
+        applied: PWM that acted, percent.
+        age: of the joint's reading, s.
         motion_done: whether no position move was active.
     """
 
@@ -52,6 +54,8 @@ class FreezeFrame:
     output: Floats
     current: Floats
     temperature: Floats
+    applied: Floats
+    age: Floats
     motion_done: NDArray[np.bool_]
 
     def csv(self) -> str:

@@ -45,7 +45,7 @@ class State:
         position_reference: in force, rad; not the target of a move.
         velocity_reference: in force, rad/s.
         torque_reference: in force, N·m.
-        output: PWM, percent.
+        output: PWM asked for, percent; 0 where a drive takes another set-point.
         current: of the motor, A.
         motion_done: whether no position move is active.
         rejected_commands: commands ignored since the start of the board.
@@ -56,6 +56,8 @@ class State:
         motor_velocity: likewise, rad/s.
         acceleration: of the joint, rad/s².
         supply_voltage: of the amplifier, V; NaN where it is not measured.
+        applied: PWM that acted, percent.
+        age: of the joint's reading, s.
     """
 
     stamp: float
@@ -77,13 +79,15 @@ class State:
     motor_velocity: Floats
     acceleration: Floats
     supply_voltage: Floats
+    applied: Floats
+    age: Floats
 
     @classmethod
     def of(cls, message: Any) -> State:
         floats = {
             field: np.array(getattr(message, field), dtype=np.float64) for field in FLOAT_FIELDS
         }
-        for field in OF_MOTORS:  # a board without these fields
+        for field in OPTIONAL:  # a board without these fields
             if not floats[field].size:
                 floats[field] = np.full(len(floats["position"]), np.nan)
         return cls(
@@ -106,7 +110,14 @@ class State:
 
 
 #: Fields that a board may lack.
-OF_MOTORS = ("motor_position", "motor_velocity", "acceleration", "supply_voltage")
+OPTIONAL = (
+    "motor_position",
+    "motor_velocity",
+    "acceleration",
+    "supply_voltage",
+    "applied",
+    "age",
+)
 #: Fields converted to float arrays.
 FLOAT_FIELDS = [field.name for field in fields(State) if field.type == "Floats"]
 

@@ -23,7 +23,6 @@ from .machine.machine import Machine
 from .machine.motors import Feedforward, MotorAccess, mix_of
 from .machine.requests import Requests, StartUp
 from .state import StateArrays
-from .terms.drives import SetPoint
 from .terms.events import Events
 from .terms.measurement import Actuation, Measurement
 from .watch.external_torque import ExternalTorques
@@ -116,8 +115,8 @@ class Engine:
         self.monitor.take(measurement.values, measurement.motors)
         if self.mix is not None:
             self.mix.axis_currents(state.current)
-        if measurement.applied is not None:  # where a drive chooses it
-            np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
+        if measurement.applied is not None:
+            np.copyto(state.applied, measurement.applied)
         if self.machine.calibrations.shifted:
             state.position -= state.offset
 

@@ -22,13 +22,14 @@ Indices = NDArray[np.intp]
 
 class Reference(IntEnum):
     """Rows of the state block below the measured ones; CURRENT and OUTPUT are neighbours,
-    and so are POSITION and VELOCITY.
+    and so are POSITION and VELOCITY. OUTPUT is asked for, APPLIED acted (PWM, percent).
     """
 
     OUTPUT = ROWS
     TORQUE = ROWS + 1
     POSITION = ROWS + 2
     VELOCITY = ROWS + 3
+    APPLIED = ROWS + 4
 
 
 BLOCK_ROWS = ROWS + len(Reference)
@@ -44,8 +45,9 @@ class Snapshot:
 
     position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C), torque
     NaN without a torque sensor;
-    position_reference, velocity_reference, torque_reference are in force; output is the PWM in
-    percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
+    position_reference, velocity_reference, torque_reference are in force; output is the PWM asked for, 0 where a
+    drive takes another set-point, applied the one that acted (percent); age is that of the joint's
+    reading, s; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
     (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
     commands that name no joint of the board; brake is true where a joint's brake is closed,
@@ -104,6 +106,14 @@ class Snapshot:
         return self._row(Reference.OUTPUT)
 
     @property
+    def applied(self) -> Array:
+        return self._row(Reference.APPLIED)
+
+    @property
+    def age(self) -> Array:
+        return self._row(Row.ENCODER_AGE)
+
+    @property
     def motor_position(self) -> Array:
         return self._motor(Motor.POSITION)
 
@@ -160,7 +170,9 @@ class StateArrays:
         self.torque_reference: Array = self.block[Reference.TORQUE]
         self.velocity_reference: Array = self.block[Reference.VELOCITY]
         self.output: Array = self.block[Reference.OUTPUT]
+        self.applied: Array = self.block[Reference.APPLIED]
         self.temperature: Array = self.block[Row.TEMPERATURE]
+        self.age: Array = self.block[Row.ENCODER_AGE]
         self.offset: Array = np.zeros(n)
         self.motors: Array = np.full((MOTOR_ROWS, n), np.nan)
         self.motor_offset: Array = np.zeros(n)

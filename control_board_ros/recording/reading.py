@@ -41,8 +41,8 @@ SIGNALS = (
     "current",
     "temperature",
 )
-#: Likewise of motors; NaN where a board does not report them.
-OF_MOTORS = ("motor_position",)
+#: Likewise; NaN where a board does not report them.
+OPTIONAL = ("motor_position", "applied", "age")
 #: Field of a parameter's value, by rcl_interfaces/msg/ParameterType.
 VALUE_FIELDS = {
     1: "bool_value",
@@ -111,7 +111,7 @@ class BoardRecording:
         start: Stamp of the first state, s.
         names: Of the joints.
         time: Of each state, shape (n,).
-        signals: By the names of SIGNALS and OF_MOTORS, shape (n, joints).
+        signals: By the names of SIGNALS and OPTIONAL, shape (n, joints).
         rejected: Commands ignored, shape (n, joints).
         modes: In order; the first precedes the first state.
         faults: In order.
@@ -236,7 +236,7 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
             name: np.array([getattr(message, name) for message in kept], dtype=np.float64)
             for name in SIGNALS
         }
-        | {name: of_motors(kept, name) for name in OF_MOTORS},
+        | {name: optional(kept, name) for name in OPTIONAL},
         rejected=np.array([message.rejected_commands for message in kept], dtype=np.int64),
     )
     for _, message in messages(reader, PARAMETERS.of(board)):
@@ -259,8 +259,8 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
     return recording
 
 
-def of_motors(states: list[Any], name: str) -> Floats:
-    """A field of motors, shape (n, joints); NaN where a state lacks it."""
+def optional(states: list[Any], name: str) -> Floats:
+    """A field, shape (n, joints); NaN where a state lacks it."""
     missing = np.full(len(states[0].names), np.nan)
     rows = [getattr(state, name, missing) for state in states]
     found: Floats = np.array([row if len(row) == missing.size else missing for row in rows])

@@ -1722,6 +1722,7 @@ class Laws:
             if j.kind == AS_PWM or j.law == OFF:
                 self.output[k] = j.output
             else:
+                self.output[k] = 0.0
                 self.hand_over(k, j)
             if has_news(j):
                 changed = True

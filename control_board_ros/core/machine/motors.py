@@ -142,7 +142,7 @@ class MotorAccess:
             nominal_currents=np.array([one.limits.nominal_current for one in own]),
             peak_currents=np.array([one.limits.peak_current for one in own]),
             max_currents=caps[0].copy(),
-            outputs=state.output[joints],
+            outputs=state.applied[joints],
             output_limits=caps[1].copy(),
             supply_voltages=shafts[Motor.SUPPLY],
             temperatures=state.temperature[joints],

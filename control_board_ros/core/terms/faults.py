@@ -2,7 +2,7 @@
 """Fault codes and their record (SPEC F).
 
 Codes 0 to 18 follow the joint fault list of the iCub's motor boards; those that a simulated or
-generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 25 are ours.
+generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 27 are ours.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ class FaultCode(IntEnum):
     EMERGENCY_STOP = 24
     DRIVE = 25
     BRAKE = 26
+    OVERSPEED = 27
 
     @property
     def title(self) -> str:
@@ -61,6 +62,7 @@ TITLES = {
     FaultCode.EMERGENCY_STOP: "emergency stop",
     FaultCode.DRIVE: "drive",
     FaultCode.BRAKE: "brake",
+    FaultCode.OVERSPEED: "overspeed",
 }
 
 

@@ -184,6 +184,9 @@ MOTOR_ROWS = len(Motor)
 class Measurement:
     """One reading of the whole plant: time (s) and values, shape (ROWS, n), see Row.
 
+    Time is that of one clock, which never goes back; ``elapsed`` is the time since the reading
+    before, s. None is one control period: simulations, whose clock has no error. A joint's
+    reading may be older than the cycle, by its ENCODER_AGE; before its first one it is NaN (B7).
     The plant may reuse the array from one reading to the next. ``reasons`` has in words why a
     joint (by its number) has an ALARM, where the plant has more than the fault code. ``brakes``
     are the brakes by their switches, 1.0 where closed, NaN where there is no switch, shape
@@ -198,6 +201,7 @@ class Measurement:
     brakes: Array | None = None
     applied: Array | None = None
     motors: Array | None = None
+    elapsed: float | None = None
 
 
 class Intake:

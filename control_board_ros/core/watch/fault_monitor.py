@@ -124,7 +124,14 @@ class FaultMonitor:
         self.reasons: Mapping[int, str] | None = None
         self._emergency = emergency or EmergencyStop(0.0)
         self._warned: list[set[str]] = [set() for _ in config.joints]
-        rows = (state.position, state.current, state.output, state.travelled, self.used)
+        rows = (
+            state.position,
+            state.current,
+            state.output,
+            state.applied,
+            state.travelled,
+            self.used,
+        )
         self._movers, self._fed = movers_of(config), b""
         self.monitor = Monitor(
             self.joints,

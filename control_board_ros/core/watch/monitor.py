@@ -243,9 +243,9 @@ class Monitor:
             (MOTOR_ROWS, n); all C-contiguous.
         readings: Rows of the first block: alarm, current, encoder age, position, velocity, age of
             the torque, torque, temperature: a buffer of n doubles each.
-        rows: Position, current and output in force of the joint (read; the current differs
-            from that of its motor where motors are coupled), travel of the motors since power-on
-            and part of the I²t budget used (written), the same.
+        rows: Position, current and output asked for of the joint (read; the current differs
+            from that of its motor where motors are coupled), output that acts, travel of the
+            motors since power-on and part of the I²t budget used (written), the same.
         slow: Cycles from one slow check to the next.
         period: Of control, s.
         forget: Factor of a travel error from one slow check to the next.
@@ -279,6 +279,7 @@ class Monitor:
     joint_position: cython.double[::1]
     joint_current: cython.double[::1]
     output: cython.double[::1]
+    applied: cython.double[::1]
     travelled: cython.double[::1]
     used: cython.double[::1]
 
@@ -308,7 +309,14 @@ class Monitor:
             self.torque,
             self.temperature,
         ) = readings
-        self.joint_position, self.joint_current, self.output, self.travelled, self.used = rows
+        (
+            self.joint_position,
+            self.joint_current,
+            self.output,
+            self.applied,
+            self.travelled,
+            self.used,
+        ) = rows
 
     def look_at(self, values: object, motors: object) -> None:
         """View other arrays; a copy of what is no such array is made again in every cycle."""
@@ -319,7 +327,10 @@ class Monitor:
         self.given, self.given_motors = plain, self.motors if shafts is None else shafts
 
     def take(self, values: object, motors: object) -> None:
-        """Store a reading, shapes (ROWS, n) and (MOTOR_ROWS, n), the latter or None."""
+        """Store a reading, shapes (ROWS, n) and (MOTOR_ROWS, n), the latter or None.
+
+        Unless the plant reports otherwise, the last output acts.
+        """
         row: cython.Py_ssize_t
         k: cython.Py_ssize_t
         if values is not self.sources[0] or motors is not self.sources[1]:
@@ -331,6 +342,8 @@ class Monitor:
         for row in range(len(self.motors)):
             for k in range(len(self.joints)):
                 self.motors[row, k] = self.given_motors[row, k]
+        for k in range(len(self.joints)):
+            self.applied[k] = self.output[k]
 
     def step(self) -> bool:
         """Check the reading of all joints; false when one of them has a cause of a fault."""
@@ -354,7 +367,7 @@ class Monitor:
             position, current = m.last, known(self.joint_current[k], m.current)
             m.current, m.drawn = current, known(self.current[k], m.drawn)
             m.currents += current
-            m.outputs += self.output[k]
+            m.outputs += self.applied[k]
             if m.switched:
                 restart(m, position, current)
             if slowly:

@@ -118,6 +118,8 @@ FRAME = {
     "output": Reference.OUTPUT,
     "current": Row.CURRENT,
     "temperature": Row.TEMPERATURE,
+    "applied": Reference.APPLIED,
+    "age": Row.ENCODER_AGE,
 }
 
 
