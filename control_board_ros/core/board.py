@@ -144,16 +144,17 @@ class Board(JointGroup):
         self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), engine.events)
         self._start_up()
 
-    def tick(self, measurement: Measurement) -> Actuation:
+    def tick(self, measurement: Measurement, now: float | None = None) -> Actuation:
         """One control cycle: from what was measured to what the motors get.
 
         Args:
             measurement: values of shape (ROWS, n), read before this cycle acts.
+            now: time on the clock of the heartbeat, s; None: that of the measurement.
 
         Returns:
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
-        actuation = self.engine.tick(measurement)
+        actuation = self.engine.tick(measurement, now)
         self.bring_up.step()
         return actuation
 

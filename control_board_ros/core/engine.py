@@ -24,7 +24,7 @@ from .machine.motors import Feedforward, MotorAccess, mix_of
 from .machine.requests import Requests, StartUp
 from .state import StateArrays
 from .terms.events import Events
-from .terms.measurement import Actuation, Measurement
+from .terms.measurement import UNREAD, Actuation, Measurement
 from .watch.external_torque import ExternalTorques
 from .watch.fault_monitor import EmergencyStop, FaultMonitor
 from .watch.freeze_frame import FreezeFrames
@@ -46,6 +46,7 @@ class Engine:
         self._asked = config
         self._narrowed: Callable[[BoardConfig], BoardConfig] = lambda config: config
         self.state = state = StateArrays(config.names)
+        state.measured[UNREAD] = np.nan  # until the first reading (B7)
         self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
         self.torques = ExternalTorques(config, state)
         self.torque_sensor = self.torques.known
@@ -76,7 +77,7 @@ class Engine:
         for zone in zones:
             self._start(zone)
 
-    def tick(self, measurement: Measurement) -> Actuation:
+    def tick(self, measurement: Measurement, now: float | None = None) -> Actuation:
         """One control cycle; see :meth:`Board.tick`."""
         machine, monitor = self.machine, self.monitor
         if self.torques.joints:
@@ -86,7 +87,7 @@ class Engine:
             monitor.replace_broken()
             self.start_up.complete()
         monitor.reasons = measurement.reasons
-        self.emergency.watch(measurement.time)
+        self.emergency.watch(measurement.time if now is None else now)
         if not monitor.healthy():
             machine.check_faults()
         if monitor.has_news():
@@ -96,9 +97,9 @@ class Engine:
             self.brakes.step()
         if machine.calibrations.running:
             machine.calibrations.step()
-        if (late := self.timeouts.expired(self.state.cycle)) is not None:
+        if (late := self.timeouts.expired(self.state.clock)) is not None:
             machine.expire(late)
-        if self.controller.step():
+        if self.controller.step(measurement.elapsed or 0.0):
             machine.raise_divergence()
             machine.warn_of_limits()
         self.state.cycle += 1
@@ -111,7 +112,9 @@ class Engine:
 
     def _read(self, measurement: Measurement) -> None:
         state = self.state
-        state.time = measurement.time
+        state.time, elapsed = measurement.time, measurement.elapsed
+        state.periods = 1.0 if elapsed is None else elapsed / self.config.period
+        state.clock += state.periods
         self.monitor.take(measurement.values, measurement.motors)
         if self.mix is not None:
             self.mix.axis_currents(state.current)

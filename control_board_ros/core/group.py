@@ -128,9 +128,9 @@ class JointGroup(ModeShortcuts):
         """
         self.engine.emergency.ask(stop)
 
-    def beat(self) -> None:
-        """Record a heartbeat at the time of the last reading (E2)."""
-        self.engine.emergency.beat(self.time)
+    def beat(self, now: float | None = None) -> None:
+        """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""
+        self.engine.emergency.beat(self.time if now is None else now)
 
     def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Wanted]]) -> Reply:
         """Decide a request; ``wanted_of`` returns that of each joint for a number of joints."""

@@ -45,11 +45,11 @@ class Snapshot:
 
     position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C), torque
     NaN without a torque sensor;
-    position_reference, velocity_reference, torque_reference are in force; output is the PWM asked for, 0 where a
-    drive takes another set-point, applied the one that acted (percent); age is that of the joint's
-    reading, s; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
-    false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
-    (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
+    position_reference, velocity_reference, torque_reference are in force; output is the PWM asked
+    for, 0 where a drive takes another set-point, applied the one that acted (percent); age is that
+    of the joint's reading, s; motion_done as P3; rejected_commands counts what M4 and P13 ignored;
+    calibrated is false where a joint's angle is not known (K7); overload is the part of the I²t
+    budget used up (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
     commands that name no joint of the board; brake is true where a joint's brake is closed,
     brake_slips where a closed one does not hold (Y4); motors has the rows of Motor, as the
     encoders are set to read, and acceleration is of the joints, rad/s²; None: not known.
@@ -152,7 +152,9 @@ class StateArrays:
     powered (1.0 where the bridge is on), kinds and set_points (of the drives: SetPoint, and rows
     of Value), done (no move runs), control_modes and interaction_modes, accepts (by kind of
     reference, shape (kinds, n)), rejected (commands ignored so far), faults (the last one of each
-    joint), before (its modes when that was raised), time (s, of the last reading), cycle,
+    joint), before (its modes when that was raised), time (s, of the last reading), cycle, clock
+    (time that passed, in control periods: in a simulation a whole number), periods (of it in the
+    last cycle),
     modes_version and faults_version (they grow when a mode or a fault record changes),
     modes_changed and faults_changed (at which of them each joint changed last), stages (how far
     each joint may go).
@@ -190,6 +192,8 @@ class StateArrays:
         self.before = [(INITIAL, INITIAL_INTERACTION)] * n
         self.time = 0.0
         self.cycle = 0
+        self.clock = 0.0
+        self.periods = 1.0
         self.modes_version = 0
         self.faults_version = 0
         self.modes_changed = [0] * n

@@ -70,18 +70,23 @@ class Exchange:
         """Forget power and positions, after an error."""
         self._wanted = SetPoints.off(len(self.numbers))
         self._before: Array | None = None
+        self._rate = np.zeros(len(self.numbers))
+        self._age = np.zeros(len(self.numbers))
         self._turned: Array | None = None
 
     def connect(self) -> None:
         self.forget()
         self._plant.connect(self._setup)
 
-    def run(self, wanted: SetPoints, faulty: dict[int, str]) -> Sample:
+    def run(
+        self, wanted: SetPoints, faulty: dict[int, str], elapsed: float | None = None
+    ) -> Sample:
         """Exchange set-points and readings, in the board's order.
 
         Args:
             wanted: The set-points.
             faulty: Joints whose drive reported a fault in the last exchange.
+            elapsed: Since the last exchange, s; None, or 0: a control period.
 
         Raises:
             NonsenseError: the plant returned an invalid reading.
@@ -89,7 +94,7 @@ class Exchange:
         for j in faulty:
             if not (wanted.powered[j] or self._wanted.powered[j]):
                 self._plant.clear_fault(self.numbers[j])
-        self._wanted = wanted
+        self._wanted, self._elapsed = wanted, elapsed or self._period
         return self._sample(self._plant.exchange(self._in_order(wanted)), wanted)
 
     @property
@@ -117,13 +122,18 @@ class Exchange:
             raise NonsenseError(f"a reading is {type(found).__name__}; Readings is required")
         values = np.zeros((ROWS, len(self.numbers)))
         values[Row.POSITION] = position = self._row("position", found.position)
+        age = np.zeros_like(position) if found.ages is None else self._row("ages", found.ages)
+        between = self._elapsed + self._age - age  # the last two readings of each joint
         if found.velocity is not None:
             velocity = self._row("velocity", found.velocity)
         elif self._before is None:
             velocity = np.zeros_like(position)
         else:
-            velocity = (position - self._before) / self._period
-        values[Row.VELOCITY] = velocity
+            velocity = self._rate.copy()
+            fresh = between > 0.5 * self._elapsed  # else the same reading again
+            np.divide(position - self._before, between, out=velocity, where=fresh)
+        values[Row.VELOCITY] = self._rate = velocity
+        values[Row.ENCODER_AGE] = self._age = age
         self._before = position
         if found.torque is not None:
             values[Row.TORQUE] = self._row("torque", found.torque)
@@ -134,8 +144,6 @@ class Exchange:
             values[Row.CURRENT] = self._settled(applied, velocity, values[Row.TORQUE], wanted)
         warm = found.temperature
         values[Row.TEMPERATURE] = self._ambient if warm is None else self._row("temperature", warm)
-        if found.ages is not None:
-            values[Row.ENCODER_AGE] = self._row("ages", found.ages)
         late = values[Row.ENCODER_AGE] > 0.0
         return Sample(values, self._faults(found), applied, late, self._motors(found))
 
@@ -158,7 +166,7 @@ class Exchange:
                 rows[row] = self._row(name, value)
         velocity, position = rows[Motor.VELOCITY], rows[Motor.POSITION]
         if self._turned is not None:
-            changed = (position - self._turned) / self._period
+            changed = (position - self._turned) / self._elapsed
             np.copyto(velocity, changed, where=np.isnan(velocity))
         self._turned = position.copy()
         return rows

@@ -32,7 +32,15 @@ from numpy.typing import NDArray
 from ..core.board import Board
 from ..core.config.config import BoardConfig, ConfigError
 from ..core.terms.faults import FaultCode
-from ..core.terms.measurement import ROWS, Actuation, Array, Measurement, Row, SetPoints
+from ..core.terms.measurement import (
+    ROWS,
+    UNREAD,
+    Actuation,
+    Array,
+    Measurement,
+    Row,
+    SetPoints,
+)
 from ..text import clean
 from .exchange import Exchange, Sample
 from .interface import Clock, DriveLimits, DrivePlant, RobotPlant
@@ -48,6 +56,7 @@ LEAST_WAIT = 1e-4
 NEWS = 1000
 #: s that a start waits for the first sample; after it the joints begin in HW_FAULT.
 FIRST_SAMPLE = 5.0
+AGES = [Row.ENCODER_AGE, Row.TORQUE_AGE]
 ALARM, DRIVE = 1.0 + FaultCode.PLANT, 1.0 + FaultCode.DRIVE
 
 
@@ -106,9 +115,12 @@ class GuardedPlant:
         self._period, self._cycle = board.period, 0
         self._everybody = range(n)
         self._values = np.zeros((ROWS, n))
+        self._values[UNREAD] = np.nan  # nothing is read yet (B7)
         self._values[Row.TEMPERATURE] = [joint.motor.ambient for joint in board.joints]
         self.applied: Array = np.zeros(n)
         self.late: NDArray[np.int64] = np.zeros(n, dtype=np.int64)
+        limits = [joint.timeouts for joint in board.joints]
+        self._oldest = np.array([[one.encoder, one.torque_sensor] for one in limits]).T
         self._off = SetPoints.off(n)
         # Replaced whole by one thread, read by the other.
         self._sample: tuple[float, int, Sample] | None = None  # when, of which cycle, what
@@ -116,6 +128,7 @@ class GuardedPlant:
         self._wanted = Wanted(0, clock(), self._off)
         process = getattr(plant, "process", None)
         self.processes = () if process is None else (process.pid,)
+        self._began = self._read_at = clock()
         self._waiting = self._looked = clock()  # start of the overdue answer; last reading
         self._silence: dict[int, str] = {}  # of the loop: the reason by joint, until it acts on it
         self._reported = False  # whether the loop has read it
@@ -133,6 +146,8 @@ class GuardedPlant:
 
     def read(self) -> Measurement:
         """The last readings, with their alarms."""
+        now = self._clock()
+        elapsed, self._read_at = now - self._read_at, now
         self._notice_silence()
         self._reported = True
         error, sample = self._error or self._refusal, self._sample
@@ -140,6 +155,10 @@ class GuardedPlant:
         motors = None
         if sample is not None:
             self._values[:] = sample[2].values
+            late = now - sample[0] - self._period
+            if late > 0.0:  # no answer came since the last cycle; a silence of all is an alarm
+                ages = np.minimum(self._values[AGES] + late, self._oldest)
+                self._values[AGES] = np.maximum(ages, self._values[AGES])
             self.applied, faults = sample[2].applied, sample[2].faults
             motors = sample[2].motors
         silent = self._silent(sample)
@@ -157,11 +176,12 @@ class GuardedPlant:
         if reasons and not error:
             alarm[[j for j in reasons if j in faults and j not in self._silence]] = DRIVE
         return Measurement(
-            self._cycle * self._period,
+            now - self._began,
             self._values,
             reasons or None,
             applied=self.applied,
             motors=motors,
+            elapsed=elapsed if elapsed > 0.0 and self._cycle > 0 else None,
         )
 
     def write(self, actuation: Actuation) -> None:
@@ -259,6 +279,7 @@ class GuardedPlant:
             self.limits = limits
 
     def _talk(self) -> None:
+        self._exchanged = self._clock()
         wanted, sample = self._wanted, self._exchange.run(self._off, {})  # no power before it
         while True:
             self._sample, self._error = (self._clock(), wanted.cycle, sample), ""
@@ -270,12 +291,17 @@ class GuardedPlant:
                 break
             wanted = self._wanted
             if not self._is_old(wanted, self._clock()):
-                before, sample = sample, self._exchange.run(wanted.set_points, sample.faults)
+                before, sample = sample, self._run_exchange(wanted.set_points, sample.faults)
                 if before.faults.keys() - sample.faults:  # it may have come back another
                     self._compare_limits()
             elif self._exchange.drives:
                 self._exchange.let_go()
         self._exchange.run(self._off, {})
+
+    def _run_exchange(self, set_points: SetPoints, faults: dict[int, str]) -> Sample:
+        now = self._clock()
+        elapsed, self._exchanged = now - self._exchanged, now
+        return self._exchange.run(set_points, faults, elapsed)
 
     def _await_turn(self, wanted: Wanted) -> None:
         """Wait for newer outputs, until these are too old (B5); before the first, a period."""

@@ -111,7 +111,7 @@ class Setup:
     """How the board uses a plant from ``connect`` on.
 
     Attributes:
-        period: From one exchange to the next, s.
+        period: From one exchange to the next, s, where none is late.
         timeout: ``plant_timeout``, s: the most that a drive's own watchdog is set to (S5).
         joints: The board's configuration of each joint of the plant, in the plant's order: limits
             (S4), ``on_silence``, the motor's data; None for a joint that the board does not have.
@@ -138,7 +138,7 @@ class Readings:
     """One reading of all joints, arrays of shape (n,); None: there is no such sensor.
 
     Attributes:
-        position: Of the joints.
+        position: Of the joints; NaN where a joint has not been read since ``connect``.
         velocity: None: the change of the position from reading to reading.
         torque: At the joints' torque sensors, or as the drives estimate it.
         current: Of the motors; None: what their PWM and speed make of it.

@@ -83,9 +83,9 @@ def test_a_joint_is_held_at_its_encoder_reading(
 
     class Jumps(Calibrator):
         def advance(self) -> bool:
-            if self._cycles == 1:
+            if self._periods == 1:
                 self.hand.hold()
-            elif self._cycles == 3:
+            elif self._periods == 3:
                 self.hand.set_offset(-2.0)  # to 2.5 rad; its limit is 2
             return False
 
@@ -106,7 +106,7 @@ def test_a_joint_beyond_its_limits_is_held_there(own: Callable[[type[Calibrator]
         def advance(self) -> bool:
             self.hand.set_offset(-1.8)  # to 2.3 rad
             self.hand.hold()
-            return self._cycles == 20
+            return self._periods == 20
 
     shown = own(Holds).tick(15)
     assert shown.position_reference == pytest.approx([2.3], abs=1e-3)
@@ -121,7 +121,7 @@ def test_an_angle_that_is_not_known_has_no_limits(
 
     class Moves(Calibrator):
         def advance(self) -> bool:
-            if self._cycles == 1:
+            if self._periods == 1:
                 self.hand.hold()
                 if offset is not None:
                     self.hand.set_offset(offset)

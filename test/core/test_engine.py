@@ -44,20 +44,26 @@ def test_a_board_that_starts_with_a_reading_that_is_no_number() -> None:
     assert shown.position[1] == pytest.approx(-0.2)
 
 
-def test_the_output_of_a_drive_with_its_own_loops_is_the_measured_one() -> None:
-    """S1: of kinds beyond PWM; of PWM it is what the laws give."""
+def test_output_and_applied_are_two_series() -> None:
+    """What the board asks for, none where a drive takes set-points; and what the drives report."""
     config = board_config(
         joint("a", max_travel_error=np.inf),
         joint("b", drive=(SetPoint.TORQUE,), max_travel_error=np.inf),
     )
     rig = held(*config.joints)
     rig.enter("pos")
+    assert rig.board.position_move("a", 1.0)
+    rig.tick(20)
     reading = rig.plant.read()
     applied = np.array([11.0, 22.0])
     rig.board.tick(Measurement(reading.time, reading.values, applied=applied))
     shown = rig.board.snapshot()
-    assert shown.output[1] == 22.0
-    assert shown.output[0] != 11.0
+    assert shown.applied.tolist() == [11.0, 22.0]
+    assert shown.output[0] not in (0.0, 11.0)
+    assert shown.output[1] == 0.0
+    last = shown.output[0]
+    rig.board.tick(Measurement(reading.time, reading.values))
+    assert rig.board.snapshot().applied.tolist() == [last, 0.0]  # nothing is reported: as asked
 
 
 def test_the_bridges_of_coupled_motors_are_watched() -> None:

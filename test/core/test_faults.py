@@ -25,6 +25,7 @@ CODES = {
     24: "emergency stop",
     25: "drive",
     26: "brake",
+    27: "overspeed",
 }
 
 

@@ -164,7 +164,7 @@ def test_torque_of_a_feedforward() -> None:
 
 
 def observed(one: Any, position: float, velocity: float) -> None:
-    LAWS.observe(one, position, velocity)
+    LAWS.observe(one, position, velocity, 0.0)
 
 
 def test_a_reading() -> None:
@@ -191,7 +191,7 @@ def test_cycles_at_rest_are_counted() -> None:
     assert one.rest_cycles == 3
     observed(one, 0.5, 1.0)
     assert one.rest_cycles == 0
-    one.rest_cycles, one.velocity = 999_999, 0.0
+    one.rest_cycles, one.velocity, one.sampled = 999_999, 0.0, 0.0
     observed(one, 0.5, 0.0)
     observed(one, 0.5, 0.0)
     assert one.rest_cycles == 1_000_000

@@ -16,7 +16,7 @@ from control_board_ros.core.watch.monitor import JointMonitor, Monitor
 SLOW, PERIOD, FORGET = 4, 0.01, 0.5
 ELAPSED = SLOW * PERIOD
 READINGS = [check.name.lower() for check in ROWS_OF]
-ROWS = ["joint_position", "joint_current", "output", "travelled", "used"]
+ROWS = ["joint_position", "joint_current", "output", "applied", "travelled", "used"]
 CONSTANTS = {
     "travel_per_output": 0.01,
     "travel_per_current": 0.1,
@@ -30,6 +30,7 @@ CONSTANTS = {
     "max_current": 8.0,
     "max_encoder_age": 0.02,
     "max_jump": 0.1,
+    "max_velocity": 1e9,
     "max_torque_age": 0.03,
     "max_torque": 60.0,
     "max_temperature": 120.0,
@@ -198,11 +199,11 @@ def test_the_travel_of_a_motor_by_its_own_equation() -> None:
     position = 0.0
     for output, current in zip(outputs, currents, strict=True):
         position += 0.01
-        bench.step(output=output, joint_current=current, position=position)
+        bench.step(applied=output, joint_current=current, position=position)
     travelled = 0.01 * 100.0 - 0.1 * 8.0 - 0.05 * (3.0 - 1.0)
     assert bench.rows["travelled"][0] == pytest.approx(travelled)
     assert bench.one.travel == pytest.approx(travelled - 0.04)
-    bench.step(SLOW, output=0.0)  # sums begin anew, the error is forgotten by half
+    bench.step(SLOW, applied=0.0)  # sums begin anew, the error is forgotten by half
     more = -0.1 * 4 * 3.0
     assert bench.rows["travelled"][0] == pytest.approx(travelled + more)
     assert bench.one.travel == pytest.approx(0.5 * (travelled - 0.04) + more)
@@ -212,7 +213,7 @@ def test_checks_run_at_a_fixed_number_of_cycles() -> None:
     bench = Bench()
     seen = []
     for _ in range(3 * SLOW):
-        bench.step(output=10.0)
+        bench.step(applied=10.0)
         seen.append(bench.monitor.countdown)
     assert seen == [3, 2, 1, 4] * 3
     assert bench.rows["travelled"][0] == pytest.approx(0.01 * 10.0 * 3 * SLOW)
@@ -220,7 +221,7 @@ def test_checks_run_at_a_fixed_number_of_cycles() -> None:
 
 def test_without_power_a_motor_shows_nothing() -> None:
     bench = Bench(live=0.0)
-    bench.step(SLOW, output=50.0, position=0.05)
+    bench.step(SLOW, applied=50.0, position=0.05)
     assert bench.rows["travelled"][0] == 0.0
     assert bench.one.travel == 0.0
 
@@ -228,7 +229,7 @@ def test_without_power_a_motor_shows_nothing() -> None:
 def test_a_bridge_that_is_switched_is_compared_from_then_on() -> None:
     """Sums, place and current begin in that cycle."""
     bench = Bench()
-    bench.step(2, output=10.0, joint_current=2.0, position=0.05)
+    bench.step(2, applied=10.0, joint_current=2.0, position=0.05)
     bench.one.switched = True
     bench.step(joint_current=4.0, position=0.1)
     assert not bench.one.switched
@@ -241,8 +242,8 @@ def test_a_bridge_that_is_switched_is_compared_from_then_on() -> None:
 def test_a_disagreement_is_found_either_way() -> None:
     for way in (1.0, -1.0):
         bench = Bench(max_travel=0.4)
-        assert bench.step(SLOW, output=way * 10.0)
-        assert not bench.step(SLOW, output=way * 10.0)  # 0.4 · 0.5 + 0.4
+        assert bench.step(SLOW, applied=way * 10.0)
+        assert not bench.step(SLOW, applied=way * 10.0)  # 0.4 · 0.5 + 0.4
         assert bench.failed() is Check.TRAVEL
         bench.one.forget_travel()
         assert (bench.one.travel, bench.failed()) == (0.0, None)
@@ -331,7 +332,7 @@ def test_any_joint_s_cause_counts() -> None:
     assert not monitor.news
     assert monitor.step()
     rows["torque"][0] = 99.0
-    rows["output"][:] = [10.0, 20.0]
+    rows["applied"][:] = [10.0, 20.0]
     assert not monitor.step()
     assert [one.failed() for one in joints] == [Check.TORQUE, 0]
     rows["torque"][:] = [0.0, 99.0]

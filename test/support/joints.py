@@ -22,6 +22,7 @@ ROWS = (
     "velocity_reference",
     "torque_reference",
     "output",
+    "age",
 )
 
 #: A joint of 1 kg·m² whose drive is its torque, in percent.

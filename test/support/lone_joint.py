@@ -31,8 +31,12 @@ def joint(**changes: float) -> Any:
     made = LAWS.Joint()
     for k, name in enumerate(NUMBERS):
         setattr(made, name, 100.0 + k)
-    for name, value in (GIVEN | changes).items():
+    fresh = dict.fromkeys(("age", "wire", "missed", "blind", "coasts", "sampled"), 0.0) | {
+        "calm": 1.0
+    }
+    for name, value in (GIVEN | fresh | changes).items():
         setattr(made, name, value)
+    made.elapsed = made.span = made.period
     for pid in (made.position_pid, made.torque_pid, made.current_pid):
         pid.limit, pid.integral, pid.previous = 1e3, 5.0, 5.0
         pid.error = pid.reference = pid.derivative = pid.room = 9.0

@@ -91,22 +91,25 @@ class Calibrator:
         self.progress = Progress()
         kind = hand.joint.kind
         self.scale, self.unit = kind.choose(1.0, METRES_PER_RADIAN), kind.unit
-        self._cycles = 0
+        self._periods = 0.0
         self._settled = 0
 
     @property
     def begun(self) -> bool:
         """Whether it has been stepped: it controls the joint."""
-        return self._cycles > 0
+        return self._periods > 0.0
 
-    def step(self) -> bool:
+    def step(self, periods: float = 1.0) -> bool:
         """One control cycle (K2).
+
+        Args:
+            periods: of control that passed since the last one.
 
         Raises:
             CalibrationError: the time of the calibration is over (K4).
         """
-        self._cycles += 1
-        if self._cycles * self.period > self.calibration.timeout:
+        self._periods += periods
+        if self._periods * self.period > self.calibration.timeout:
             raise CalibrationError(
                 f"timed out after {self.calibration.timeout:g} s while {self.progress.phase}"
             )

@@ -82,7 +82,7 @@ class Calibrations:
                 continue  # its brake still opens
             calibrator = self.running[j]
             try:
-                done = calibrator.step()
+                done = calibrator.step(self._state.periods)
             except CalibrationError as error:
                 self._machine.raise_fault(j, FaultCode.CALIBRATION, str(error))
                 continue

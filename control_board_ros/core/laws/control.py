@@ -66,7 +66,7 @@ class Controller:
         self.terms: Array = np.full((len(Term), n), np.nan)
         self._position_pids: list[Pid | None] = [None] * n  # in force
         self._laws: dict[str, Laws] = {}
-        self._steps: list[Callable[[], bool]] = []
+        self._steps: list[Callable[[float], bool]] = []
         self._laws_of = [zone.name for zone in config.zones() for _ in zone.joints]
         for zone in config.zones():
             self.power_on(zone)
@@ -83,6 +83,7 @@ class Controller:
             state.velocity_reference,
             state.torque_reference,
             state.output,
+            state.age,
         )
         model = zone.config.model
         arm = None if model is None else model.arm()
@@ -108,11 +109,11 @@ class Controller:
             joint.stiffness, joint.damping = own.impedance.stiffness, own.impedance.damping
             self._configure(j)
 
-    def step(self) -> bool:
-        """One cycle of all laws; whether one has news, as :meth:`Laws.step`."""
+    def step(self, elapsed: float = 0.0) -> bool:
+        """One cycle of all laws; elapsed and result as :meth:`Laws.step`."""
         news = False
         for step in self._steps:
-            if step():
+            if step(elapsed):
                 news = True
         return news
 
@@ -263,6 +264,7 @@ def set_constants(
     limits, motor = own.limits, own.motor
     terms = terms or usual_terms(own)
     joint.period, joint.delay = period, own.drive_delay
+    joint.elapsed = joint.span = period
     joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
     joint.max_torque, joint.max_output = limits.torque, limits.output

@@ -3,7 +3,8 @@
 
 One joint at a time, in the order of a control cycle:
 
-1. ``observe``    acceleration and rest, from the last two readings; ``weigh``: the load
+1. ``observe``    motion of now, from a reading and its age (B7); acceleration and rest, from the
+                  last two readings; ``weigh``: the load
 2. ``advance``    the reference: moves, velocities, direct positions (P1 to P6), kept within the
                   joint's limits of position, speed and acceleration (P9, P14)
 3. ``control``    the law of the mode (source Fig. 2): position PID, impedance, torque PID, output,
@@ -105,6 +106,16 @@ WIDE = cython.declare(cython.double, 4.0)
 LEAD = cython.declare(cython.double, 1.0)
 #: Outputs above this, and NaN, are a divergence, percent.
 MOST_OUTPUT = cython.declare(cython.double, 1e3)
+#: Periods without a fresh reading, and between two cycles, from which on a joint coasts, and its
+#: reference begins anew from where the joint is (B6, B7).
+GAP = cython.declare(cython.double, 3.0)
+#: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
+WIRE_MEMORY = cython.declare(cython.double, 0.5)
+WIRE_PHASE = cython.declare(cython.double, 0.4)
+#: Time constant of the feedback that a coasting joint keeps, s.
+HOLD_FILTER = cython.declare(cython.double, 0.03)
+#: Part of the torque limit that the error of a reference may be worth after a gap.
+GAP_SHARE = cython.declare(cython.double, 0.05)
 #: Speed bound of the position law, in speed limits: headroom for references at the limit.
 PURSUIT = cython.declare(cython.double, 1.02)
 
@@ -657,12 +668,24 @@ class Joint:
     followed_velocity = cython.declare(cython.double, visibility="public")
     followed_acceleration = cython.declare(cython.double, visibility="public")
 
+    # --- time -------------------------------------------------------------------------------
+    elapsed = cython.declare(cython.double, visibility="public")  # since the last cycle, s
+    span = cython.declare(cython.double, visibility="public")  # between middles of cycles
+    age = cython.declare(cython.double, visibility="public")  # of the reading, s
+    wire = cython.declare(cython.double, visibility="public")  # greatest age of late, s
+    missed = cython.declare(cython.double, visibility="public")  # without a fresh reading, s
+    blind = cython.declare(cython.bint, visibility="public")  # for more than GAP periods
+    coasts = cython.declare(cython.bint, visibility="public")  # and by the board's loop
+    calm = cython.declare(cython.double, visibility="public")  # bandwidth that the age leaves, 0…1
+    feedback = cython.declare(cython.double, visibility="public")  # filtered, without integral
+
     # --- measured and observed --------------------------------------------------------------
     position = cython.declare(cython.double, visibility="public")
     velocity = cython.declare(cython.double, visibility="public")
     torque = cython.declare(cython.double, visibility="public")
     current = cython.declare(cython.double, visibility="public")
     current_before = cython.declare(cython.double, visibility="public")  # a cycle ago
+    sampled = cython.declare(cython.double, visibility="public")  # velocity of the reading
     acceleration = cython.declare(cython.double, visibility="public")
     load = cython.declare(cython.double, visibility="public")  # filtered, without inertia
     motion = cython.declare(cython.double, visibility="public")  # torque of the acceleration
@@ -705,7 +728,8 @@ class Joint:
         self.set_current = self.set_torque = self.set_velocity = 0.0
         self.set_position = self.set_stiffness = self.set_damping = 0.0
         self.direct_age = INFINITE
-        self.was_on_limit = self.diverged = self.strained = False
+        self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
+        self.calm = 1.0
 
     # --- requests ---------------------------------------------------------------------------
 
@@ -942,10 +966,42 @@ if not cython.compiled:  # attributes start at zero, as they do compiled
 
 
 @cython.cfunc
-def observe(j: Joint, position: cython.double, velocity: cython.double) -> cython.void:
-    """Acceleration and rest: a = Δq̇/T; torque of the acceleration: J·a without an arm model."""
-    j.acceleration = (velocity - j.velocity) / j.period if j.readings > 0 else 0.0
+def pass_time(j: Joint, elapsed: cython.double) -> cython.void:
+    """Time since the last cycle, s; 0: one control period (B6)."""
+    before: cython.double = j.elapsed if j.elapsed > 0.0 else j.period
+    j.elapsed = elapsed if elapsed > 0.0 else j.period
+    j.span = 0.5 * (before + j.elapsed)
+
+
+@cython.cfunc
+def observe(
+    j: Joint, position: cython.double, velocity: cython.double, age: cython.double
+) -> cython.void:
+    """The motion of now; acceleration and rest: a = Δq̇/Δt; torque: J·a without an arm model.
+
+    Δt is the time between two readings. Of an old one the motion is continued, with the
+    acceleration of the reference (B7)::
+
+        q = q(t − age) + q̇ age + ½ a_ref age²,   q̇ = q̇(t − age) + a_ref age
+    """
+    ahead: cython.double = 0.0
+    between: cython.double = j.elapsed + j.age - age
+    if not is_number(position + velocity):  # there is no reading yet
+        j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
+        return
+    if age > 0.0 or j.wire > 0.0:
+        heed(j, age, between)
+        if j.active and (j.law == POSITION or j.settling):
+            ahead = j.followed_acceleration * age
+    if j.readings == 0:
+        j.acceleration = 0.0
+    elif j.missed == 0.0 and between > 0.0:
+        j.acceleration = (velocity - j.sampled) / between
+    j.age, j.sampled = age, velocity
     j.position, j.velocity = position, velocity
+    if age > 0.0:
+        j.position += age * (velocity + 0.5 * ahead)
+        j.velocity += ahead
     if not j.has_torque_sensor:
         j.torque = j.current * j.torque_per_ampere
     j.motion = j.inertia * j.acceleration
@@ -956,6 +1012,81 @@ def observe(j: Joint, position: cython.double, velocity: cython.double) -> cytho
             j.rest_cycles += 1
     else:
         j.rest_cycles = 0
+
+
+@cython.cfunc
+def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
+    """What the age of a reading means for the laws (B7).
+
+    Without a fresh reading for more than GAP periods a joint is blind; where the board closes its
+    loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit; within
+    WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``.
+    """
+    speed: cython.double = j.position_pid.kd / j.inertia_min  # of the loop, 1/s
+    if between < 0.5 * j.elapsed:  # it is the same reading
+        j.missed += j.elapsed
+    else:
+        j.missed = 0.0
+        j.wire = max(age, j.wire * (1.0 - j.elapsed / WIRE_MEMORY))
+        if j.wire < 0.1 * j.period:
+            j.wire = 0.0
+    if j.kind >= AS_VELOCITY:
+        speed = j.pursuit
+    j.calm = 1.0
+    if speed * j.wire > WIRE_PHASE:
+        j.calm = WIRE_PHASE / (speed * j.wire)
+    if j.kind == AS_IMPEDANCE:  # its spring and damper are in the drive
+        j.calm = 1.0
+    j.blind = j.missed > GAP * j.period
+    if j.blind and j.kind < AS_VELOCITY:
+        j.coasts = True
+    elif j.coasts and not j.blind:
+        j.coasts = False
+        take_up(j)
+
+
+@cython.cfunc
+def take_up(j: Joint) -> cython.void:
+    """After a gap of readings: the reference goes on from the joint, without a step of torque.
+
+    Where the joint coasted less than an error of GAP_SHARE of the torque limit off its reference,
+    the loop deals with it.
+    """
+    p: Pid = j.position_pid
+    if j.law != POSITION and not j.settling:
+        return
+    if p.kp * fabs(j.followed - j.position) <= GAP_SHARE * j.max_torque:
+        return
+    restart_at(j, j.position)
+    p.integral += j.feedback
+    p.room = max(fabs(p.integral) - p.limit, 0.0)
+    p.fall = p.room * j.period / HOLD_FILTER
+    p.derivative = j.feedback = 0.0
+
+
+@cython.cfunc
+def restart_at(j: Joint, place: cython.double) -> cython.void:
+    """Continue the followed reference from a place, with the joint's velocity."""
+    j.followed = clamp(place, j.lower, j.upper)
+    j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
+    j.followed_acceleration = 0.0
+    j.active = True
+
+
+@cython.cfunc
+def cross_gap(j: Joint) -> cython.void:
+    """After a gap between two cycles, in which the drive got no set-point (B6).
+
+    A joint by torque or velocity coasted, one by position stood: the followed reference goes on
+    from where the joint is between both, as if one period had passed.
+    """
+    end: cython.double = j.followed + j.followed_velocity * j.elapsed
+    if not j.active or not is_number(j.position):
+        return
+    if j.kind >= AS_POSITION and j.missed > 0.0:  # where it is now is not known yet
+        j.followed_velocity = j.followed_acceleration = 0.0
+    else:
+        restart_at(j, clamp(j.position, min(j.followed, end), max(j.followed, end)))
 
 
 @cython.cfunc
@@ -1003,6 +1134,9 @@ def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
 def advance(j: Joint) -> cython.void:
     """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
     velocity: cython.double
+    periods: cython.double = j.elapsed / j.period
+    if periods > GAP:
+        cross_gap(j)
     if j.driven:
         j.moved, j.ramped, j.reference = j.followed, 0.0, j.followed
     if j.moving:
@@ -1014,10 +1148,12 @@ def advance(j: Joint) -> cython.void:
         advance_ramp(j)
         velocity += j.ramp_velocity
     if j.direct_age < INFINITE:
-        j.direct_age += 1.0
+        j.direct_age += periods
     else:
         j.reference_velocity = velocity
     j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
+    if periods > GAP:
+        j.elapsed = j.span = j.period
     follow(j)
     if j.driven:
         j.reference = j.followed
@@ -1042,7 +1178,7 @@ def advance_move(j: Joint) -> cython.void:
     speed: cython.double = 0.0
     reach: cython.double
     time: cython.double = j.move_time
-    j.move_cycles += 1.0
+    j.move_cycles += j.elapsed / j.period
     elapsed: cython.double = j.move_cycles * j.period
     if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
         j.moving = False
@@ -1092,18 +1228,17 @@ def advance_ramp(j: Joint) -> cython.void:
     total: cython.double
     up: cython.double
     down: cython.double
-    v: cython.double = clamp(
-        j.ramp_target, j.ramp_velocity - j.ramp_step, j.ramp_velocity + j.ramp_step
-    )
-    up = brake_speed(j.upper - j.reference, j.max_acceleration, j.period)
-    down = brake_speed(j.reference - j.lower, j.max_acceleration, j.period)
+    step: cython.double = j.ramp_step * (j.elapsed / j.period)
+    v: cython.double = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
+    up = brake_speed(j.upper - j.reference, j.max_acceleration, j.elapsed)
+    down = brake_speed(j.reference - j.lower, j.max_acceleration, j.elapsed)
     total = clamp(
         j.moved_velocity + v,
         -(down if down < j.max_velocity else j.max_velocity),
         up if up < j.max_velocity else j.max_velocity,
     )
     j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
-    j.ramped += j.ramp_velocity * j.period
+    j.ramped += j.ramp_velocity * j.elapsed
 
 
 @cython.cfunc
@@ -1120,7 +1255,7 @@ def follow(j: Joint) -> cython.void:
     rest: cython.double
     up: cython.double
     down: cython.double
-    step: cython.double = j.max_acceleration * j.period
+    step: cython.double = j.max_acceleration * j.span
     if j.direct_age < INFINITE:
         goal_velocity = 0.0
         if j.stream.flows and (j.direct_age - 1.0) * j.period > j.stream.patience():
@@ -1132,22 +1267,25 @@ def follow(j: Joint) -> cython.void:
         goal_velocity = j.reference_velocity
     else:
         j.stream_acceleration = j.stream_peak = 0.0
-        rest = goal - j.followed - goal_velocity * j.period
+        rest = goal - j.followed - goal_velocity * j.elapsed
         if rest >= 0.0:
-            velocity = goal_velocity + brake_speed(rest, j.max_acceleration, j.period)
+            velocity = goal_velocity + brake_speed(rest, j.max_acceleration, j.elapsed)
         else:
-            velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.period)
-    up = brake_speed(j.upper - j.followed, j.max_acceleration, j.period)
-    down = brake_speed(j.followed - j.lower, j.max_acceleration, j.period)
+            velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.elapsed)
+    up = brake_speed(j.upper - j.followed, j.max_acceleration, j.elapsed)
+    down = brake_speed(j.followed - j.lower, j.max_acceleration, j.elapsed)
     velocity = clamp(
         velocity,
         -(down if down < j.max_velocity else j.max_velocity),
         up if up < j.max_velocity else j.max_velocity,
     )
     velocity = clamp(velocity, j.followed_velocity - step, j.followed_velocity + step)
-    j.followed_acceleration = (velocity - j.followed_velocity) / j.period
+    if j.coasts:  # slower at most (B7)
+        up, down = max(j.followed_velocity, 0.0), max(-j.followed_velocity, 0.0)
+        velocity = clamp(velocity, -down, up)
+    j.followed_acceleration = (velocity - j.followed_velocity) / j.span
     j.followed_velocity = velocity
-    j.followed += velocity * j.period
+    j.followed += velocity * j.elapsed
     if fabs(goal - j.followed) <= 1e-12 and goal_velocity == 0.0:
         j.followed = goal
     if (
@@ -1189,14 +1327,14 @@ def follow_stream(j: Joint) -> cython.double:
     if (goal >= j.upper and speed > 0.0) or (goal <= j.lower and speed < 0.0):
         goal, speed, rate = clamp(goal, j.lower, j.upper), 0.0, 0.0
     j.reference_velocity = j.direct_velocity = speed
-    share: cython.double = 3.0 * quick * j.period
+    share: cython.double = 3.0 * quick * j.elapsed
     j.stream_acceleration += (rate - j.stream_acceleration) * (share if share < 1.0 else 1.0)
     rate = j.stream_acceleration
-    j.stream_peak *= 1.0 - j.period
+    j.stream_peak *= 1.0 - j.elapsed
     j.stream_peak = max(j.stream_peak, fabs(rate))
-    speed -= 0.5 * rate * j.period  # the mean over this cycle
-    error: cython.double = goal - j.followed - speed * j.period
-    off: cython.double = j.followed_velocity - speed + rate * j.period
+    speed -= 0.5 * rate * j.elapsed  # the mean over this cycle
+    error: cython.double = goal - j.followed - speed * j.elapsed
+    off: cython.double = j.followed_velocity - speed + rate * j.span
     brake: cython.double = 0.8 * (j.max_acceleration - j.stream_peak)
     brake = max(brake, 0.03 * j.max_acceleration)
     slope: cython.double = 0.5 * quick
@@ -1211,9 +1349,9 @@ def follow_stream(j: Joint) -> cython.double:
             wanted = -wanted
         else:
             ahead = -ahead
-    change: cython.double = (rate + ahead + 4.0 * slope * (wanted - off)) * j.period
-    wanted = speed + error / j.period
-    if fabs(wanted - j.followed_velocity - change) <= 0.01 * j.max_acceleration * j.period:
+    change: cython.double = (rate + ahead + 4.0 * slope * (wanted - off)) * j.span
+    wanted = speed + error / j.elapsed
+    if fabs(wanted - j.followed_velocity - change) <= 0.01 * j.max_acceleration * j.span:
         return wanted
     return j.followed_velocity + change
 
@@ -1256,10 +1394,37 @@ def position_law(j: Joint) -> cython.double:
     p: Pid = j.position_pid
     keep_near(j)
     late: cython.double = j.followed - j.delay * j.followed_velocity  # what the drive has by now
+    torque: cython.double
+    if j.coasts:
+        torque = p.kff * j.followed + p.integral + j.feedback
+    elif j.blind:  # the drive has the same spring, with the present error
+        torque = p.feed() + p.integral
+    else:
+        torque = pid_step(p, j.followed, late - j.position, j.followed_velocity - j.velocity)
+        if j.calm < 1.0:
+            torque = soften(j)
+        keep_feedback(j)
+    return torque + j.forward + friction(j, j.followed_velocity)
+
+
+@cython.cfunc
+def keep_feedback(j: Joint) -> cython.void:
+    """Filter the feedback: what a joint that coasts keeps of it is its load (B7)."""
+    p: Pid = j.position_pid
+    feedback: cython.double = p.kp * p.error * (j.calm * j.calm) + p.kd * p.derivative * j.calm
+    j.feedback += j.period / (j.period + HOLD_FILTER) * (feedback - j.feedback)
+
+
+@cython.cfunc
+def soften(j: Joint) -> cython.double:
+    """The torque of the position PID for a loop slower by ``calm``."""
+    p: Pid = j.position_pid
+    p.integral -= (1.0 - j.calm * j.calm * j.calm) * (p.integral - p.previous)
     return (
-        pid_step(p, j.followed, late - j.position, j.followed_velocity - j.velocity)
-        + j.forward
-        + friction(j, j.followed_velocity)
+        p.kff * p.reference
+        + p.kp * p.error * (j.calm * j.calm)
+        + p.integral
+        + p.kd * p.derivative * j.calm
     )
 
 
@@ -1268,7 +1433,7 @@ def keep_near(j: Joint) -> cython.void:
     """Bound the lead of the followed reference by the torque and speed limits (P14)."""
     p: Pid = j.position_pid
     lead: cython.double
-    if p.kp > 0.0:
+    if p.kp > 0.0 and not j.blind:
         lead = LEAD * j.max_torque / p.kp + j.delay * fabs(j.followed_velocity)
         if fabs(j.followed - j.position) > lead:
             stay(j, clamp(j.followed, j.position - lead, j.position + lead))
@@ -1363,7 +1528,9 @@ def hold_torque(j: Joint, share: cython.double) -> cython.double:
     firm: cython.double = share * j.max_torque
     if p.kp > 0.0:
         j.hold_place = clamp(j.hold_place, j.position - firm / p.kp, j.position + firm / p.kp)
-    return clamp(p.kp * (j.hold_place - j.position) - p.kd * j.velocity, -firm, firm)
+    spring: cython.double = p.kp * (j.calm * j.calm)
+    damper: cython.double = p.kd * j.calm
+    return clamp(spring * (j.hold_place - j.position) - damper * j.velocity, -firm, firm)
 
 
 @cython.cfunc
@@ -1415,6 +1582,9 @@ def control(j: Joint) -> cython.void:
         keep_near(j)
         hand_down_path(j, given)
         return
+    if j.coasts and j.law != POSITION and not j.settling:
+        coast(j)
+        return
     if j.law == OUTPUT:
         drive = j.output_command + given
         j.output = clamp(protect(j, drive), -j.max_output, j.max_output)
@@ -1440,6 +1610,18 @@ def control(j: Joint) -> cython.void:
     if given != drive:
         unwind(loop, drive - given)
     hand_down(j, given)
+
+
+@cython.cfunc
+def coast(j: Joint) -> cython.void:
+    """Drive what the joint bears without its acceleration: it goes on as it moves (B7)."""
+    drive: cython.double = clamp(j.load, -j.max_torque, j.max_torque) * j.per_torque
+    drive = clamp(drive + j.per_speed * j.velocity, -j.max_drive, j.max_drive)
+    j.asked = drive
+    if j.law == OUTPUT:
+        j.output = clamp(drive, -j.max_output, j.max_output)
+    else:
+        hand_down(j, drive)
 
 
 @cython.cfunc
@@ -1515,11 +1697,14 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
     joint, and is reduced as for a heavy one.
     """
     drive: cython.double
-    span: cython.double = SPAN * (j.period + j.delay)
+    span: cython.double = SPAN * (j.period + j.delay + j.wire)
+    speed: cython.double = way * j.velocity
     torque: cython.double = way * j.current * j.torque_per_ampere
     grown: cython.double = torque - way * j.current_before * j.torque_per_ampere
     gain: cython.double = 1.0 + j.lag * j.period / span
-    spare: cython.double = (top - way * j.velocity) / span - gain * way * j.acceleration
+    if j.wire > 0.0 and j.law != POSITION and not j.settling:
+        speed += way * j.acceleration * (j.age - j.missed)
+    spare: cython.double = (top - speed) / span - gain * way * j.acceleration
     inertia: cython.double = LIGHT * j.inertia_min
     if spare < 0.0:
         inertia = min(HEAVY * j.inertia, WIDE * inertia)
@@ -1597,7 +1782,8 @@ def hand_down_path(j: Joint, feed: cython.double) -> cython.void:
     j.set_position, j.set_velocity = j.followed, j.followed_velocity
     if j.kind == AS_VELOCITY:
         j.set_position = 0.0
-        j.set_velocity += j.pursuit * (j.followed - j.position)
+        if not j.blind:
+            j.set_velocity += j.calm * j.pursuit * (j.followed - j.position)
         j.set_velocity = clamp(j.set_velocity, -PURSUIT * j.max_velocity, PURSUIT * j.max_velocity)
     j.torque_reference = j.set_torque
 
@@ -1612,7 +1798,7 @@ class Laws:
     Args:
         joints: of class Joint.
         rows: measured position, velocity, torque, current; position, velocity and torque
-            reference; output: a buffer of n doubles each.
+            reference; output; age of the readings: a buffer of n doubles each.
         done: n bytes, 1 where no position move is under way.
         arm: the dynamics of these joints; None: each joint is modelled by its own inertia.
         feeds_arm: whether the arm is fed forward in all laws, else only in those that compensate
@@ -1634,6 +1820,7 @@ class Laws:
     velocity_reference: cython.double[::1]
     torque_reference: cython.double[::1]
     output: cython.double[::1]
+    age: cython.double[::1]
     set_current: cython.double[::1]
     set_torque: cython.double[::1]
     set_velocity: cython.double[::1]
@@ -1673,13 +1860,17 @@ class Laws:
             self.velocity_reference,
             self.torque_reference,
             self.output,
+            self.age,
         ) = rows
         self.done = done
         if arm is not None:
             self.arm_position, self.arm_velocity, self.arm_acceleration, self.arm_torque = arm.rows
 
-    def step(self) -> bool:
-        """One control period of all joints.
+    def step(self, elapsed: cython.double = 0.0) -> bool:
+        """One control cycle of all joints.
+
+        Args:
+            elapsed: since the last one, s; 0: one control period.
 
         An output that is not finite is never written.
 
@@ -1694,7 +1885,8 @@ class Laws:
             j = self.joints[k]
             j.current_before = j.current
             j.torque, j.current = self.torque[k], self.current[k]
-            observe(j, self.position[k], self.velocity[k])
+            pass_time(j, elapsed)
+            observe(j, self.position[k], self.velocity[k], self.age[k])
             settling = settling or j.settling
         if settling and self.modelled:
             self.sense_motion()

@@ -5,7 +5,7 @@ The position reference of a joint is its trajectory plus the integral of its vel
 q_ref = trajectory + ∫v dt, in every mode. POSITION leaves the second at zero, VELOCITY the
 first unchanged, MIXED uses both, POSITION_DIRECT sets the first. ``laws.advance`` runs them.
 
-References of torque, output and velocity expire (P12), counted in control cycles.
+References of torque, output and velocity expire (P12), by the time that passed.
 """
 
 from __future__ import annotations
@@ -29,36 +29,37 @@ from .trajectory import Effort, Plan, durations, durations_within
 class ReferenceTimeouts:
     """The deadline of each joint's last reference of a kind that expires.
 
+    Times are in control periods of the board's clock.
+
     Args:
-        cycles: how long each kind lasts, cycles, shape (kinds, n); infinite where it never
-            expires.
+        lasting: how long each kind lasts, shape (kinds, n); infinite where it never expires.
     """
 
-    def __init__(self, cycles: Array) -> None:
-        n = cycles.shape[1]
-        self._cycles = cycles
-        self._own = np.full(n, np.nan)  # duration that the last reference brought, cycles
-        self._renewed = np.zeros(n)  # cycle of the last reference that expires …
+    def __init__(self, lasting: Array) -> None:
+        n = lasting.shape[1]
+        self._lasting = lasting
+        self._own = np.full(n, np.nan)  # duration that the last reference brought
+        self._renewed = np.zeros(n)  # time of the last reference that expires …
         self._kind = np.full(n, -1)  # … and its kind; -1: none
         self._deadline = np.full(n, np.inf)
         self._next = math.inf
         self._running: set[int] = set()  # joints with a reference of any kind
 
-    def reconfigure(self, cycles: Array) -> None:
+    def reconfigure(self, lasting: Array) -> None:
         """Apply new durations, also to active references."""
-        self._cycles = cycles
+        self._lasting = lasting
         for j in np.flatnonzero((self._kind >= 0) & np.isnan(self._own)):
-            self._deadline[j] = self._renewed[j] + cycles[self._kind[j], j]
+            self._deadline[j] = self._renewed[j] + lasting[self._kind[j], j]
         self._next = float(self._deadline.min())
 
     def renew(
-        self, kind: CommandKind, joints: Indices, cycle: int, own: float | None = None
+        self, kind: CommandKind, joints: Indices, now: float, own: float | None = None
     ) -> None:
-        """Restart the timeouts of a kind; ``own``: duration of these references, cycles."""
+        """Restart the timeouts of a kind; ``own``: duration of these references."""
         self._running.update(joints.tolist())
-        self._renewed[joints], self._kind[joints] = cycle, kind
+        self._renewed[joints], self._kind[joints] = now, kind
         self._own[joints] = np.nan if own is None else own
-        self._deadline[joints] = cycle + (self._cycles[kind, joints] if own is None else own)
+        self._deadline[joints] = now + (self._lasting[kind, joints] if own is None else own)
         self._next = float(self._deadline.min())
 
     def cancel(self, joints: Sequence[int]) -> None:
@@ -69,11 +70,11 @@ class ReferenceTimeouts:
         self._deadline[joints], self._kind[joints] = np.inf, -1
         self._next = float(self._deadline.min())
 
-    def expired(self, cycle: int) -> NDArray[np.intp] | None:
-        """The joints whose reference expires in this cycle, or None."""
-        if cycle < self._next:
+    def expired(self, now: float) -> NDArray[np.intp] | None:
+        """The joints whose reference expires by now, or None."""
+        if now < self._next:
             return None
-        late = np.flatnonzero(self._deadline <= cycle)
+        late = np.flatnonzero(self._deadline <= now)
         self.cancel(late.tolist())
         return late
 

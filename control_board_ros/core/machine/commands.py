@@ -241,7 +241,7 @@ class Commands:
         if row.timeout is not None:
             period = self._machine.config.period
             own = in_cycles(valid_for, period) if valid_for else None
-            self._machine.timeouts.renew(kind, chosen, self._state.cycle, own)
+            self._machine.timeouts.renew(kind, chosen, self._state.clock + 1.0, own)
         return taken, notes
 
     def _bounded(self, kind: CommandKind, chosen: Indices, asked: Array, taken: Array) -> Notes:

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from ..selection import Selection
 from ..terms.faults import FaultCode
 from ..terms.modes import (
@@ -209,16 +211,27 @@ class StartUp:
         A joint holds where it is, not where it was.
         """
         for j in joints:
-            if self._state.cycle == self._power_on_cycles[j]:
+            if self._state.cycle == self._power_on_cycles[j] or np.isnan(self._state.position[j]):
                 self.due.add(j)
             else:
                 self._configure(j)
 
     def complete(self) -> None:
-        """Configure the joints that are due; requires a reading (N2, N3)."""
-        due, self.due = sorted(self.due), set()
-        for j in due:
-            self._configure(j)
+        """Configure the joints that are due and have a reading (N2, N3, B7).
+
+        One that has none for longer than its encoder may be silent is configured, too: into the
+        fault that says so.
+        """
+        read = ~np.isnan(self._state.position)
+        for j in sorted(self.due):
+            if read[j] or self._waited(j) > self._machine.config.joints[j].timeouts.encoder:
+                self.due.discard(j)
+                self._configure(j)
+
+    def _waited(self, j: int) -> float:
+        """Time since the power-on of a joint, s."""
+        cycles = self._state.cycle - self._power_on_cycles[j]
+        return cycles * self._machine.config.period
 
     def _configure(self, j: int) -> None:
         machine = self._machine

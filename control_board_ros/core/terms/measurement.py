@@ -165,6 +165,8 @@ class Row(IntEnum):
 
 
 ROWS = len(Row)
+#: Rows that are NaN before a joint's first reading.
+UNREAD = [Row.POSITION, Row.VELOCITY, Row.TORQUE, Row.CURRENT]
 
 
 class Motor(IntEnum):

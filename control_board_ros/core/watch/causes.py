@@ -93,6 +93,7 @@ class Check(IntEnum):
     TRAVEL = 9
     OVERRUN = 10
     OVERLOAD = 11
+    OVERSPEED = 12
 
 
 CODES = {
@@ -107,6 +108,7 @@ CODES = {
     Check.TRAVEL: FaultCode.ENCODER_MISMATCH,
     Check.OVERRUN: FaultCode.HARD_LIMIT,
     Check.OVERLOAD: FaultCode.I2T,
+    Check.OVERSPEED: FaultCode.OVERSPEED,
 }
 
 
@@ -158,6 +160,12 @@ def slow_cause(check: Check, monitor: JointMonitor, joint: JointConfig, period: 
         return Cause(
             code,
             f"{past:.3g} {unit} beyond the hard stop > {limits.hard_margin:.3g} {unit}",
+        )
+    if check is Check.OVERSPEED:
+        return Cause(
+            code,
+            f"faster than {monitor.max_velocity:.3g} {joint.kind.unit}/s, 1.5 times its limit",
+            "check sign, encoder and gains of its drive",
         )
     wait = overload_time(monitor, period)
     return Cause(

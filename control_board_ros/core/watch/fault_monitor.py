@@ -103,6 +103,9 @@ JUMP_RADIANS, JUMP_METRES = 0.5 * DEGREE, 1e-3
 #: travel error of twice the speed for that time; in simulation it is the physics step.
 APART = 1e-3
 
+#: Measured speed that is a fault, in speed limits (F7).
+OVERSPEED = 1.5
+
 
 class FaultMonitor:
     """Finds the causes of hardware faults in the readings of n joints.
@@ -185,6 +188,7 @@ class FaultMonitor:
     def bound(self, j: int, *, on: bool, calibrated: bool) -> None:
         """As :meth:`arm`, without a restart of the checks: no reading is left out."""
         self.joints[j].set(self._limits[j] if on else UNLIMITED)
+        self.joints[j].armed = on
         if not calibrated:
             self.joints[j].max_overrun = math.inf
 
@@ -224,7 +228,7 @@ class FaultMonitor:
         """
         if self._emergency.holds:
             self._values[Row.ALARM] = 1.0 + FaultCode.EMERGENCY_STOP
-        healthy: bool = self.monitor.step()
+        healthy: bool = self.monitor.step(self._state.periods)
         return healthy
 
     def unhealthy(self) -> list[int]:
@@ -323,6 +327,7 @@ def checked_limits(joint: JointConfig, period: float) -> dict[str, float]:
         "max_current": limits.peak_current,
         "max_encoder_age": timeouts.encoder,
         "max_jump": max(4.0 * limits.velocity * period, thrown) + slack,
+        "max_velocity": OVERSPEED * limits.velocity,
         "max_torque_age": timeouts.torque_sensor if joint.torque_sensor else CREDIBLE,
         "max_torque": 100.0 * limits.torque if joint.torque_sensor else CREDIBLE,
         "max_temperature": limits.temperature,
@@ -341,6 +346,7 @@ UNLIMITED = dict.fromkeys(
         "max_current",
         "max_encoder_age",
         "max_jump",
+        "max_velocity",
         "max_torque_age",
         "max_torque",
         "max_temperature",

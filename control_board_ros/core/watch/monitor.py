@@ -39,6 +39,10 @@ TEMPERATURE = cython.declare(cython.int, 8)
 TRAVEL = cython.declare(cython.int, 9)
 OVERRUN = cython.declare(cython.int, 10)
 OVERLOAD = cython.declare(cython.int, 11)
+OVERSPEED = cython.declare(cython.int, 12)
+
+#: Fresh readings in a row that are a joint's overspeed (F7).
+RACES = cython.declare(cython.int, 5)
 
 #: Hysteresis of the warnings: part of the budget, K.
 RELIEF = cython.declare(cython.double, 0.1)
@@ -68,6 +72,7 @@ class JointMonitor:
     max_current = cython.declare(cython.double, visibility="public")
     max_encoder_age = cython.declare(cython.double, visibility="public")
     max_jump = cython.declare(cython.double, visibility="public")
+    max_velocity = cython.declare(cython.double, visibility="public")
     max_torque_age = cython.declare(cython.double, visibility="public")
     max_torque = cython.declare(cython.double, visibility="public")
     max_temperature = cython.declare(cython.double, visibility="public")
@@ -79,8 +84,13 @@ class JointMonitor:
     live = cython.declare(cython.double, visibility="public")  # 1 with power, 0 without
     fed = cython.declare(cython.double, visibility="public")  # the same of its motor, if coupled
     switched = cython.declare(cython.bint, visibility="public")  # since the last reading
+    armed = cython.declare(cython.bint, visibility="public")  # its limits are in force
+    read = cython.declare(cython.bint, visibility="public")  # there was a position
     seen = cython.declare(cython.bint, visibility="public")  # there is a last position
     last = cython.declare(cython.double, visibility="public")  # position, no offset taken off
+    moved = cython.declare(cython.double, visibility="public")  # to the last position
+    age = cython.declare(cython.double, visibility="public")  # of the last reading, s
+    fast = cython.declare(cython.int, visibility="public")  # readings beyond max_velocity in a row
     lowest = cython.declare(cython.double, visibility="public")  # the next position may be
     highest = cython.declare(cython.double, visibility="public")
     outputs = cython.declare(cython.double, visibility="public")  # sums since the last look
@@ -102,10 +112,12 @@ class JointMonitor:
     slipped = cython.declare(cython.bint, visibility="public")  # beyond max_travel
     overran = cython.declare(cython.bint, visibility="public")  # beyond max_overrun
     overloaded = cython.declare(cython.bint, visibility="public")  # beyond max_overload
+    raced = cython.declare(cython.bint, visibility="public")  # beyond max_velocity for RACES
 
     def __init__(self) -> None:
         self.switched = self.strained = self.hot = False
-        self.slipped = self.overran = self.overloaded = self.seen = False
+        self.slipped = self.overran = self.overloaded = self.raced = self.seen = False
+        self.armed = self.read = False
         self.expect_anything()
 
     def set(self, values: dict[str, float]) -> None:
@@ -129,6 +141,8 @@ class JointMonitor:
             return OVERRUN
         if self.overloaded:
             return OVERLOAD
+        if self.raced:
+            return OVERSPEED
         return NOTHING
 
     @cython.ccall
@@ -159,7 +173,25 @@ def expect(m: JointMonitor, position: cython.double) -> cython.void:
     moved: cython.double = position - m.last if m.seen and m.passed != POSITION else 0.0
     m.lowest = position + min(moved, 0.0) - m.max_jump
     m.highest = position + max(moved, 0.0) + m.max_jump
-    m.last, m.seen = position, True
+    m.last, m.moved, m.seen = position, moved, True
+
+
+@cython.cfunc
+def expect_later(m: JointMonitor, periods: cython.double) -> cython.void:
+    """Widen the range where the next reading comes later than in a cycle (B6, B7)."""
+    more: cython.double = periods - 1.0
+    m.lowest += more * (min(m.moved, 0.0) - m.max_jump)
+    m.highest += more * (max(m.moved, 0.0) + m.max_jump)
+
+
+@cython.cfunc
+def check_speed(m: JointMonitor, velocity: cython.double) -> cython.void:
+    """Count fresh readings beyond max_velocity of a joint with power (F7)."""
+    if fabs(velocity) <= m.max_velocity:
+        m.fast, m.raced = 0, False
+    elif m.live > 0.0 and not m.raced:
+        m.fast += 1
+        m.raced = m.fast >= RACES
 
 
 @cython.cfunc
@@ -258,6 +290,7 @@ class Monitor:
     news = cython.declare(cython.bint, visibility="public")
     countdown = cython.declare(cython.int, visibility="public")
     slow: cython.int
+    period: cython.double
     elapsed: cython.double
     forget: cython.double
     joints: list[JointMonitor]
@@ -295,7 +328,7 @@ class Monitor:
     ) -> None:
         self.joints = joints
         self.slow = self.countdown = slow
-        self.elapsed, self.forget = slow * period, forget
+        self.period, self.elapsed, self.forget = period, slow * period, forget
         self.news = False
         self.sources = (None, None)
         self.raw, self.measured, self.before, self.motors = blocks
@@ -345,12 +378,17 @@ class Monitor:
         for k in range(len(self.joints)):
             self.applied[k] = self.output[k]
 
-    def step(self) -> bool:
-        """Check the reading of all joints; false when one of them has a cause of a fault."""
+    def step(self, periods: cython.double = 1.0) -> bool:
+        """Check the reading of all joints; false when one of them has a cause of a fault.
+
+        Args:
+            periods: Of control that passed since the last one.
+        """
         k: cython.Py_ssize_t
         m: JointMonitor
         position: cython.double
         current: cython.double
+        between: cython.double
         healthy: cython.bint = True
         self.countdown -= 1
         slowly: cython.bint = self.countdown == 0
@@ -358,21 +396,31 @@ class Monitor:
             self.countdown = self.slow
         for k in range(len(self.joints)):
             m = self.joints[k]
+            between = periods
+            if self.encoder_age[k] > 0.0 or m.age > 0.0:
+                between = max(periods + (m.age - self.encoder_age[k]) / self.period, 0.0)
+                m.age = known(self.encoder_age[k], 0.0)
+                m.switched = True  # encoder and motor may be read at different times
+            if between > 1.0:
+                expect_later(m, between)
             m.passed = self.first_passed(m, k)
             if fabs(self.position[k]) <= BEYOND:
-                expect(m, self.position[k])
+                m.read = True
+                if between >= 0.5 or self.position[k] != m.last:  # else the same reading again
+                    expect(m, self.position[k])
+                    check_speed(m, self.velocity[k])
             else:
                 m.seen = False
                 m.expect_anything()
             position, current = m.last, known(self.joint_current[k], m.current)
             m.current, m.drawn = current, known(self.current[k], m.drawn)
-            m.currents += current
-            m.outputs += self.applied[k]
+            m.currents += current * periods
+            m.outputs += self.applied[k] * periods
             if m.switched:
                 restart(m, position, current)
             if slowly:
                 self.look(m, k, position, current)
-            if m.passed or m.slipped or m.overran or m.overloaded:
+            if m.passed or m.slipped or m.overran or m.overloaded or m.raced:
                 healthy = False
         return healthy
 
@@ -385,6 +433,8 @@ class Monitor:
             return CURRENT
         if not fabs(self.encoder_age[k]) <= m.max_encoder_age:
             return ENCODER_AGE
+        if not m.read and not m.armed and self.position[k] != self.position[k]:
+            return NOTHING  # it has not been read yet (B7)
         if not (m.lowest <= self.position[k] <= m.highest and fabs(self.position[k]) <= BEYOND):
             return POSITION
         if not fabs(self.velocity[k]) <= BEYOND:

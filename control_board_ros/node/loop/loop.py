@@ -72,7 +72,7 @@ class ControlLoop:
         self.lock = FairLock()
         self.on_end = on_end
         self._wake = threading.Event()
-        self._pacer = Pacer(0.0, self._wake)
+        self._pacer = Pacer(0.0, self._wake, catches_up=isinstance(plant, Simulation))
         own = getattr(plant, "keep_within", None)
         self.hooks: list[Hook] = [] if own is None else [own]
         self.exclusive_hooks: list[Callable[[], None]] = []
@@ -282,7 +282,7 @@ class ControlLoop:
             self.time_base.note(measurement.time, self._pacer.due_time())
         for hook in self.hooks:
             hook(self.board, measurement.time)
-        self._plant.write(self.board.tick(measurement))
+        self._plant.write(self.board.tick(measurement, time.monotonic()))
         self.note_changes()
         if show:
             self._note_state()

@@ -5,7 +5,8 @@ One time base serves all stamps and never goes backwards (docs/decisions/0014-on
 
     stamp = offset + simulated time
 
-So stamps are as far apart as their readings, also where late cycles are caught up. The offset is
+So stamps are as far apart as their readings, also where late cycles of a simulation are caught up.
+The offset is
 
 - simulated: 0.
 - system: follows the system's clock, by a small part of the time that passes.
@@ -32,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-#: Periods that the loop may lag before it gives up catching up and skips the rest.
+#: Periods that the loop of a simulation may lag before it gives up catching up and skips the rest.
 MAX_LAG = 100
 #: s before a deadline from which on the thread sleeps exactly, and is not woken.
 EXACT = 0.05
@@ -50,7 +51,7 @@ class Statistics:
     """Timing statistics of the control loop.
 
     Attributes: cycles, overruns (cycles that ended after the next one was due), skipped (periods
-    given up after a lag of more than MAX_LAG), all counted since the start. Of the time since
+    whose cycle was never run), all counted since the start. Of the time since
     the last statistics: rate (cycles per second), median, p99 and worst (lateness of
     the cycle start, s).
     """
@@ -65,17 +66,24 @@ class Statistics:
 
 
 class Pacer:
-    """Absolute deadlines on the monotonic clock, with bounded catching up.
+    """Absolute deadlines on the monotonic clock.
+
+    Simulated time must not be lost: a simulation catches up with late cycles, up to MAX_LAG. On
+    any other plant time passes anyway: what is late by whole periods is skipped (B6).
 
     Args:
         period: wall-clock time from one cycle to the next, s; 0 = no waiting at all.
         wake: ends a long wait before the cycle is due.
+        catches_up: whether late cycles are run.
 
     Attributes: due (when the present cycle was to begin, s of the monotonic clock).
     """
 
-    def __init__(self, period: float, wake: threading.Event | None = None) -> None:
+    def __init__(
+        self, period: float, wake: threading.Event | None = None, *, catches_up: bool = True
+    ) -> None:
         self.period, self._wake = period, wake or threading.Event()
+        self._max_lag = MAX_LAG if catches_up else 1
         self.cycles = self.overruns = self.skipped = 0
         self._lateness = np.zeros(KEPT)
         self._kept = 0
@@ -127,9 +135,9 @@ class Pacer:
         return round(self.due * 1e9) + system_ahead()
 
     def _overrun(self, late: float, period: float) -> float:
-        """Count an overrun, and skip what cannot be caught up; returns the remaining delay, s."""
+        """Count an overrun, and skip what is not caught up; returns the remaining delay, s."""
         self.overruns += 1
-        if late > MAX_LAG * period:
+        if late > self._max_lag * period:
             lost = int(late / period)
             self.skipped += lost
             self._deadline += lost * period

@@ -7,6 +7,7 @@ the command interface, in the order of the joints; NaN where no controller comma
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -146,7 +147,7 @@ class CommandTopics:
 
     def _heartbeat(self, _message: Any) -> None:
         with self._member.exclusive() as board:
-            board.beat()
+            board.beat(time.monotonic())
 
 
 def stream(
