@@ -49,10 +49,11 @@ class Snapshot:
     for, 0 where a drive takes another set-point, applied the one that acted (percent); age is that
     of the joint's reading, s; motion_done as P3; rejected_commands counts what M4 and P13 ignored;
     calibrated is false where a joint's angle is not known (K7); overload is the part of the I²t
-    budget used up (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
-    commands that name no joint of the board; brake is true where a joint's brake is closed,
-    brake_slips where a closed one does not hold (Y4); motors has the rows of Motor, as the
-    encoders are set to read, and acceleration is of the joints, rad/s²; None: not known.
+    budget used up (a fault above 1); torque_sensor is false where torque is NaN;
+    unknown_commands counts the commands that name no joint of the board; brake is true where a
+    joint's brake is closed, brake_slips where a closed one does not hold (Y4); motors has the
+    rows of Motor, as the encoders are set to read, and acceleration is of the joints, rad/s²;
+    None: not known.
     """
 
     time: float
