@@ -123,6 +123,7 @@ class Exchange:
         values = np.zeros((ROWS, len(self.numbers)))
         values[Row.POSITION] = position = self._row("position", found.position)
         age = np.zeros_like(position) if found.ages is None else self._row("ages", found.ages)
+        age[np.isnan(position) & (age == 0.0)] = self._elapsed  # not read yet
         between = self._elapsed + self._age - age  # the last two readings of each joint
         if found.velocity is not None:
             velocity = self._row("velocity", found.velocity)

@@ -155,9 +155,9 @@ class GuardedPlant:
         motors = None
         if sample is not None:
             self._values[:] = sample[2].values
-            late = now - sample[0] - self._period
-            if late > 0.0:  # no answer came since the last cycle; a silence of all is an alarm
-                ages = np.minimum(self._values[AGES] + late, self._oldest)
+            overdue = now - sample[0] - self._period
+            if overdue > 0.0:  # no answer came since the last cycle; a silence of all is an alarm
+                ages = np.minimum(self._values[AGES] + overdue, self._oldest)
                 self._values[AGES] = np.maximum(ages, self._values[AGES])
             self.applied, faults = sample[2].applied, sample[2].faults
             motors = sample[2].motors

@@ -118,6 +118,29 @@ class DriveModel:
         default=0.0,
         low=0.0,
     )
+    latency: float = parameter(
+        "delay of its answers, which the board is not told of; that of commands: drive_delay",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1.0,
+    )
+    jitter: float = parameter(
+        "random delay of each frame, either way, up to this", "s", default=0.0, low=0.0, high=1.0
+    )
+    loss: float = parameter(
+        "share of frames lost, either way", "fraction", default=0.0, low=0.0, high=1.0
+    )
+    burst: float = parameter(
+        "duration of interruptions of the wire, either way; 0: none",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=10.0,
+    )
+    burst_interval: float = parameter(
+        "mean time from one interruption to the next", "s", default=1.0, above=0.0
+    )
     watchdog: float = parameter(
         "time without commands until on_silence applies; 0: no watchdog",
         "s",

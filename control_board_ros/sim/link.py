@@ -16,6 +16,7 @@ from ..core.terms.drives import OnSilence, SetPoint
 from ..core.terms.measurement import VALUES, Actuation, Array, SetPoints, Value
 from .config import SimulationConfig
 from .motor import Motors
+from .wire import Wire
 
 #: What a drive follows when its watchdog strikes: braked, the position of that cycle.
 STRUCK = {
@@ -57,6 +58,7 @@ class Watchdogs:
         """
         if not deaf and not self._struck:
             self._last_received = arriving
+            self._silent = [0] * len(self._silent)
             return arriving
         kinds, values, released = (
             arriving.kinds.copy(),
@@ -88,9 +90,13 @@ class DriveLink:
     Args:
         board: With the delay of each drive, whole control cycles of which count.
         simulation: With the model of each drive.
+        wire: On which set-points are late or lost; None: on none.
     """
 
-    def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
+    def __init__(
+        self, board: BoardConfig, simulation: SimulationConfig, wire: Wire | None = None
+    ) -> None:
+        self._wire, self._cycle = wire, 0
         models = [joint.drive_model for joint in simulation.joints]
         n = len(models)
         self._everybody = np.arange(n)
@@ -116,7 +122,12 @@ class DriveLink:
             deaf: Joints whose drive receives nothing.
         """
         self._past = [actuation.set_points(), *self._past[:-1]]
-        now = self._watchdogs.pass_on(self._arriving(), deaf, motors.position)
+        arriving = self._arriving()
+        if self._wire is not None:
+            arriving, missed = self._wire.to_drives(self._cycle, arriving)
+            deaf = missed.union(deaf)
+            self._cycle += 1
+        now = self._watchdogs.pass_on(arriving, deaf, motors.position)
         motors.follow(now.kinds.tolist(), self._in_steps(now.values).T.tolist())
         return Actuation(now.pwm, now.powered.astype(np.float64), brakes=actuation.brakes)
 

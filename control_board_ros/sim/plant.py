@@ -40,6 +40,7 @@ from .injection import DEAF, Injector
 from .link import DriveLink
 from .motor import Motors
 from .sensors import Sensors
+from .wire import Wire, has_wire
 
 __all__ = ["Body", "PlantError", "PlantGone", "SimulatedPlant"]
 
@@ -123,9 +124,13 @@ class SimulatedPlant:
         self._alarmed = False
         self._applied: Array | None = None
         self._heat_cycles = self._motors.heat_cycles
+        self._wire = Wire(board, simulation) if has_wire(simulation) else None
         self._link = None
-        if any(joint.set_points != (SetPoint.PWM,) or joint.drive_delay for joint in board.joints):
-            self._link = DriveLink(board, simulation)
+        drives = [
+            joint.set_points != (SetPoint.PWM,) or joint.drive_delay for joint in board.joints
+        ]
+        if any(drives) or self._wire is not None:
+            self._link = DriveLink(board, simulation, self._wire)
         self.body = make_body(board, simulation) if body is None else body
         self.body.attach(self._motors.state)
         self.reset()
@@ -142,6 +147,8 @@ class SimulatedPlant:
         if self._faults.active:
             values = values.copy()
             self._faults.corrupt(values, self._cycle)
+        if self._wire is not None:
+            values = self._wire.from_drives(self._cycle, values)
         if self._link is not None:
             reading.reasons, reading.applied = self._link.reasons or None, self._applied
             if reading.reasons:

@@ -111,7 +111,7 @@ MOST_OUTPUT = cython.declare(cython.double, 1e3)
 GAP = cython.declare(cython.double, 3.0)
 #: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
-WIRE_PHASE = cython.declare(cython.double, 0.4)
+WIRE_PHASE = cython.declare(cython.double, 0.2)
 #: Time constant of the feedback that a coasting joint keeps, s.
 HOLD_FILTER = cython.declare(cython.double, 0.03)
 #: Part of the torque limit that the error of a reference may be worth after a gap.
@@ -989,7 +989,7 @@ def observe(
     if not is_number(position + velocity):  # there is no reading yet
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         return
-    if age > 0.0 or j.wire > 0.0:
+    if age > 0.0 or j.wire > 0.0 or j.missed > 0.0:
         heed(j, age, between)
         if j.active and (j.law == POSITION or j.settling):
             ahead = j.followed_acceleration * age
@@ -1018,9 +1018,9 @@ def observe(
 def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     """What the age of a reading means for the laws (B7).
 
-    Without a fresh reading for more than GAP periods a joint is blind; where the board closes its
-    loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit; within
-    WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``.
+    Without a fresh reading for GAP periods more than usual a joint is blind; where the board
+    closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit;
+    within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``.
     """
     speed: cython.double = j.position_pid.kd / j.inertia_min  # of the loop, 1/s
     if between < 0.5 * j.elapsed:  # it is the same reading
@@ -1035,9 +1035,7 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     j.calm = 1.0
     if speed * j.wire > WIRE_PHASE:
         j.calm = WIRE_PHASE / (speed * j.wire)
-    if j.kind == AS_IMPEDANCE:  # its spring and damper are in the drive
-        j.calm = 1.0
-    j.blind = j.missed > GAP * j.period
+    j.blind = j.missed > GAP * j.period + j.wire
     if j.blind and j.kind < AS_VELOCITY:
         j.coasts = True
     elif j.coasts and not j.blind:
@@ -1434,7 +1432,8 @@ def keep_near(j: Joint) -> cython.void:
     p: Pid = j.position_pid
     lead: cython.double
     if p.kp > 0.0 and not j.blind:
-        lead = LEAD * j.max_torque / p.kp + j.delay * fabs(j.followed_velocity)
+        lead = (j.delay + 2.0 * j.wire) * fabs(j.followed_velocity)  # either way
+        lead += LEAD * j.max_torque / p.kp
         if fabs(j.followed - j.position) > lead:
             stay(j, clamp(j.followed, j.position - lead, j.position + lead))
         hold_back(j)
@@ -1584,6 +1583,9 @@ def control(j: Joint) -> cython.void:
         return
     if j.coasts and j.law != POSITION and not j.settling:
         coast(j)
+        return
+    if j.kind == AS_IMPEDANCE and j.wire > 0.0 and (j.law == POSITION or j.settling):
+        hand_down_spring(j, given)
         return
     if j.law == OUTPUT:
         drive = j.output_command + given
@@ -1786,6 +1788,21 @@ def hand_down_path(j: Joint, feed: cython.double) -> cython.void:
             j.set_velocity += j.calm * j.pursuit * (j.followed - j.position)
         j.set_velocity = clamp(j.set_velocity, -PURSUIT * j.max_velocity, PURSUIT * j.max_velocity)
     j.torque_reference = j.set_torque
+
+
+@cython.cfunc
+def hand_down_spring(j: Joint, feed: cython.double) -> cython.void:
+    """The followed reference for the drive's own spring and damper, where readings are late (B7).
+
+    The drive knows the present error, the board an old one: of its own it adds the integral part.
+    """
+    p: Pid = j.position_pid
+    keep_near(j)
+    if not j.blind:
+        pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
+        soften(j)
+    hand_down_path(j, feed)
+    j.set_stiffness, j.set_damping = p.kp * (j.calm * j.calm), p.kd * j.calm
 
 
 # --- the cycle ------------------------------------------------------------------------------

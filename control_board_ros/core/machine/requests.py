@@ -222,7 +222,7 @@ class StartUp:
         One that has none for longer than its encoder may be silent is configured, too: into the
         fault that says so.
         """
-        read = ~np.isnan(self._state.position)
+        read = ~(np.isnan(self._state.position) & (self._state.age > 0.0))
         for j in sorted(self.due):
             if read[j] or self._waited(j) > self._machine.config.joints[j].timeouts.encoder:
                 self.due.discard(j)

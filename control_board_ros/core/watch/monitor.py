@@ -433,7 +433,7 @@ class Monitor:
             return CURRENT
         if not fabs(self.encoder_age[k]) <= m.max_encoder_age:
             return ENCODER_AGE
-        if not m.read and not m.armed and self.position[k] != self.position[k]:
+        if not (m.read or m.armed) and m.age > 0.0 and self.position[k] != self.position[k]:
             return NOTHING  # it has not been read yet (B7)
         if not (m.lowest <= self.position[k] <= m.highest and fabs(self.position[k]) <= BEYOND):
             return POSITION
