@@ -236,7 +236,7 @@ def build_interfaces(builds: Path, jobs: int, *, python_only: bool) -> list[Path
     Args:
         builds: Folder of the build folders.
         jobs: Processes at a time.
-        python_only: What rclpy with Fast DDS uses, without C++, introspection and headers.
+        python_only: What rclpy with Fast DDS uses, without C++ and headers.
 
     Returns:
         The stage of each package.

@@ -2,7 +2,7 @@
 # Included by tools/interfaces.py into the builds of msg_defs/ and vendor/*/ (CMAKE_PROJECT_INCLUDE),
 # which by themselves are ordinary interface packages.
 
-# What rclpy with Fast DDS uses, in place of all that an installation of ROS 2 offers: half of the
+# What rclpy with Fast DDS uses, which registers types by their introspection: half of the
 # time and of the size.
 if(FOR_PYTHON_ONLY)
   find_package(ament_cmake REQUIRED)
@@ -11,7 +11,7 @@ if(FOR_PYTHON_ONLY)
   file(MAKE_DIRECTORY "${CMAKE_BINARY_DIR}/generators")
   foreach(generator IN ITEMS
       rosidl_generator_type_description rosidl_generator_c rosidl_typesupport_fastrtps_c
-      rosidl_typesupport_c rosidl_generator_py)
+      rosidl_typesupport_introspection_c rosidl_typesupport_c rosidl_generator_py)
     set(link "${CMAKE_BINARY_DIR}/generators/${generator}")
     file(CREATE_LINK "${CMAKE_CURRENT_LIST_DIR}/rosidl_generator.py" "${link}" SYMBOLIC)
     set(${generator}_BIN "${link}")
