@@ -29,7 +29,7 @@ import yaml
 
 from ..core.config.config import BoardConfig
 from ..core.config.parameter import Kind, Parameter
-from ..core.goals.pose import HOME, NAME, PARK, Pose
+from ..core.goals.pose import HOME, LARGEST, NAME, PARK, Pose
 from ..core.selection import RequestError
 from .params_file import Entry, SettingsError, read_text
 from .yaml_tree import Leaf, parse_yaml, shown
@@ -173,7 +173,8 @@ class UserPoses:
         Positions that it had, of joints not in ``names``, remain.
 
         Raises:
-            RequestError: the file cannot be read or written, or is full; it remains unchanged.
+            RequestError: the file cannot be read or written, is full, or could not be read with
+                this pose; it remains unchanged.
         """
         try:
             with self._locked():
@@ -182,7 +183,7 @@ class UserPoses:
                 poses[pose.name] = old.besides({*names, *pose.joints}).joined(pose)
                 if len(poses) > MOST:
                     raise RequestError(f"{self.path}: holds {MOST} poses already; delete some")
-                self._write(text_of(self.robot, poses))
+                self._write(poses)
         except OSError as error:
             raise RequestError(
                 f"{self.path}: cannot be written ({error.strerror}); "
@@ -209,18 +210,21 @@ class UserPoses:
                     time.sleep(PAUSE)
             yield
 
-    def _write(self, text: str) -> None:
-        """Replace the file atomically."""
+    def _write(self, poses: Mapping[str, Pose]) -> None:
+        """Replace the file atomically, once the new one has been read back."""
         handle, name = tempfile.mkstemp(dir=self.path.parent, prefix=".", suffix=".yaml")
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
+                file.write(text_of(self.robot, poses))
                 file.flush()
                 os.fsync(handle)
+            if poses_in(read_text(Path(name)), str(self.path)) != poses:
+                raise RequestError(f"{self.path}: would not hold the poses as given; not saved")
             Path(name).replace(self.path)
-        except OSError:
+        except SettingsError as error:
+            raise RequestError(f"{error}; not saved") from None
+        finally:
             Path(name).unlink(missing_ok=True)
-            raise
 
 
 def text_of(robot: str, poses: Mapping[str, Pose]) -> str:
@@ -268,8 +272,11 @@ def poses_in(text: str, source: str) -> dict[str, Pose]:
 
 
 def number(node: Any, name: str, source: str) -> float:
-    """A finite number of the file; raises SettingsError for anything else."""
+    """A number of the file; raises SettingsError for anything else."""
     value = getattr(node, "value", None)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
-        raise SettingsError(f"{source}:{node.line}: {name}: {shown(value)} is no number")
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (is_number and abs(value) < LARGEST):
+        raise SettingsError(
+            f"{source}:{node.line}: {name}: {shown(value)} is no number below {LARGEST:g}"
+        )
     return float(value)

@@ -82,6 +82,8 @@ def test_a_saved_pose_is_a_goal(asked: Asked) -> None:
         ({"name": "p", "names": ["elbow"]}, "'elbow' unknown"),
         ({"name": "p", "positions": [0.0] * 3}, "3 positions for 2 joints"),
         ({"name": "p", "positions": [0.0, 9.0]}, "outside its limits"),
+        ({"name": "p", "speed": 1e9}, "speed 1e\\+09 is not valid; above 0 and below 1e\\+09"),
+        ({"name": "p", "speed": float("nan")}, "speed nan is not valid"),
     ],
 )
 def test_a_pose_that_is_wrong_is_not_saved(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import fcntl
+import math
 from pathlib import Path
 
 import pytest
@@ -139,6 +140,7 @@ BROKEN = {
     "wave: {positions: {a: .nan}}\n": "wave.positions.a: nan is no number",
     "wave: {positions: {a: [1]}}\n": "is no number",
     "wave: {positions: {a: 1}, speed: -1}\n": "wave.speed: -1 is below 0",
+    "wave: {positions: {a: 1}, speed: 1.0e+9}\n": "1000000000.0 is no number below 1e+09",
     "wave: {positions: {a: 1}, sped: 1}\n": "is no pose",
     "a b: {positions: {a: 1}}\n": "is no name",
     "wave: !!python/name:os.system {}\n": "tag",
@@ -175,6 +177,31 @@ def test_the_number_of_poses_is_limited(user: UserPoses) -> None:
     with pytest.raises(RequestError, match="holds 100 poses already"):
         user.save(Pose("one_more", ("a",), (1.0,)))
     assert len(user.read()) == MOST
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        Pose("bad", ("a",), (0.1,), 1e9),
+        Pose("bad", ("a",), (0.1,), math.inf),
+        Pose("bad", ("a",), (0.1,), -1.0),
+        Pose("bad", ("a",), (-1e300,)),
+        Pose("bad", ("a",), (math.nan,)),
+        Pose("b a d", ("a",), (0.1,)),
+        Pose("bad", (), ()),
+    ],
+)
+def test_no_pose_is_written_that_could_not_be_read(user: UserPoses, pose: Pose) -> None:
+    """What is written is read back before it replaces the old file: no pose is lost by another."""
+    kept = user.save(Pose("good", ("a",), (0.5,), 1.0))
+    text = user.path.read_text()
+    with pytest.raises(RequestError, match=r"not saved$") as caught:
+        user.save(pose)
+    assert "\n" not in str(caught.value)
+    assert user.path.read_text() == text
+    assert user.read() == kept
+    assert not [path for path in user.path.parent.iterdir() if path.name.endswith("_.yaml")]
+    assert len(list(user.path.parent.iterdir())) == 2  # the file and its lock
 
 
 def test_a_lock_of_another_program_is_awaited_briefly_and_reported(

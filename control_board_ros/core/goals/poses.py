@@ -21,7 +21,7 @@ from ..selection import RequestError
 from ..terms.arguments import Array
 from ..terms.modes import FAULTED, MOVES, POWERED, modes_accepting
 from ..terms.vocabs import CommandKind, ControlMode
-from .pose import NAME, Pose
+from .pose import LARGEST, NAME, Pose
 from .tasks import MoveTask, Outcome, takes_moves, tolerance
 
 if TYPE_CHECKING:
@@ -183,9 +183,10 @@ def made_pose(
             f"pose {name!r}: {len(positions)} positions for {len(chosen.names)} joints; give each "
             "joint one, or none for as measured"
         )
-    if not (math.isfinite(speed) and speed >= 0.0):
+    if not 0.0 <= speed < LARGEST:
         raise RequestError(
-            f"pose {name!r}: speed {speed:g} is not valid; above 0, or 0 for the reference speeds"
+            f"pose {name!r}: speed {speed:g} is not valid; above 0 and below {LARGEST:g}, or 0 "
+            "for the reference speeds"
         )
     for joint, position in zip(board.get_config(chosen.names), positions, strict=True):
         low, high = joint.limits.lower, joint.limits.upper
