@@ -45,7 +45,9 @@ def write(data: Path, output: Path, *, payload: bool) -> int:
         raise IdentificationError(
             "scipy is not installed; install it with: pip install 'control_board_ros[identify]'"
         ) from error
-    robot, records, joints = recorded(data)
+    robot, records, joints, missing = recorded(data)
+    for line in missing:
+        print(f"note: {line}")
     outcome = identify(robot, records, joints, payload=payload)
     report = output.with_suffix(".html")
     write_report(report, outcome, output.stem)

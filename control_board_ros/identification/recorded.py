@@ -21,8 +21,8 @@ from .samples import SIGNALS, Record
 from .shares import MOTIONS
 
 
-def recorded(folder: Path) -> tuple[Robot, list[Record], list[str]]:
-    """The robot, the records of its motions, and the joints that moved.
+def recorded(folder: Path) -> tuple[Robot, list[Record], list[str], list[str]]:
+    """The robot, the records of its motions, the joints that moved, and what is missing.
 
     Raises:
         IdentificationError: the folder has no motions of cbctl identify.
@@ -38,7 +38,7 @@ def recorded(folder: Path) -> tuple[Robot, list[Record], list[str]]:
             f"{folder} has no motions of cbctl identify ({error}); give the folder of --keep"
         ) from error
     joints = list(dict.fromkeys(joint for record in records for joint in record.speeds))
-    return robot_of(recording), records, joints
+    return robot_of(recording), records, joints, recording.missing
 
 
 def record_of(recording: BoardRecording, row: dict[str, Any]) -> Record:

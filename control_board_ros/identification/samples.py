@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from ..protocols import Floats
+from ..recording.figures import MOST_EVEN
 from .motions import CRAWL, CRAWLS, RAMP, SLOW
 
 Bools = NDArray[np.bool_]
@@ -115,6 +116,8 @@ def samples_of(
     for record in records:
         if record.time.size < 8 or record.time[-1] - record.time[0] < SHORTEST:
             continue
+        if np.ptp(record.time) > MOST_EVEN * record.time.size * np.median(np.diff(record.time)):
+            continue  # mostly a gap, or a step of the clock
         step, whole = smoothed(record, supply)
         time: Floats = step * np.arange(len(whole["position"]), dtype=np.float64)
         cut = int(np.ceil(TAIL * WIDTH / step))

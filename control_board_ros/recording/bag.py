@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import time
 from collections.abc import Mapping
@@ -99,6 +100,8 @@ def qos_of(topic: Topic) -> dict[str, Any]:
 
 #: Bytes kept free on the disk, for the index of the open file and other programs.
 RESERVE = 64_000_000
+#: s between chunks: what a killed writer, or a loss of power, loses at most.
+CHUNK_TIME = 1.0
 #: Bytes written between checks of free space; overhead of a message, bytes.
 CHECK_EVERY, OVERHEAD = 1_000_000, 31
 
@@ -134,6 +137,7 @@ class Bag:
         self._split_size, self._split_time = split_size, split_time
         self._custom = dict(custom or {})
         self._reserve, self._unchecked = reserve, 0
+        self._synced = 0.0
         self._latched: dict[Topic, bytes] = {}
         self._writer: Any = None
         self._connections: dict[Topic, Any] = {}
@@ -179,6 +183,23 @@ class Bag:
             if topic.latched:
                 return  # written with the latched ones
         self._add(topic, stamp, data)
+
+    def sync(self) -> None:
+        """Put what was written on the disk, as a chunk, once each CHUNK_TIME; to be called often.
+
+        Raises:
+            RecordingError: The disk is full.
+        """
+        now = time.monotonic()
+        if self._writer is None or now - self._synced < CHUNK_TIME:
+            return
+        self._synced = now
+        storage = self._writer.storage
+        with self._disk_errors():
+            if storage.chunk.bio.tell():
+                storage.close_chunk()
+                storage.bio.flush()
+                os.fdatasync(storage.bio.fileno())
 
     def close(self) -> None:
         """Finish the last file and the metadata.
@@ -273,7 +294,7 @@ class Bag:
             name = self.parts[-1].path.stem if self.parts else "the first file"
             raise RecordingError(
                 f"cannot write to {self.folder}: {error.strerror}; {name} is not finished "
-                "(mcap recover saves what it holds)"
+                "(cbctl report reads what it holds)"
             ) from error
 
     # --- metadata.yaml ------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -19,25 +20,43 @@ from .topics import Topic
 
 #: Maximum bytes in memory, of any duration.
 MOST = 512_000_000
+#: Recordings that are kept, and their bytes; the oldest are removed.
+KEEP, KEEP_SIZE = 50, 2_000_000_000
 
 
 class BlackBox:
     """Keeps the last seconds, and writes them into a new folder after a fault.
+
+    Between two recordings there are ``seconds``: faults that come and go are recorded one after
+    the other, each second once, and none is missed.
 
     Args:
         folder: Of the recordings.
         seconds: Duration before a fault.
         after: Duration after a fault.
         make: Creates a bag in a new folder, with the faults.
+        keep: Recordings to keep, the newest.
+        keep_size: Their bytes, at most; the newest is kept whatever its size.
 
-    Attributes: saved (recordings, with reason), size (bytes).
+    Attributes: saved (recordings, with reason, also those removed since), size (bytes).
     """
 
     def __init__(
-        self, folder: Path, seconds: float, after: float, make: Callable[[Path, str], Bag]
+        self,
+        folder: Path,
+        seconds: float,
+        after: float,
+        make: Callable[[Path, str], Bag],
+        *,
+        keep: int = KEEP,
+        keep_size: float = KEEP_SIZE,
     ) -> None:
-        self._folder, self._after, self._make = folder, after, make
-        self._span = round(1e9 * (seconds + after))
+        self._folder, self._make = folder, make
+        self._pause, self._after = round(1e9 * seconds), round(1e9 * after)
+        self._span = self._pause + self._after
+        self._most, self._most_bytes = keep, keep_size
+        self._kept: deque[tuple[Path, int]] = deque()
+        self._free = 0  # time from which a recording is written, ns
         self._held: deque[tuple[Topic, int, bytes]] = deque()
         self._before: dict[Topic, bytes] = {}  # last latched messages before those
         self._faults: dict[Topic, set[Any]] = {}  # of the last message
@@ -63,9 +82,13 @@ class BlackBox:
         self._keep(topic, stamp, data)
         why = self._new_faults(topic, data)
         if why and not self._due:
-            self._due, self._why = stamp + round(1e9 * self._after), why
+            self._due, self._why = max(stamp + self._after, self._free), why
         if self._due and stamp >= self._due:
+            self._free = stamp + self._pause
             self._save()
+
+    def sync(self) -> None:
+        """Nothing: what is not written is in memory on purpose."""
 
     def close(self) -> None:
         """Write a pending recording."""
@@ -103,6 +126,16 @@ class BlackBox:
             bag.write(*message)
         bag.close()
         self.saved.append((path, self._why))
+        self._kept.append((path, bag.size))
+        self._remove_old()
+
+    def _remove_old(self) -> None:
+        """Remove the oldest recordings beyond those to keep."""
+        while len(self._kept) > 1 and (
+            len(self._kept) > self._most or sum(size for _, size in self._kept) > self._most_bytes
+        ):
+            path, _ = self._kept.popleft()
+            shutil.rmtree(path, ignore_errors=True)
 
 
 def free_name(folder: Path, name: str) -> Path:

@@ -26,6 +26,10 @@ LONGEST_LAG, LONGEST_LEAD = 0.5, 0.1
 SATURATED = 0.995
 #: A gain of −3 dB.
 HALF_POWER = 10.0**-0.15
+#: A difference of times above both is a gap: s, and median periods.
+GAP, GAP_PERIODS = 1.0, 10.0
+#: Maximum evenly spaced values per measured one.
+MOST_EVEN = 100
 #: Minimum spectral lines averaged per point of a frequency response.
 LEAST_LINES = 3
 
@@ -162,12 +166,35 @@ def vertex(three: Floats) -> float:
     return 0.0 if curvature <= 0.0 else 0.5 * (a - c) / curvature
 
 
+def gaps_in(time: Floats) -> NDArray[np.intp]:
+    """The indices of the times before a gap: of a silent board, or a step of its clock."""
+    steps = np.diff(time)
+    if not steps.size:
+        return np.empty(0, dtype=np.intp)
+    return np.flatnonzero(steps > max(GAP, GAP_PERIODS * float(np.median(steps))))
+
+
+def longest_part(time: Floats) -> slice:
+    """The most times in a row without a gap."""
+    edges = [0, *(gaps_in(time) + 1).tolist(), time.size]
+    sizes = np.diff(edges)
+    k = int(np.argmax(sizes))
+    return slice(edges[k], edges[k + 1])
+
+
 def evenly(time: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """The values at equally spaced times, at the median period, interpolated."""
-    period = float(np.median(np.diff(time)))
-    count = math.floor((time[-1] - time[0]) / period + 1e-6) + 1
-    even = time[0] + period * np.arange(count)
-    return even, [np.interp(even, time, value) for value in values]
+    """The values at equally spaced times, at the median period, interpolated.
+
+    Of the longest part without a gap: what happened in a gap is not known.
+    """
+    part = longest_part(time)
+    time = time[part]
+    if time.size < 2:
+        return time, [value[part] for value in values]
+    span = float(time[-1] - time[0])
+    period = max(float(np.median(np.diff(time))), span / (MOST_EVEN * time.size))
+    even = time[0] + period * np.arange(math.floor(span / period + 1e-6) + 1)
+    return even, [np.interp(even, time, value[part]) for value in values]
 
 
 def time_saturated(time: Floats, value: Floats, limit: float) -> float:

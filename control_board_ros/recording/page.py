@@ -88,6 +88,7 @@ def board_section(recording: BoardRecording) -> str:
     shorts = dict(zip(recording.names, short_names(recording.names), strict=True))
     parts = [
         f"<h2>{escape(recording.board)}</h2>",
+        *(f'<p class="bad">Incomplete: {escape(line)}</p>' for line in recording.missing),
         tiles(recording, moves),
         "<h3>Modes and faults</h3>",
         timeline(recording, list(shorts.values())),

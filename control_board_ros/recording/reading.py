@@ -27,6 +27,8 @@ from control_board_ros.text import clean, clean_name, clean_names
 from control_board_ros.urdf_xml import published_joints
 
 from .errors import RecordingError, library
+from .figures import gaps_in
+from .salvage import open_parts, parts_of, salvage
 from .topics import GAPS, PARAMETERS, ROSOUT
 
 #: Numeric fields of a state per joint: rad, N·m, s (m, N of sliding joints), %, A, °C.
@@ -56,6 +58,9 @@ VALUE_FIELDS = {
 }
 #: rcl_interfaces/msg/Log: warnings and above.
 WARNING = 30
+
+#: s without states that count as a gap; s within which two are the same.
+LEAST_GAP, NEAR = 5.0, 2.0
 
 Bools = NDArray[np.bool_]
 #: An interval with one mode: from, until (s), code.
@@ -101,6 +106,10 @@ class Gap:
     def text(self) -> str:
         return f"no messages for {self.until - self.time:.1f} s"
 
+    def is_near(self, other: Gap) -> bool:
+        """Whether both are the same, by different clocks."""
+        return abs(self.time - other.time) < NEAR and abs(self.until - other.until) < NEAR
+
 
 @dataclass(slots=True)
 class BoardRecording:
@@ -121,6 +130,7 @@ class BoardRecording:
         notes: Of the operator.
         parameters: Last values.
         urdf: The robot description; empty if missing.
+        missing: What an unfinished or damaged recording lacks, one line each.
     """
 
     board: str
@@ -137,6 +147,7 @@ class BoardRecording:
     notes: list[Note] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     urdf: str = ""
+    missing: list[str] = field(default_factory=list)
 
     def signal(self, name: str, joint: str) -> Floats:
         return self.signals[name][:, self.names.index(joint)]
@@ -171,25 +182,58 @@ class BoardRecording:
 
 
 def read(path: Path) -> list[BoardRecording]:
-    """Load the boards of a recording: a folder with metadata.yaml, or one MCAP file.
+    """Load the boards of a recording: a folder, or one MCAP file.
+
+    Of one that was not finished, all whole chunks are read; ``missing`` says what is not.
 
     Raises:
         RecordingError: no recording, unreadable, or without a board.
     """
-    highlevel = library("rosbags.highlevel")
     if not path.exists():
         raise RecordingError(f"{path} does not exist; give the folder of a recording")
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        inside = sorted(p.parent.name for p in path.glob("*/metadata.yaml"))
+    if path.is_dir() and not (path / "metadata.yaml").is_file() and not parts_of(path):
+        inside = sorted(
+            p.name
+            for p in path.iterdir()
+            if p.is_dir() and ((p / "metadata.yaml").is_file() or parts_of(p))
+        )
         hint = f"; recordings in it are: {', '.join(inside[:5])}" if inside else ""
         raise RecordingError(f"{path} has no metadata.yaml: it is no finished recording{hint}")
-    try:
-        with highlevel.AnyReader([path]) as reader:
-            recordings = list(read_boards(reader))
-    except (highlevel.AnyReaderError, OSError, ValueError) as error:
-        raise RecordingError(f"{path} cannot be read: {error}") from error
+    recordings, why = read_whole(path)
+    if why:
+        recordings = read_salvaged(path, why)
     if not recordings:
         raise RecordingError(f"{path} has no states of a control board")
+    return recordings
+
+
+def read_whole(path: Path) -> tuple[list[BoardRecording], str]:
+    """The boards of a finished recording; or none, and why it is not finished."""
+    highlevel = library("rosbags.highlevel")
+    if path.is_dir() and (left := open_parts(path)):
+        return [], f"{left[0].name}: was not finished"
+    try:
+        with highlevel.AnyReader([path]) as reader:
+            return list(read_boards(reader)), ""
+    except Exception as error:  # noqa: BLE001  (damaged files fail anywhere in the library)
+        return [], clean(f"{error}" or type(error).__name__)
+
+
+def read_salvaged(path: Path, why: str) -> list[BoardRecording]:
+    """The boards of what is whole in a recording.
+
+    Raises:
+        RecordingError: nothing is, or it cannot be read.
+    """
+    try:
+        found = salvage(path, why)
+        recordings = list(read_boards(found))
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(f"{path} cannot be read: {why}; {clean(error)}") from error
+    for recording in recordings:
+        recording.missing = list(map(clean, found.missing))
     return recordings
 
 
@@ -253,10 +297,24 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
         for time, message in messages(reader, NOTES.of(board))
     ]
     gaps = [json.loads(message.data) for _, message in messages(reader, GAPS.of(board))]
-    recording.gaps = [
-        Gap(float(gap["begin"]) - origin, float(gap["end"]) - origin) for gap in gaps
-    ]
+    recorded = [Gap(float(gap["begin"]) - origin, float(gap["end"]) - origin) for gap in gaps]
+    recording.gaps = sorted(
+        [*recorded, *steps_of_time(recording.time, recorded)], key=lambda gap: gap.time
+    )
     return recording
+
+
+def steps_of_time(time: Floats, known: Sequence[Gap]) -> list[Gap]:
+    """Gaps between the stamps of states: of a silent board, or a step of its clock.
+
+    Those that a recorder noted itself, by its own clock, are not repeated.
+    """
+    found = [Gap(float(time[k]), float(time[k + 1])) for k in gaps_in(time)]
+    return [
+        gap
+        for gap in found
+        if gap.until - gap.time > LEAST_GAP and not any(gap.is_near(other) for other in known)
+    ]
 
 
 def optional(states: list[Any], name: str) -> Floats:

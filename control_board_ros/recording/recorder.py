@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.context import Context
 from rclpy.serialization import serialize_message
@@ -26,10 +26,7 @@ from ..interface import MODES, QoS
 from .errors import RecordingError
 from .parameters import Parameters
 from .topics import DEPTH, GAPS, PARAMETER_EVENTS, Topic, topic_of, topics_for_yarp, topics_of
-
-if TYPE_CHECKING:
-    from .bag import Bag
-    from .black_box import BlackBox
+from .writing import Sink, Writing
 
 #: s without a message until a board is silent, and minimum periods of its state.
 PATIENCE, PERIODS = 5.0, 3.0
@@ -120,21 +117,19 @@ class Recorder:
     Attributes:
         ended: Reason for the end; empty while recording.
         counts: Messages received by topic.
-        dropped: Messages of boards published and not received.
+        dropped: Messages of boards published and not received, or received and not written.
         skipped: Topics whose type is not installed here.
     """
 
-    def __init__(
-        self, context: Context, parameters: Sequence[Parameters], sink: Bag | BlackBox
-    ) -> None:
-        self._parameters, self._sink = parameters, sink
+    def __init__(self, context: Context, parameters: Sequence[Parameters], sink: Sink) -> None:
+        self._parameters, self._sink = parameters, Writing(sink)
         self._boards = [known.board for known in parameters]
         self._context, self._own_context = context, False
         rates = {known.board: known.number("state_rate") for known in parameters}
         self._gaps = Gaps(rates, time.monotonic(), time.time_ns())
         self.ended = ""
         self.counts: dict[Topic, int] = {}
-        self.dropped = 0
+        self._lost = 0
         self.skipped: list[str] = []
         self._sequence: dict[Topic, int] = {}
         self._begun = False
@@ -158,6 +153,10 @@ class Recorder:
             for topic, kind in self._loaded
         ]
         self._thread = ExecutorThread(self._node, self._report)
+
+    @property
+    def dropped(self) -> int:
+        return self._lost + self._sink.left_out
 
     def look(self) -> None:
         """Reconnect to silent boards, with a new participant; to be called periodically.
@@ -245,7 +244,7 @@ class Recorder:
             return
         before = self._sequence.get(topic)
         if before is not None and number > before + 1:
-            self.dropped += number - before - 1
+            self._lost += number - before - 1
         self._sequence[topic] = number
 
     def _take(self, topic: Topic, stamp: int, data: bytes) -> None:

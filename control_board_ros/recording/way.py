@@ -12,6 +12,7 @@ from control_board_ros.joint_limits import JointLimits
 from control_board_ros.protocols import Floats
 
 from .errors import RecordingError
+from .figures import gaps_in
 from .reading import BoardRecording
 
 #: s between points; motion within twice that is a hand's tremor.
@@ -60,7 +61,7 @@ def way_of(
         speed: Of the replay; 1: as recorded.
 
     Raises:
-        RecordingError: no joint moves, or joints are missing.
+        RecordingError: no joint moves, joints are missing, or there is a gap in the motion.
     """
     if missing := [name for name in names if name not in recording.names]:
         raise RecordingError(f"{', '.join(missing)}: not in the recording")
@@ -74,6 +75,13 @@ def way_of(
     still = np.abs(measured - measured[-1]).max(axis=1) > STILL
     first, last = int(np.argmax(away)), time.size - 1 - int(np.argmax(still[::-1]))
     begin, end = max(time[first] - 4.0 * GRID, time[0]), min(time[last] + 4.0 * GRID, time[-1])
+    inside = (time >= begin) & (time <= end)
+    for k in gaps_in(time[inside]):
+        before, after = time[inside][k : k + 2]
+        raise RecordingError(
+            f"there are no states from {before:.6g} to {after:.6g} s: the motion between is not "
+            "known; record it again"
+        )
     count = max(int(np.ceil((end - begin) / GRID)), 4)
     grid = np.linspace(begin, end, count + 1)
     points = np.column_stack([_means(time, row, grid) for row in measured.T])

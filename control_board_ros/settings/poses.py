@@ -274,9 +274,8 @@ def poses_in(text: str, source: str) -> dict[str, Pose]:
 def number(node: Any, name: str, source: str) -> float:
     """A number of the file; raises SettingsError for anything else."""
     value = getattr(node, "value", None)
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (is_number and abs(value) < LARGEST):
-        raise SettingsError(
-            f"{source}:{node.line}: {name}: {shown(value)} is no number below {LARGEST:g}"
-        )
-    return float(value)
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST:
+        return float(value)
+    raise SettingsError(
+        f"{source}:{node.line}: {name}: {shown(value)} is no number below {LARGEST:g}"
+    )

@@ -255,3 +255,36 @@ def test_the_end_does_not_lose_a_fault(tmp_path: Path) -> None:
     box.write(topic(FAULTS), SECOND, fault("new"))
     box.close()
     assert [why for _, why in box.saved] == ["a: new"]
+
+
+def test_faults_that_come_and_go_are_recorded_one_after_the_other(tmp_path: Path) -> None:
+    """Four a second for a minute: a recording every 3 s, each fault in one, and no more kept."""
+    box = BlackBox(tmp_path, 3.0, 0.1, lambda path, _: Bag(path), keep=4)
+    box.begin({})
+    for k in range(240):
+        now = SECOND + k * SECOND // 4
+        box.write(topic(FAULTS), now, fault(f"n{k}"))
+        box.write(topic(FAULTS), now + SECOND // 8, fault())
+    box.close()
+    assert 60 / 3 <= len(box.saved) <= 60 / 3 + 2
+    left = sorted(path for path in tmp_path.iterdir())
+    assert left == sorted(path for path, _ in box.saved[-4:])
+    numbers = [
+        int(f.text[1:])
+        for path, _ in box.saved[-4:]
+        for _, _, message in contents(path)
+        for f in message.faults
+    ]
+    assert set(numbers) == set(range(min(numbers), 240))  # none between is missed
+    assert max(map(numbers.count, numbers)) <= 2
+
+
+def test_recordings_of_faults_are_bounded_in_bytes(tmp_path: Path) -> None:
+    """The newest is kept, whatever its size."""
+    box = BlackBox(tmp_path, 3.0, 0.1, lambda path, _: Bag(path), keep_size=1.0)
+    box.begin({})
+    for k in range(5):
+        box.write(topic(FAULTS), 10 * k * SECOND + SECOND, fault(f"n{k}"))
+        box.write(topic(FAULTS), 10 * k * SECOND + 2 * SECOND, fault())
+    assert [path for path, _ in box.saved[-1:]] == list(tmp_path.iterdir())
+    assert len(box.saved) == 5

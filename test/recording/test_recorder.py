@@ -48,6 +48,8 @@ class Kept:
         time.sleep(self._time)
         self.written.append((topic.name, data))
 
+    def sync(self) -> None: ...
+
     def close(self) -> None: ...
 
 

@@ -59,6 +59,14 @@ def recorded(session: Session, folder: Path) -> Iterator[Any]:
         raise Refused(recorder.ended)
 
 
+def note_missing(session: Session, recordings: Sequence[Any]) -> list[str]:
+    """Say what an unfinished or damaged recording lacks; returns the lines."""
+    missing = list(dict.fromkeys(line for one in recordings for line in one.missing))
+    for line in missing:
+        note(session, line)
+    return missing
+
+
 def keep_frames(session: Session, folders: Sequence[Path]) -> None:
     """Write the freeze frames of recorded faults as ``freeze_frame_JOINT.csv`` beside them (E3).
 
@@ -70,7 +78,7 @@ def keep_frames(session: Session, folders: Sequence[Path]) -> None:
 
     patience = {"find_timeout": 1.0, "answer_timeout": 2.0}
     for folder in folders:
-        if list(folder.glob("freeze_frame_*.csv")):
+        if not folder.is_dir() or list(folder.glob("freeze_frame_*.csv")):
             continue
         for recording in read(folder):
             client = ControlBoardClient(session.node, recording.board, **patience)

@@ -16,7 +16,7 @@ from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 from ..board.guidance import Guidance
 from ..board.progress import Bar
-from ..board.recordings import recorded
+from ..board.recordings import note_missing, recorded
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
 from ..board.trajectories import agreed, approach, check_asking, followed
@@ -227,6 +227,7 @@ def recording_of(session: Session, path: Path) -> Any:
     from control_board_ros.recording.reading import read
 
     boards = read(path)
+    note_missing(session, boards)
     name = session.client.board_name
     for board in boards:
         if board.board == name or (len(boards) == 1 and set(board.names) & set(session.names)):

@@ -11,7 +11,7 @@ from typing import Any
 from control_board_ros.text import file_name
 
 from ..board.progress import Bar
-from ..board.recordings import keep_frames, read_boards, start
+from ..board.recordings import keep_frames, note_missing, read_boards, start
 from ..board.session import Session
 from ..line.arguments import FOR, amount, argument, patterns, with_arguments
 from ..line.words import Refused, UsageError
@@ -23,6 +23,12 @@ SILENT = (
     "no messages from {board}, although it is there: is its process stopped, or the machine or "
     "the network overloaded? It is looked for again, and the gap is noted in the recording"
 )
+
+
+def at_least_one(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text[:9]) > 0):
+        raise UsageError(f"--keep {text} is not valid; give a number of recordings, 1 or more")
+    return int(text[:9])
 
 
 @patterns
@@ -54,6 +60,20 @@ SILENT = (
         metavar="TIME",
         help="Time recorded after a fault, with --last.",
     ),
+    argument(
+        "--keep",
+        type=at_least_one,
+        default=50,
+        metavar="NUMBER",
+        help="Recordings of faults to keep, with --last; the oldest are removed.",
+    ),
+    amount(
+        "--keep-size",
+        "size",
+        default="2GB",
+        metavar="SIZE",
+        help="Their size, with --last; the oldest are removed.",
+    ),
     argument("--csv", action="store_true", help="Also write CSV tables."),
 )
 def record(
@@ -64,6 +84,8 @@ def record(
     split_time: float | None,
     last: float | None,
     after: float,
+    keep: int,
+    keep_size: float,
     csv: bool,
 ) -> int:
     """Record everything of a board into MCAP files, as rosbag2 does, until Ctrl-C.
@@ -78,7 +100,10 @@ def record(
         raise UsageError("--last writes short recordings, which --split-… does not apply to")
     try:
         boards = read_boards(session)
-        sink = black_box(Path(output), last, after) if last else bag(Path(output), limits)
+        if last:
+            sink = black_box(Path(output), last, after, keep, keep_size)
+        else:
+            sink = bag(Path(output), limits)
         recorder = start(session, boards, sink)
         try:
             why = watch(session, recorder, sink, time)
@@ -104,7 +129,7 @@ def bag(folder: Path, limits: dict[str, Any]) -> Any:
     return Bag(folder, **limits, custom={"recorder": "cbctl record"})
 
 
-def black_box(folder: Path, back: float, after: float) -> Any:
+def black_box(folder: Path, back: float, after: float, keep: int, keep_size: float) -> Any:
     """The last seconds in memory, written as a bag at each fault.
 
     Raises:
@@ -123,7 +148,7 @@ def black_box(folder: Path, back: float, after: float) -> Any:
     def make(path: Path, why: str) -> Bag:
         return Bag(path, custom={"recorder": "cbctl record --last", "fault": why})
 
-    return BlackBox(folder, back, after, make)
+    return BlackBox(folder, back, after, make, keep=keep, keep_size=keep_size)
 
 
 def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> str:
@@ -171,7 +196,9 @@ def progress(recorder: Any, sink: Any, elapsed: float) -> str:
 
 
 def written(sink: Any) -> list[Path]:
-    return [path for path, _ in sink.saved] if hasattr(sink, "saved") else [sink.folder]
+    """The folders written, without those removed since."""
+    paths = [path for path, _ in sink.saved] if hasattr(sink, "saved") else [sink.folder]
+    return [path for path in paths if path.is_dir()]
 
 
 def write_tables(folders: list[Path]) -> list[Path]:
@@ -234,11 +261,13 @@ def report(session: Session, recording: str, output: str | None, png: str | None
     path = Path(output) if output else inside / "report.html"
     try:
         boards = read(source)
+        missing = note_missing(session, boards)
         write_page(path, page(recording, boards))
         pictures = write_pictures(Path(png), boards) if png else []
     except RecordingError as error:
         raise Refused(str(error)) from error
     result = {"success": True, "report": str(path), "pictures": list(map(str, pictures))}
+    result |= {"missing": missing}
     lines = [f"report: {path}", *(f"picture: {picture}" for picture in pictures)]
     show(session, result, lambda: "\n".join(lines))
     return DONE
