@@ -28,8 +28,15 @@ MSG_DEFS = ROOT / "msg_defs"
 #: Interface packages of others, by name: built only where there is none.
 VENDORED = {path.parent.name: path.parent for path in sorted(ROOT.glob("vendor/*/package.xml"))}
 PYTHON_DIR = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
-#: How they are built; a change builds them anew.
-RECIPE = [Path(__file__), *(ROOT / "tools" / n for n in ("msg_defs.cmake", "rosidl_generator.py"))]
+#: What CMake is told beside folders, and included files: a change of these builds them anew.
+SETTINGS = {
+    "BUILD_TESTING": "OFF",
+    "PYTHON_INSTALL_DIR": PYTHON_DIR,
+    # Libraries find each other, and Python modules find the libraries, wherever installed.
+    "CMAKE_INSTALL_RPATH": "$ORIGIN;$ORIGIN/../../..",
+}
+INCLUDED = ROOT / "tools" / "msg_defs.cmake"
+GENERATOR = ROOT / "tools" / "rosidl_generator.py"
 #: What in the environment changes what a compiler makes.
 FLAGS = ("CC", "CXX", "CFLAGS", "CXXFLAGS", "LDFLAGS")
 
@@ -153,7 +160,8 @@ def made_of(definitions: Path, prefixes: list[Path], *, python_only: bool) -> st
     scope = ["Python"] if python_only else ["all", *map(str, prefixes)]
     numpy = metadata.version("numpy").split(".")[0]
     used = packages_used(definitions, prefixes)
-    return store.key([*toolchain(), *scope, numpy, *RECIPE, *inside, *used])
+    recipe = [*SETTINGS.values(), INCLUDED, GENERATOR]
+    return store.key([*toolchain(), *scope, numpy, *recipe, *inside, *used])
 
 
 class Package:
@@ -199,14 +207,11 @@ class Package:
     def settings(self) -> dict[str, str | Path]:
         """What CMake is told."""
         return {
+            **SETTINGS,
             "CMAKE_INSTALL_PREFIX": self.stage,
-            "BUILD_TESTING": "OFF",
             "Python3_EXECUTABLE": sys.executable,
             "PYTHON_EXECUTABLE": sys.executable,
-            "PYTHON_INSTALL_DIR": PYTHON_DIR,
-            # Libraries find each other, and Python modules find the libraries, wherever installed.
-            "CMAKE_INSTALL_RPATH": "$ORIGIN;$ORIGIN/../../..",
-            "CMAKE_PROJECT_INCLUDE": ROOT / "tools" / "msg_defs.cmake",
+            "CMAKE_PROJECT_INCLUDE": INCLUDED,
             "FOR_PYTHON_ONLY": "ON" if self.python_only else "OFF",
         }
 
