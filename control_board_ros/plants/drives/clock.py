@@ -12,6 +12,10 @@ class Clock:
     def now(self) -> float:
         return time.monotonic()
 
+    def pass_by(self, seconds: float) -> None:
+        """Let time pass, s."""
+        time.sleep(max(0.0, seconds))
+
 
 class ManualClock(Clock):
     """Seconds that pass only when they are told to, for a bus without real time."""

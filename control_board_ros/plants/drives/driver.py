@@ -120,11 +120,13 @@ class Make(Protocol):
         traits: What all of its drives have.
         line: Its bus; its ``clock`` and ``connect`` may be replaced before ``open``.
         live: A law comes with its set-point, under power.
+        power_lost: The fault of a drive that switched itself off.
     """
 
     traits: Traits
     line: Any
     live: bool
+    power_lost: DriveFault
 
     def open(self, setup: Setup, answers: Answers) -> None:
         """Open the bus; ``answers`` are to be filled in each exchange."""

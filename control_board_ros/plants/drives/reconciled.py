@@ -27,8 +27,8 @@ from .interview import Interview, Questions
 from .plant import CLASHES, FORGIVEN, LATEST, silent
 from .reconcile import ASKING, Action, Desired, done, step, unconfirmed
 
-#: s without progress after which connecting gives up.
-GIVE_UP = 5.0
+#: Longest period of exchanges while the bus is connected, s.
+PACE = 5e-3
 OFF = Desired(None)
 #: Actions after which a drive that had power still has it.
 HOLDING = (Action.POWER_ON, Action.GOAL, Action.ASK)
@@ -110,6 +110,7 @@ class ReconciledPlant:
         reported, everyone = self.answers.reported, range(len(self.axes))
         while any(one.lost for one in reported):
             self._exchange({k: self._order(k, OFF, SetPoint.OFF, ()) for k in everyone})
+            self.clock.pass_by(min(self._period, PACE))
         self._latched = [None] * len(self.axes)
         self.exchange(self._off)
 
@@ -129,7 +130,7 @@ class ReconciledPlant:
         return self._readings(begin)
 
     def _exchange(self, orders: Mapping[int, Order]) -> None:
-        answers = self.answers
+        answers, begin = self.answers, self.clock.now()
         for k, raw in enumerate(answers.raw):
             raw.clear()
             answers.asked[k] = 0
@@ -139,7 +140,8 @@ class ReconciledPlant:
             if order.interview is not None:
                 order.interview.asks = False
             reported = answers.reported[k]
-            reported.unheard = 0 if answers.raw[k] else reported.unheard + 1
+            heard = answers.times[k] >= begin or bool(answers.raw[k])
+            reported.unheard = 0 if heard else reported.unheard + 1
             if reported.power:
                 reported.confirmed = False
             elif not self.driver.live and order.action in (Action.OFF, Action.RESET):
@@ -250,7 +252,7 @@ class ReconciledPlant:
             self._undone[k] = math.inf
             return reported.fault
         elif self._had_power[k] and not reported.power and self._actions[k] in HOLDING:
-            self._lose(k, RESTARTED)
+            self._lose(k, self.driver.power_lost)
         elif done(wish, reported):
             self._undone[k] = math.inf
         elif reported.unheard == 0:

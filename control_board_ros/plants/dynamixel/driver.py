@@ -17,7 +17,7 @@ from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import budget
 from ..drives.driver import Answers, Found, Order, Traits
-from ..drives.faults import WATCHDOG, flagged
+from ..drives.faults import RESTARTED, WATCHDOG, flagged
 from ..drives.interview import Question, Questions, find
 from ..drives.reconcile import Action
 from ..drives.reconciled import maker
@@ -54,7 +54,7 @@ class Servo:
 class DynamixelDrives:
     """The servos of one bus; see ``drives.driver.Make``."""
 
-    live = False
+    live, power_lost = False, RESTARTED
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes

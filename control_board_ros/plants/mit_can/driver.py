@@ -16,7 +16,7 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.axes import Axis, Options
 from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import Answers, Found, Order, Traits
-from ..drives.faults import coded, flagged
+from ..drives.faults import RESTARTED, coded, flagged
 from ..drives.interview import Questions
 from ..drives.reconciled import maker
 from ..errors import PlantSettingsError
@@ -32,7 +32,7 @@ Motor = d.Damiao | r.RobStride
 class MitDrives:
     """The motors of one bus; see ``drives.driver.Make``."""
 
-    live = True
+    live, power_lost = True, RESTARTED
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes

@@ -24,7 +24,7 @@ from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import CanLine, Frame, budget
 from ..drives.driver import Answers, Found, Order, Traits
-from ..drives.faults import coded
+from ..drives.faults import RESTARTED, coded
 from ..drives.interview import ATTEMPTS, Question, Questions, find
 from ..drives.reconcile import Action
 from ..drives.reconciled import maker
@@ -72,7 +72,7 @@ class Drive:
 class MoteusDrives:
     """The controllers of one bus; see ``drives.driver.Make``."""
 
-    live = True
+    live, power_lost = True, RESTARTED
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes

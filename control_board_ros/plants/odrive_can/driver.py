@@ -2,26 +2,29 @@
 """ODrive controllers by CAN Simple, firmware 0.6: one set-point down, remote frames for answers.
 
 An exchange requests position and velocity of each drive, and in turn its state with errors, and
-its torque. A kind of set-point is a control mode; with it come its first values.
+its torque. A kind of set-point is a control mode; with it come its first values. CAN Simple does
+not acknowledge it: it is repeated.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import ATTEMPTS, PATIENCE, REMOTE, CanLine, budget
-from ..drives.driver import Answers, Found, Traits, Wanted, only
-from ..drives.faults import flagged
-from ..drives.plant import maker
+from ..drives.can_line import PATIENCE, REMOTE, CanLine, Frame, budget
+from ..drives.driver import Answers, Found, Order, Traits
+from ..drives.faults import RESTARTED, flagged
+from ..drives.interview import Question, Questions, ask, find
+from ..drives.reconcile import Action
+from ..drives.reconciled import maker
 from ..errors import PlantSettingsError
-from ..interface import DriveFault, DriveLimits, Setup
+from ..interface import DriveLimits, Setup
 from . import frames as f
 
 REV = 2.0 * math.pi
@@ -36,22 +39,33 @@ IN_TURN = (f.BEAT, f.TORQUES)
 FORMATS = {f.BEAT: "<IBBBB", f.TORQUES: "<ff", f.ESTIMATES: "<ff"}
 
 
+#: Exchanges with a control mode, one after the other; then each of so many.
+REPEATED, SELDOM = 3, 10
+#: rev and s: estimates of one exchange that differ by less are of one drive, cyclic ones too.
+APART, STALE = 0.01, 0.02
+
+
 @dataclass(slots=True)
 class Drive:
     """One drive since it was set up.
 
-    Attributes: parameters (by name; empty without a watchdog), kind (as requested), closed
-        (whether it reported its closed loop since then), awaited (answers of this exchange).
+    Attributes: parameters (by name; empty without a watchdog), scales (counts of Set_Input_Pos),
+        sent (exchanges with the present law), law (as sent), awaited (answers of this exchange),
+        estimates (of this exchange: rev, rev/s).
     """
 
     parameters: Mapping[str, f.Endpoint] = field(default_factory=dict)
-    kind: SetPoint = SetPoint.OFF
-    closed: bool = False
+    scales: tuple[float, float] = (f.FEED_FORWARD, f.FEED_FORWARD)
+    sent: int = 0
+    law: int = 0
     awaited: set[int] = field(default_factory=set)
+    estimates: tuple[float, float] | None = None
 
 
 class OdriveDrives:
-    """The controllers of one bus; see ``drives.driver.Driver``."""
+    """The controllers of one bus; see ``drives.driver.Make``."""
+
+    live, power_lost = True, RESTARTED
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -61,146 +75,181 @@ class OdriveDrives:
             rate=8e3,
             torque=True,
         )
-        self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
+        self.line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._drives = [Drive() for _ in self._axes]
+        self._orders: Mapping[int, Order] = {}
         self._turn = 0
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self._line.open()
+        self.line.open()
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
-    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Disable, set the watchdog; returns the identification of the drive."""
-        line, axis = self._line, self._axes[k]
-        answers = ask(line, axis.id, f.VERSION, attempts)
-        version = f.Version.parse(only(answers, axis, self._options.bus, "odrive_can"))
+    def law(self, k: int, kind: SetPoint) -> int:
+        del k
+        return MODES[kind]
+
+    def set_up(self, k: int) -> Questions[Found]:
+        """Set the watchdog; the identification of the drive."""
+        axis = self._axes[k]
+        number, drive = axis.id, Drive()
+        question = requested(number, f.VERSION, several=True)
+        version = f.Version.parse((yield from find(question, axis, self._options.bus, NAME)))
         firmware = ".".join(map(str, f.FIRMWARE))
         if version.protocol != f.PROTOCOL or not version.firmware.startswith(f"{firmware}."):
             raise PlantSettingsError(
-                f"{axis.name}: id {axis.id} has firmware {version.firmware}, CAN Simple "
+                f"{axis.name}: id {number} has firmware {version.firmware}, CAN Simple "
                 f"{version.protocol}; firmware {firmware}, CAN Simple {f.PROTOCOL} is supported"
             )
-        line.send(frame(axis.id, f.STATE), struct.pack("<I", f.IDLE))
-        line.send(frame(axis.id, f.CLEAR), b"\0")
-        self._drives[k] = drive = Drive()
+        yield Question([(frame(number, f.CLEAR), b"\0")], unheard)
+        limits = DriveLimits()
         if not self._options.own["unwatched"]:
             drive.parameters = f.endpoints(version, str(self._options.own["endpoints"]))
-            self._put(k, f.WATCHDOG_TIMEOUT, self._setup.timeout)
-            self._put(k, f.WATCHDOG_ENABLED, True)
-        found = found_of(line, axis.id, version)
-        if not drive.parameters:
-            return found
-        speed, current = self._get(k, f.SPEED_LIMIT), self._get(k, f.CURRENT_LIMIT)
-        limits = DriveLimits(
+            for name, value in self._watchdog.items():
+                yield from self._put(number, drive, name, value)
+            limits = yield from self._limits(number, drive)
+            scales = []
+            for name in (f.SPEED_SCALE, f.TORQUE_SCALE):
+                known = name in drive.parameters
+                scales.append((yield from got(number, drive, name)) if known else f.FEED_FORWARD)
+            drive.scales = scales[0], scales[1]
+        beat = yield from ask(requested(number, f.BEAT), f"id {number} does not answer")
+        self._drives[k] = drive
+        return Found(
+            id=number,
+            type=f"ODrive {version.hardware}",
+            firmware=version.firmware,
+            fault=flagged(struct.unpack_from("<I", beat)[0], f.ERRORS),
+            limits=limits,
+        )
+
+    @property
+    def _watchdog(self) -> Mapping[str, float]:
+        return {f.WATCHDOG_TIMEOUT: self._setup.timeout, f.WATCHDOG_ENABLED: 1.0}
+
+    def _limits(self, number: int, drive: Drive) -> Questions[DriveLimits]:
+        speed = yield from got(number, drive, f.SPEED_LIMIT)
+        current = yield from got(number, drive, f.CURRENT_LIMIT)
+        constant = yield from got(number, drive, f.TORQUE_CONSTANT)
+        return DriveLimits(
             velocity=speed * REV if math.isfinite(speed) else None,
-            torque=current * self._get(k, f.TORQUE_CONSTANT),
+            torque=current * constant,
             current=current,
         )
-        return replace(found, limits=limits)
 
-    def exchange(self, wanted: Wanted) -> None:
-        line = self._line
-        line.drain(self._take)
+    def _put(self, number: int, drive: Drive, name: str, value: float) -> Questions[None]:
+        """Write a parameter and read it back: what answers to a write is not that."""
+        endpoint = drive.parameters[name]
+        yield Question([(frame(number, f.RX_SDO), written(endpoint, value))], unheard)
+        if abs((yield from got(number, drive, name)) - value) > 1e-6:
+            raise PlantSettingsError(f"id {number} does not accept {value:g} for {name}")
+
+    def confirm(self, k: int) -> Questions[bool]:
+        """Whether its watchdog is ours: a restart forgets it."""
+        drive, right = self._drives[k], True
+        for name, value in self._watchdog.items():
+            if name in drive.parameters:
+                read = yield from got(self._axes[k].id, drive, name)
+                right = right and abs(read - value) <= 1e-6
+        return right
+
+    def set_law(self, k: int, law: int) -> Questions[int]:
+        """Never asked: a mode comes with its set-point."""
+        raise NotImplementedError
+
+    def exchange(self, orders: Mapping[int, Order]) -> None:
+        self._orders = orders
         self._turn = (self._turn + 1) % len(IN_TURN)
-        for k, (kind, value) in wanted.items():
-            self._command(k, kind, value)
+        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
+
+    def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
+        for k, order in orders.items():
+            number, drive = self._axes[k].id, self._drives[k]
+            if order.interview is not None and order.interview.asks:
+                yield from order.interview.question.request
+            if order.action in (Action.GOAL, Action.POWER_ON):
+                yield from self._command(k, order)
+            elif order.action not in (Action.ASK, Action.CONFIRM):
+                drive.law = 0
+                yield frame(number, f.STATE), struct.pack("<I", f.IDLE)
+                if order.action is Action.RESET:
+                    yield frame(number, f.CLEAR), b"\0"
             questions = f.ESTIMATES, IN_TURN[self._turn]
-            self._drives[k].awaited = set(questions)
+            drive.awaited, drive.estimates = set(questions), None
+            self._answers.asked[k] += 1
             for command in questions:
-                line.send(frame(self._axes[k].id, command) | REMOTE, b"")
-        line.gather(self._take, wanted, self._wait)
+                yield frame(number, command) | REMOTE, b""
 
-    def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
-        """The set-point of a drive; power, mode and watchdog where its kind is a new one."""
-        line, number, drive = self._line, self._axes[k].id, self._drives[k]
-        if kind is SetPoint.OFF:
-            drive.kind, drive.closed = kind, False
-            line.send(frame(number, f.STATE), struct.pack("<I", f.IDLE))
-            return
+    def _command(self, k: int, order: Order) -> Iterator[Frame]:
+        """The set-point of a drive, and before it has it, its mode and its power."""
+        number, drive, law = self._axes[k].id, self._drives[k], MODES[order.kind]
+        yield self._set_point(k, order.kind, order.values)
+        if law != drive.law:
+            drive.law, drive.sent = law, 0
+        drive.sent += 1
+        if drive.sent <= REPEATED or drive.sent % SELDOM == 0:
+            yield frame(number, f.MODE), f.mode(law)
+        if order.action is Action.POWER_ON:
+            yield frame(number, f.STATE), struct.pack("<I", f.CLOSED_LOOP)
+
+    def _set_point(self, k: int, kind: SetPoint, value: Sequence[float]) -> Frame:
+        number, torque = self._axes[k].id, value[Value.TORQUE]
+        turns, speed = value[Value.POSITION] / REV, value[Value.VELOCITY] / REV
         if kind is SetPoint.POSITION:
-            command, data = f.INPUT_POSITION, f.position(
-                value[Value.POSITION] / REV, value[Value.VELOCITY] / REV, value[Value.TORQUE]
-            )  # fmt: skip
-        elif kind is SetPoint.VELOCITY:
-            command = f.INPUT_VELOCITY
-            data = struct.pack("<ff", value[Value.VELOCITY] / REV, value[Value.TORQUE])
-        else:
-            command, data = f.INPUT_TORQUE, struct.pack("<f", value[Value.TORQUE])
-        line.send(frame(number, command), data)
-        if kind is not drive.kind:
-            line.send(frame(number, f.MODE), f.mode(MODES[kind]))
-            drive.kind = kind
-        if not drive.closed:  # until it reports its closed loop
-            for name, setting in (
-                (f.WATCHDOG_TIMEOUT, self._setup.timeout),
-                (f.WATCHDOG_ENABLED, 1),
-            ):
-                if name in drive.parameters:
-                    line.send(frame(number, f.RX_SDO), written(drive.parameters[name], setting))
-            line.send(frame(number, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
-
-    def clear_fault(self, k: int) -> None:
-        self._line.send(frame(self._axes[k].id, f.CLEAR), b"\0")
+            data = f.position(turns, speed, torque, self._drives[k].scales)
+            return frame(number, f.INPUT_POSITION), data
+        if kind is SetPoint.VELOCITY:
+            return frame(number, f.INPUT_VELOCITY), struct.pack("<ff", speed, torque)
+        return frame(number, f.INPUT_TORQUE), struct.pack("<f", torque)
 
     def close(self) -> None:
         off = struct.pack("<I", f.IDLE)
-        self._line.close((frame(axis.id, f.STATE), off) for axis in self._axes)
+        self.line.close((frame(axis.id, f.STATE), off) for axis in self._axes)
 
     def _take(self, message: Any) -> int | None:
         answers, data = self._answers, bytes(message.data)
-        drive, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
-        form = FORMATS.get(command)
-        k = answers.places.get(drive)
-        if message.is_remote_frame or form is None or k is None or len(data) != 8:
+        command, k = message.arbitration_id & 0x1F, answers.places.get(message.arbitration_id >> 5)
+        if k is None or message.is_remote_frame:
+            return None
+        order = self._orders.get(k)
+        if order is not None and order.interview is not None:
+            order.interview.hear(command, data)
+        form, drive, reported = FORMATS.get(command), self._drives[k], answers.reported[k]
+        if form is None or len(data) != 8:
             return None
         found = struct.unpack(form, data)
         if not all(map(math.isfinite, found)):
             return None
         if command == f.ESTIMATES:
             answers.position[k], answers.velocity[k] = found[0] * REV, found[1] * REV
-            answers.came(k, data)
+            self._came(k, found[0], found[1], data)
         elif command == f.TORQUES:
             answers.torque[k] = found[1]
         else:
-            answers.faults[k] = self._judge(k, *found[:2])
-        awaited = self._drives[k].awaited
-        awaited.discard(command)
-        return None if awaited else k
+            reported.power = found[1] == f.CLOSED_LOOP
+            reported.fault = flagged(found[0], f.ERRORS)
+        reported.law = drive.law or None
+        drive.awaited.discard(command)
+        return None if drive.awaited else k
 
-    def _judge(self, k: int, errors: int, state: int) -> DriveFault | None:
+    def _came(self, k: int, turns: float, speed: float, data: bytes) -> None:
+        """An answer; cyclic messages of the same drive are none of a second one."""
         drive = self._drives[k]
-        if state == f.CLOSED_LOOP:
-            drive.closed = drive.kind is not SetPoint.OFF
-        elif drive.closed and not errors & ~1:  # as after its start, and it was on
-            self._answers.restarted[k] = True
-        return flagged(errors, f.ERRORS)
+        if drive.estimates is None:
+            drive.estimates = turns, speed
+            self._answers.came(k, data)
+        elif abs(turns - drive.estimates[0]) > APART + STALE * abs(drive.estimates[1]):
+            self._answers.came(k, data)
 
-    def _get(self, k: int, name: str) -> float:
-        line, drive, endpoint = self._line, self._axes[k].id, self._drives[k].parameters[name]
 
-        def pick(message: Any) -> bytes | None:
-            data = bytes(message.data)
-            if message.arbitration_id != frame(drive, f.TX_SDO) or len(data) < 5:
-                return None
-            return data[4:].ljust(4, b"\0") if data[1] | data[2] << 8 == endpoint.id else None
-
-        question = struct.pack("<BHB", f.READ, endpoint.id, 0)
-        if (data := line.ask(frame(drive, f.RX_SDO), question, pick)) is None:
-            raise ConnectionError(f"id {drive} does not answer for {name}")
-        return float(struct.unpack_from(endpoint.form, data)[0])
-
-    def _put(self, k: int, name: str, value: float) -> None:
-        """Write a parameter and read it back: a write has no answer."""
-        line, drive = self._line, self._axes[k].id
-        for _ in range(ATTEMPTS):
-            line.send(frame(drive, f.RX_SDO), written(self._drives[k].parameters[name], value))
-            if abs(self._get(k, name) - value) <= 1e-6:
-                return
-        raise PlantSettingsError(f"id {drive} does not accept {value:g} for {name}")
+NAME = "odrive_can"
 
 
 def frame(drive: int, command: int) -> int:
     return drive << 5 | command
+
+
+def unheard(_command: int, _data: bytes) -> None:
+    """No answer is expected."""
 
 
 def written(endpoint: f.Endpoint, value: float) -> bytes:
@@ -209,36 +258,56 @@ def written(endpoint: f.Endpoint, value: float) -> bytes:
     return struct.pack("<BHB", f.WRITE, endpoint.id, 0) + struct.pack(endpoint.form, number)
 
 
-def ask(line: CanLine, drive: int, command: int, attempts: int) -> list[bytes]:
-    """What drives of that id answer to a remote frame: none, one, or several."""
+def requested(drive: int, command: int, *, several: bool = False) -> Question:
+    """The question by a remote frame."""
 
-    def pick(message: Any) -> bytes | None:
-        other = message.arbitration_id != frame(drive, command) or message.is_remote_frame
-        return None if other or len(message.data) != 8 else bytes(message.data)
+    def pick(answered: int, data: bytes) -> bytes | None:
+        return data if answered == command and len(data) == 8 else None
 
-    return line.answers(frame(drive, command) | REMOTE, b"", pick, attempts)
+    return Question([(frame(drive, command) | REMOTE, b"")], pick, several)
 
 
-def found_of(line: CanLine, drive: int, version: f.Version) -> Found:
-    supply, beat = (ask(line, drive, command, ATTEMPTS) for command in (f.SUPPLY, f.BEAT))
-    errors = struct.unpack("<IBBBB", beat[0])[0] if beat else 0
+def got(number: int, drive: Drive, name: str) -> Questions[float]:
+    """A parameter of a drive."""
+    endpoint = drive.parameters[name]
+
+    def pick(command: int, data: bytes) -> float | None:
+        if command != f.TX_SDO or len(data) < 5 or data[1] | data[2] << 8 != endpoint.id:
+            return None
+        return float(struct.unpack_from(endpoint.form, data[4:].ljust(4, b"\0"))[0])
+
+    question = struct.pack("<BHB", f.READ, endpoint.id, 0)
+    request = [(frame(number, f.RX_SDO), question)]
+    value: float = yield from ask(
+        Question(request, pick), f"id {number} does not answer for {name}"
+    )
+    return value
+
+
+def scan(bus: str) -> list[Found]:
+    """The controllers that answer on a bus."""
+    answers: dict[int, dict[int, bytes]] = {}
+    with CanLine(bus) as line:
+        for command in (f.VERSION, f.SUPPLY, f.BEAT):
+            for drive in IDS:
+                line.send(frame(drive, command) | REMOTE, b"")
+            for m in line.collect(PATIENCE):
+                if m.arbitration_id & 0x1F == command and len(m.data) == 8:
+                    answers.setdefault(m.arbitration_id >> 5, {})[command] = bytes(m.data)
+    return [found_of(drive, said) for drive, said in sorted(answers.items()) if f.VERSION in said]
+
+
+def found_of(drive: int, said: Mapping[int, bytes]) -> Found:
+    """A controller by its answers."""
+    version = f.Version.parse(said[f.VERSION])
+    errors = struct.unpack_from("<I", said[f.BEAT])[0] if f.BEAT in said else 0
     return Found(
         id=drive,
         type=f"ODrive {version.hardware}",
         firmware=version.firmware,
-        voltage=struct.unpack("<ff", supply[0])[0] if supply else math.nan,
+        voltage=struct.unpack_from("<f", said[f.SUPPLY])[0] if f.SUPPLY in said else math.nan,
         fault=flagged(errors, f.ERRORS),
     )
-
-
-def scan(bus: str) -> list[Found]:
-    with CanLine(bus) as line:
-        for drive in IDS:
-            line.send(frame(drive, f.VERSION) | REMOTE, b"")
-        versions = {m.arbitration_id >> 5: f.Version.parse(bytes(m.data))
-                 for m in line.collect(2.0 * PATIENCE)
-                 if m.arbitration_id & 0x1F == f.VERSION and len(m.data) == 8}  # fmt: skip
-        return [found_of(line, drive, version) for drive, version in sorted(versions.items())]
 
 
 make = maker(

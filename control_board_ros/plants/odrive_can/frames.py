@@ -21,8 +21,8 @@ READ, WRITE = 0, 1
 PROTOCOL, FIRMWARE = 2, (0, 6)
 IDLE, CLOSED_LOOP = 1, 8
 TORQUE_CONTROL, VELOCITY_CONTROL, POSITION_CONTROL, PASSTHROUGH = 1, 2, 3, 1
-#: rev/s and N·m per count of the feed-forward of Set_Input_Pos.
-FEED_FORWARD = 1e-3
+#: Counts per rev/s and per N·m of the feed-forward of Set_Input_Pos, as delivered.
+FEED_FORWARD = 1000.0
 WATCHDOG_EXPIRED = 0x0100_0000
 ERRORS = {
     0x0000_0001: "initializing",
@@ -67,6 +67,13 @@ SPEED_LIMIT, CURRENT_LIMIT = (
     "axis0.config.motor.current_soft_max",
 )
 TORQUE_CONSTANT = "axis0.config.motor.torque_constant"
+SPEED_SCALE, TORQUE_SCALE = (
+    "axis0.config.can.input_vel_scale",
+    "axis0.config.can.input_torque_scale",
+)
+LAW = "axis0.controller.config.control_mode"
+#: Those that are read where a file has them.
+READ_TOO = (SPEED_SCALE, TORQUE_SCALE, LAW)
 USED = (WATCHDOG_TIMEOUT, WATCHDOG_ENABLED, SPEED_LIMIT, CURRENT_LIMIT, TORQUE_CONSTANT)
 FORMS = {"float": "<f", "bool": "<?", "uint8": "<B", "uint16": "<H", "uint32": "<I"}
 #: Numbers of parameters are a firmware's own: those of firmware 0.6.11 on the Pro (hardware 4.4).
@@ -115,10 +122,16 @@ def endpoints(version: Version, file: str) -> Mapping[str, Endpoint]:
         )
     try:
         found = json.loads(Path(file).read_text(encoding="utf-8"))
-        of = str(found["fw_version"]), ".".join(str(found["hw_version"]).split(".")[:2])
+        of = (
+            str(found["fw_version"]).partition("-")[0],
+            ".".join(str(found["hw_version"]).split(".")[:2]),
+        )
         made = {
             name: Endpoint(int(entry["id"]), FORMS[entry["type"]])
-            for name, entry in ((name, found["endpoints"][name]) for name in USED)
+            for name, entry in (
+                (name, found["endpoints"][name])
+                for name in (*USED, *filter(found["endpoints"].__contains__, READ_TOO))
+            )
         }
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise PlantSettingsError(
@@ -137,7 +150,12 @@ def mode(control: int) -> bytes:
     return struct.pack("<II", control, PASSTHROUGH)
 
 
-def position(revolutions: float, speed: float, torque: float) -> bytes:
-    """Data of Set_Input_Pos: rev, rev/s, N·m."""
-    counts = (round(max(-32767.0, min(32767.0, v / FEED_FORWARD))) for v in (speed, torque))
+def position(
+    revolutions: float, speed: float, torque: float, scales: tuple[float, float]
+) -> bytes:
+    """Data of Set_Input_Pos: rev, rev/s, N·m, and counts of the latter two."""
+    counts = (
+        round(max(-32767.0, min(32767.0, value * scale)))
+        for value, scale in zip((speed, torque), scales, strict=True)
+    )
     return struct.pack("<fhh", revolutions, *counts)

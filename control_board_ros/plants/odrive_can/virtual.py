@@ -120,7 +120,7 @@ class VirtualOdrive:
             self._quiet = 0.0
             if command == f.INPUT_POSITION:
                 self._goal = values[0]
-                self._speed, self._forward = (f.FEED_FORWARD * value for value in values[1:])
+                self._speed, self._forward = (value / f.FEED_FORWARD for value in values[1:])
             elif command == f.INPUT_VELOCITY:
                 self._speed, self._forward = values
             else:
