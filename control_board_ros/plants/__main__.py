@@ -19,7 +19,6 @@ from ..text import unknown_word
 from .drives.axes import Axis
 from .drives.bring_up import Moved, Trial, corrections, write
 from .drives.plant import DrivesPlant
-from .drives.reconciled import ReconciledPlant
 from .entry_points import DRIVERS, make, pairs
 from .errors import PlantSettingsError
 from .offers import limit_differences
@@ -113,7 +112,7 @@ def put_trial(given: argparse.Namespace) -> int:
     return max(put_corrections(given.robot, changed), int(wrong > 0))
 
 
-def made(settings: Settings) -> DrivesPlant | ReconciledPlant:
+def made(settings: Settings) -> DrivesPlant:
     """The drives of a robot.
 
     Raises:
@@ -125,7 +124,7 @@ def made(settings: Settings) -> DrivesPlant | ReconciledPlant:
 
         return make_virtual(name, settings, arguments)
     plant = make(name, settings.board.names, arguments) if name else None
-    if not isinstance(plant, DrivesPlant | ReconciledPlant):
+    if not isinstance(plant, DrivesPlant):
         raise PlantSettingsError(
             f"plant: {name!r} is no driver in the box; known: {', '.join(DRIVERS)}"
         )

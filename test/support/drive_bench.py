@@ -19,6 +19,7 @@ from control_board_ros.plants.drives import can_line, serial_line
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Found
+from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Readings, Setup
 from control_board_ros.plants.virtual.can_bus import VirtualCan
 from control_board_ros.plants.virtual.pty_bus import VirtualSerial
@@ -78,18 +79,11 @@ class Bench:
         self.world: World = free_world(axes, self.drives, clock=self.clock.now)
         self.world.longest = math.inf
         self.bus = self._far_end()
-        self.plant: Any = self.driver.make(names, options | {"bus": "direct"})
-        self.line.clock, self.line.connect = self.clock, self._connect
-        self.plant.clock = self.clock if hasattr(self.plant.driver, "live") else self.clock.now
+        self.plant: DrivesPlant = self.driver.make(names, options | {"bus": "direct"})
+        self.line = self.plant.driver.line
+        self.line.connect, self.plant.clock = self._connect, self.clock
         self._next = self.clock.now()
         self.joints: tuple[Any, ...] = (None,) * len(names)
-
-    @property
-    def line(self) -> Any:
-        """The bus of the driver."""
-        driver = self.plant.driver
-        names = ("line", "_line", "_bus")
-        return next(getattr(driver, name) for name in names if hasattr(driver, name))
 
     @property
     def time(self) -> float:

@@ -14,22 +14,24 @@ the heartbeat of this driver (0x1016), a frame per exchange.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
-from ..drives.driver import Answers, Found, Traits, Wanted, only
+from ..drives.can_line import PATIENCE, CanLine, Frame, budget
+from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import WATCHDOG
+from ..drives.interview import Interview, Question, Questions, find
 from ..drives.plant import maker
+from ..drives.reconcile import Action
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, Setup
 from . import objects as o
 from .identity import REV, UNKNOWN, Scale, found_of, limits_of, scale_of
-from .sdo import Sdo, uploads
+from .sdo import Sdo, device_type
 from .states import FAULT_RESET, TOWARDS_POWER, Mode, State, state_of
 
 IDS = range(1, 127)
@@ -43,9 +45,11 @@ ON_SILENCE = {
     OnSilence.FREE: {o.ABORT_OPTION: o.FAULT_SIGNAL, o.FAULT_OPTION: o.COAST},
     OnSilence.BRAKED: {o.ABORT_OPTION: o.QUICK_STOP, o.QUICK_STOP_OPTION: o.STAY_STOPPED},
 }
-#: Exchanges with power from which on its loss is the drive's own doing.
-SETTLED = 3
-LOST = DriveFault(0, "drive disabled itself; check that safe torque off is released")
+LOST = DriveFault(0, "drive disabled itself or restarted; check that safe torque off is released")
+#: States in which the motor has power.
+POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
+FAULTED = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+NOTHING = Question((), lambda _: None)
 
 
 @dataclass(slots=True)
@@ -60,11 +64,7 @@ class Drive:
         state, error: As its PDOs report them.
         counts: Its position.
         word: The last control word.
-        powered: Whether power is commanded.
-        enabled: Exchanges in which it had power since then.
-        idle: Whether it had none since it was set up.
-        reset: Whether the next control word resets its fault.
-        left: Why the drive disabled itself.
+        idle: Whether it had no power since it was set up.
     """
 
     scale: Scale = UNKNOWN
@@ -75,15 +75,13 @@ class Drive:
     error: int = 0
     counts: int = 0
     word: int = 0
-    powered: bool = False
-    enabled: int = 0
     idle: bool = True
-    reset: bool = False
-    left: DriveFault | None = None
 
 
 class Cia402Drives:
     """The drives of one bus; see ``drives.driver.Driver``."""
+
+    live, power_lost = True, LOST
 
     def __init__(self, options: Options) -> None:
         self._options, self._axes = options, options.axes
@@ -98,122 +96,143 @@ class Cia402Drives:
                 k for k, axis in enumerate(self._axes) if float(axis.own["motor_counts"]) > 0.0
             ),
         )
-        self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
+        self.line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._drives = [Drive() for _ in self._axes]
+        self._orders: Mapping[int, Order] = {}
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self._line.open()
+        self.line.open()
         self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
-    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Disable, set watchdog and PDOs, start; returns the identification of the drive."""
-        line, axis = self._line, self._axes[k]
-        types = uploads(line, axis.id, o.DEVICE_TYPE, attempts)
-        profile = only(types, axis, self._options.bus, "cia402") & 0xFFFF
-        if profile != o.PROFILE:
+    def law(self, k: int, kind: SetPoint) -> Mode:
+        del k
+        return MODES[kind]
+
+    def set_up(self, k: int) -> Questions[Found]:
+        """Disable, set watchdog and PDOs, start; the identification of the drive."""
+        axis, sdo = self._axes[k], Sdo(self._axes[k].id)
+        question = device_type(axis.id)
+        kind = yield from find(question, axis, self._options.bus, "cia402")
+        if kind & 0xFFFF != o.PROFILE:
             raise PlantSettingsError(
-                f"{axis.name}: id {axis.id} has profile {profile}; {o.PROFILE} (drives) is "
+                f"{axis.name}: id {axis.id} has profile {kind & 0xFFFF}; {o.PROFILE} (drives) is "
                 "supported"
             )
-        sdo = Sdo(line, axis.id)
-        line.send(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))
+        yield replace(NOTHING, request=[(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))])
         for word in (0, FAULT_RESET, 0):  # an earlier fault, as that of its watchdog, is cleared
-            sdo.put(o.CONTROL, 0, "<H", word)
-        modes = sdo.get(o.SUPPORTED_MODES, 0, "<I")
-        for kind in self.traits.set_points:
-            if not modes >> MODES[kind] - 1 & 1:
+            yield from sdo.put(o.CONTROL, 0, "<H", word)
+        modes = yield from sdo.get(o.SUPPORTED_MODES, 0, "<I")
+        for wanted in self.traits.set_points:
+            if not modes >> MODES[wanted] - 1 & 1:
                 offered = [m.name.lower() for m in Mode if modes >> m - 1 & 1]
                 raise PlantSettingsError(
-                    f"{axis.name}: id {axis.id} has no {MODES[kind].name}; add 'modes="
+                    f"{axis.name}: id {axis.id} has no {MODES[wanted].name}; add 'modes="
                     f"{' '.join(offered)}' to plant_arguments"
                 )
-        self._set_watchdog(k, sdo)
-        self._drives[k] = drive = Drive(
-            scale=scale_of(axis, sdo),
-            offset=sdo.maybe(o.TORQUE_OFFSET, 0, "<h") is not None,
-        )
+        yield from self._set_watchdog(k, sdo)
+        yield from self._set_period(sdo)
+        drive = Drive(scale=(yield from scale_of(axis, sdo)))
+        drive.offset = (yield from sdo.maybe(o.TORQUE_OFFSET, 0, "<h")) is not None
         for function, mapped in o.MAPPED.items():
             kept = [item for item in mapped if item[0] != o.TORQUE_OFFSET or drive.offset]
-            sdo.map_pdo(function, kept)
+            yield from sdo.map_pdo(function, kept)
         if k in self.traits.motor_encoders:
             drive.whole = 7
-            sdo.map_pdo(o.TPDO3, o.MOTOR)
-        line.send(o.NMT, bytes([o.START, axis.id]))
-        return found_of(sdo, axis.id, limits_of(sdo, drive.scale))
+            yield from sdo.map_pdo(o.TPDO3, o.MOTOR)
+        found = yield from found_of(sdo, axis.id)
+        limits = yield from limits_of(sdo, drive.scale)
+        yield replace(NOTHING, request=[(o.NMT, bytes([o.START, axis.id]))])
+        self._drives[k] = drive
+        return replace(found, limits=limits)
 
-    def _set_watchdog(self, k: int, sdo: Sdo) -> None:
+    def _set_watchdog(self, k: int, sdo: Sdo) -> Questions[None]:
         """The consumer's heartbeat, and what follows when it is missing."""
         joint, axis = self._setup.joints[k], self._axes[k]
         silence = OnSilence.FREE if joint is None else joint.on_silence
-        watch = o.MASTER << 16 | max(1, int(1e3 * self._setup.timeout))
-        items = [(o.CONSUMER_HEARTBEAT, 1, "<I", watch)]
+        items = [(o.CONSUMER_HEARTBEAT, 1, "<I", self._watch)]
         items += [(index, 0, "<h", value) for index, value in ON_SILENCE[silence].items()]
         for index, subindex, form, value in items:
-            if (
-                not sdo.accepts(index, subindex, form, value)
-                and not self._options.own["unwatched"]
-            ):
+            if (yield from sdo.accepts(index, subindex, form, value)):
+                continue
+            absent = (yield from sdo.maybe(index, subindex, form)) is None
+            if index == o.ABORT_OPTION and absent and silence is OnSilence.FREE:
+                continue  # it is optional, and a fault signal without it
+            if not self._options.own["unwatched"]:
                 raise PlantSettingsError(
                     f"{axis.name}: id {axis.id} does not accept {value} in object "
                     f"0x{index:04x}:{subindex}, by which it would stop without frames; "
                     "unwatched=1 goes without"
                 )
         # Where it exists: stay operational without heartbeat, and so report it.
-        sdo.accepts(o.ERROR_BEHAVIOUR, 1, "<B", 1)
+        yield from sdo.accepts(o.ERROR_BEHAVIOUR, 1, "<B", 1)
 
-    def exchange(self, wanted: Wanted) -> None:
-        line = self._line
-        line.drain(self._take)
-        if wanted:
-            line.send(o.HEARTBEAT | o.MASTER, bytes([o.OPERATIONAL]))
-        for k, (kind, value) in wanted.items():
+    @property
+    def _watch(self) -> int:
+        return o.MASTER << 16 | max(1, int(1e3 * self._setup.timeout))
+
+    def _set_period(self, sdo: Sdo) -> Questions[None]:
+        """The period of SYNC, between whose targets a drive interpolates, where it has one."""
+        period = self._setup.period
+        exponent = -3 if abs(1e3 * period - round(1e3 * period)) < 1e-6 else -4
+        units = max(1, min(255, round(period / 10.0**exponent)))
+        yield from sdo.accepts(o.INTERPOLATION_PERIOD, 2, "<b", exponent)
+        yield from sdo.accepts(o.INTERPOLATION_PERIOD, 1, "<B", units)
+        yield from sdo.accepts(o.CYCLE_PERIOD, 0, "<I", round(1e6 * period))
+
+    def confirm(self, k: int) -> Questions[bool]:
+        """Whether its watchdog is ours: a restart forgets it."""
+        sdo = Sdo(self._axes[k].id)
+        watch = yield from sdo.maybe(o.CONSUMER_HEARTBEAT, 1, "<I")
+        return watch == self._watch or bool(self._options.own["unwatched"])
+
+    def set_law(self, k: int, law: int) -> Questions[int]:
+        """Never asked: a mode comes with its targets."""
+        raise NotImplementedError
+
+    def exchange(self, orders: Mapping[int, Order]) -> None:
+        self._orders = orders
+        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
+
+    def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
+        if orders:
+            yield o.HEARTBEAT | o.MASTER, bytes([o.OPERATIONAL])
+        for k, order in orders.items():
             self._drives[k].parts = 0
-            if self._answers.restarted[k]:  # it has no PDOs, but a serial number of its own
-                question = struct.pack("<BHBI", 0x40, o.IDENTITY, o.SERIAL, 0)
-                line.send(o.SDO_REQUEST | self._axes[k].id, question)
-            else:
-                self._command(k, kind, value)
-        line.send(o.SYNC, b"")
-        line.gather(self._take, wanted, self._wait)
+            self._answers.asked[k] += 1
+            if order.interview is not None and order.interview.asks:
+                yield from order.interview.question.request
+            if order.action not in (Action.SET_UP, Action.ASK, Action.CONFIRM):
+                yield from self._targets(k, order)
+        yield o.SYNC, b""
 
-    def clear_fault(self, k: int) -> None:
-        """A reset by the next control word; a drive that was away is to be set up again."""
-        drive = self._drives[k]
-        self._answers.restarted[k] = not drive.parts
-        drive.reset, drive.left = True, None
+    def _targets(self, k: int, order: Order) -> Iterator[Frame]:
+        """Control word, mode and targets; those of the other modes are those of rest."""
+        number, drive, kind, value = self._axes[k].id, self._drives[k], order.kind, order.values
+        scale, on = drive.scale, order.action in (Action.GOAL, Action.POWER_ON)
+        word = TOWARDS_POWER.get(drive.state, 0) if on else 0
+        if order.action is Action.RESET or waited(drive):
+            word = 0 if drive.word & FAULT_RESET else FAULT_RESET
+        drive.word = word
+        mode = MODES[kind if on else self.traits.set_points[0]]
+        position, speed, target, offset = drive.counts, 0, 0, 0
+        if on:
+            torque = whole(value[Value.TORQUE] * scale.torque, 16)
+            target, offset = (torque, 0) if kind is SetPoint.TORQUE else (0, torque)
+            if kind is SetPoint.POSITION:
+                position = whole(value[Value.POSITION] * scale.position, 32)
+            elif kind is SetPoint.VELOCITY:
+                speed = whole(value[Value.VELOCITY] * scale.velocity, 32)
+        first = struct.pack(o.RPDO1_FORMAT, word, mode, target, offset)
+        yield o.RPDO1 | number, first if drive.offset else first[:-2]
+        yield o.RPDO2 | number, struct.pack(o.RPDO2_FORMAT, position, speed)
 
     def close(self) -> None:
         """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""
         off = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
         unwatched = struct.pack("<BHBI", 0x23, o.CONSUMER_HEARTBEAT, 1, 0)
-        self._line.close(
+        self.line.close(
             (o.SDO_REQUEST | axis.id, data) for data in (off, unwatched) for axis in self._axes
         )
-
-    def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
-        line, number, drive = self._line, self._axes[k].id, self._drives[k]
-        scale, on = drive.scale, kind is not SetPoint.OFF and drive.left is None
-        if on is not drive.powered:
-            drive.powered, drive.enabled = on, 0
-        word = TOWARDS_POWER.get(drive.state, 0) if on else 0
-        if drive.reset:
-            drive.reset = False
-            word = 0 if drive.word & FAULT_RESET else FAULT_RESET
-        drive.word = word
-        mode = MODES[self.traits.set_points[0] if kind is SetPoint.OFF else kind]
-        position, speed, target, offset = drive.counts, 0, 0, 0
-        torque = whole(value[Value.TORQUE] * scale.torque, 16)
-        if kind is SetPoint.TORQUE:
-            target = torque
-        elif on:
-            offset = torque
-        if kind is SetPoint.POSITION:
-            position = whole(value[Value.POSITION] * scale.position, 32)
-        elif kind is SetPoint.VELOCITY:
-            speed = whole(value[Value.VELOCITY] * scale.velocity, 32)
-        first = struct.pack(o.RPDO1_FORMAT, word, mode, target, offset)
-        line.send(o.RPDO1 | number, first if drive.offset else first[:-2])
-        line.send(o.RPDO2 | number, struct.pack(o.RPDO2_FORMAT, position, speed))
 
     def _take(self, message: Any) -> int | None:
         answers, data = self._answers, bytes(message.data)
@@ -221,19 +240,20 @@ class Cia402Drives:
         function, k = frame & 0x780, answers.places.get(frame & 0x7F)
         if k is None:
             return None
+        interview = self._orders[k].interview if k in self._orders else None
         if function == o.HEARTBEAT and data[:1] == bytes([o.BOOT_UP]):
-            answers.restarted[k], answers.faults[k] = True, None
-        elif answers.restarted[k]:
-            if function == o.SDO_ANSWER:
-                answers.came(k, data)
-                return k
-        elif function in o.ANSWERS:
+            answers.reported[k].lost = True
+        elif function == o.SDO_ANSWER and len(data) == 8 and interview is not None:
+            answers.came(k, data)
+            interview.hear(data)
+            return k if interview.answered and answers.reported[k].lost else None
+        elif function in o.ANSWERS and not answers.reported[k].lost:
             self._read_pdo(k, function, data)
             return k if self._drives[k].parts == self._drives[k].whole else None
         return None
 
     def _read_pdo(self, k: int, function: int, data: bytes) -> None:
-        answers, drive = self._answers, self._drives[k]
+        answers, drive, reported = self._answers, self._drives[k], self._answers.reported[k]
         part, form = o.ANSWERS[function]
         if len(data) != struct.calcsize(form):
             return
@@ -242,28 +262,28 @@ class Cia402Drives:
             drive.state, drive.counts = state_of(found[0]), found[1]
             answers.position[k] = found[1] / drive.scale.position
             answers.torque[k] = found[2] / drive.scale.torque
+            reported.power = drive.state in POWERED
+            drive.idle = drive.idle and not reported.power
             answers.came(k, data)
         elif function == o.TPDO2:
             answers.velocity[k] = found[0] / drive.scale.velocity
-            drive.error = found[1]
+            drive.error, reported.law = found[1], found[2]
         else:
             answers.motor_position[k] = found[0] * REV / float(self._axes[k].own["motor_counts"])
-        answers.faults[k] = judge(drive)
+        reported.fault = judged(drive)
         drive.parts |= part
 
 
-def judge(drive: Drive) -> DriveFault | None:
-    if drive.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-        if drive.idle and drive.error == o.HEARTBEAT_LOST:  # from its set-up to the first cycle
-            drive.reset = True
-            return None
+def waited(drive: Drive) -> bool:
+    """Whether its only fault is that no heartbeat came between its set-up and the first cycle."""
+    return drive.idle and drive.state is State.FAULT and drive.error == o.HEARTBEAT_LOST
+
+
+def judged(drive: Drive) -> DriveFault | None:
+    """The fault of a drive by its state and its error code."""
+    if drive.state in FAULTED and not waited(drive):
         return DriveFault(drive.error, o.error_name(drive.error))
-    if drive.state is State.OPERATION_ENABLED:
-        drive.idle = False
-        drive.enabled += drive.powered
-    elif drive.enabled >= SETTLED and drive.left is None:
-        drive.left = WATCHDOG if drive.state is State.QUICK_STOP_ACTIVE else LOST
-    return drive.left
+    return WATCHDOG if drive.state is State.QUICK_STOP_ACTIVE else None
 
 
 def whole(value: float, bits: int) -> int:
@@ -273,16 +293,32 @@ def whole(value: float, bits: int) -> int:
 
 
 def scan(bus: str) -> list[Found]:
+    """The drives that answer on a bus."""
     with CanLine(bus) as line:
         for drive in IDS:
             line.send(o.SDO_REQUEST | drive, struct.pack("<BHBI", 0x40, o.DEVICE_TYPE, 0, 0))
         answers = {m.arbitration_id & 0x7F: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
                  if m.arbitration_id & 0x780 == o.SDO_ANSWER}  # fmt: skip
         return [
-            found_of(Sdo(line, drive), drive)
+            identified(line, drive)
             for drive, data in sorted(answers.items())
             if len(data) == 8 and data[4] | data[5] << 8 == o.PROFILE
         ]
+
+
+def identified(line: CanLine, drive: int) -> Found:
+    """The identification of a drive on a line that nobody else uses."""
+    interview = Interview(found_of(Sdo(drive), drive), line.clock.now())
+
+    def take(message: Any) -> int | None:
+        if message.arbitration_id != o.SDO_ANSWER | drive:
+            return None
+        return drive if interview.hear(bytes(message.data)) else None
+
+    while not interview.advance(line.clock.now()):
+        line.exchange(interview.question.request, take, [drive], PATIENCE / 5)
+    assert interview.result is not None
+    return interview.result
 
 
 make = maker(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from ..drives.axes import Axis
 from ..drives.driver import Found
+from ..drives.interview import Questions
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits
 from . import objects as o
@@ -29,17 +30,34 @@ class Scale(NamedTuple):
 UNKNOWN = Scale(1.0, 1.0, 1.0)
 
 
-def scale_of(axis: Axis, sdo: Sdo) -> Scale:
+def scale_of(axis: Axis, sdo: Sdo) -> Questions[Scale]:
     """Units of a drive, by its options, or as the drive itself has them.
 
+    Counts per turn of the output: feed constant (0x6092), or else encoder resolution (0x608F)
+    times gear ratio (0x6091). Units of velocity: counts/s, or 1/min where 0x60A9 says so.
+
     Raises:
-        PlantSettingsError: neither has them.
+        PlantSettingsError: the drive does not have them, or has units that are not known.
     """
-    counts = float(axis.own["counts"])
+    counts, speed = float(axis.own["counts"]), float(axis.own["velocity_counts"])
     if counts <= 0.0:
-        steps, turns = sdo.maybe(o.RESOLUTION, 1, "<I"), sdo.maybe(o.RESOLUTION, 2, "<I")
-        counts = steps / turns if steps and turns else 0.0
-    rated = float(axis.own["rated_torque"]) or 1e-3 * (sdo.maybe(o.RATED_TORQUE, 0, "<I") or 0)
+        unit = yield from sdo.maybe(o.POSITION_UNIT, 0, "<I")
+        if unit not in (None, o.NO_UNIT):
+            raise _unknown(axis, "counts", o.POSITION_UNIT, unit or 0)
+        counts = (yield from _ratio(sdo, o.FEED_CONSTANT)) or (
+            (yield from _ratio(sdo, o.RESOLUTION))
+            * ((yield from _ratio(sdo, o.GEAR_RATIO)) or 1.0)
+        )
+    if speed <= 0.0:
+        unit = (yield from sdo.maybe(o.VELOCITY_UNIT, 0, "<I")) or o.NO_UNIT
+        if unit & 0x00FFFFFF == o.PER_MINUTE:
+            prefix = (unit >> 24) - (unit >> 31 << 8)
+            speed = 60.0 / 10.0**prefix
+        elif unit != o.NO_UNIT:
+            raise _unknown(axis, "velocity_counts", o.VELOCITY_UNIT, unit)
+    rated = float(axis.own["rated_torque"]) or 1e-3 * (
+        (yield from sdo.maybe(o.RATED_TORQUE, 0, "<I")) or 0
+    )
     for what, value, index in (
         ("counts", counts, o.RESOLUTION),
         ("rated_torque", rated, o.RATED_TORQUE),
@@ -49,16 +67,29 @@ def scale_of(axis: Axis, sdo: Sdo) -> Scale:
                 f"{axis.name}: id {axis.id} does not report its {what} (object 0x{index:04x}); "
                 f"add {axis.name}.{what}=… to plant_arguments"
             )
-    speed = float(axis.own["velocity_counts"]) or counts
-    return Scale(counts / REV, speed / REV, 1e3 / rated)
+    return Scale(counts / REV, (speed or counts) / REV, 1e3 / rated)
 
 
-def limits_of(sdo: Sdo, scale: Scale) -> DriveLimits:
+def _ratio(sdo: Sdo, index: int) -> Questions[float]:
+    """The quotient of the two entries of an object; 0: the drive does not have it."""
+    above, below = (yield from sdo.maybe(index, 1, "<I")), (yield from sdo.maybe(index, 2, "<I"))
+    return above / below if above and below else 0.0
+
+
+def _unknown(axis: Axis, what: str, index: int, unit: int) -> PlantSettingsError:
+    return PlantSettingsError(
+        f"{axis.name}: id {axis.id} has the unit 0x{unit:08x} (object 0x{index:04x}), which is "
+        f"not known; add {axis.name}.{what}=… to plant_arguments"
+    )
+
+
+def limits_of(sdo: Sdo, scale: Scale) -> Questions[DriveLimits]:
     """The limits that a drive keeps, as far as it has such objects."""
-    lower = sdo.maybe(o.POSITION_LIMITS, 1, "<i")
-    upper = sdo.maybe(o.POSITION_LIMITS, 2, "<i")
+    lower = yield from sdo.maybe(o.POSITION_LIMITS, 1, "<i")
+    upper = yield from sdo.maybe(o.POSITION_LIMITS, 2, "<i")
     bounded = lower is not None and upper is not None and lower < upper
-    speed, torque = sdo.maybe(o.MAX_SPEED, 0, "<I"), sdo.maybe(o.MAX_TORQUE, 0, "<H")
+    speed = yield from sdo.maybe(o.MAX_SPEED, 0, "<I")
+    torque = yield from sdo.maybe(o.MAX_TORQUE, 0, "<H")
     return DriveLimits(
         lower=lower / scale.position if bounded and lower is not None else None,
         upper=upper / scale.position if bounded and upper is not None else None,
@@ -67,15 +98,16 @@ def limits_of(sdo: Sdo, scale: Scale) -> DriveLimits:
     )
 
 
-def found_of(sdo: Sdo, drive: int, limits: DriveLimits | None = None) -> Found:
-    state = state_of(sdo.get(o.STATUS, 0, "<H"))
-    code = sdo.maybe(o.ERROR_CODE, 0, "<H") or 0
-    volts = sdo.maybe(o.SUPPLY, 0, "<I")
+def found_of(sdo: Sdo, drive: int) -> Questions[Found]:
+    """The identification of a drive."""
+    state = state_of((yield from sdo.get(o.STATUS, 0, "<H")))
+    code = (yield from sdo.maybe(o.ERROR_CODE, 0, "<H")) or 0
+    volts = yield from sdo.maybe(o.SUPPLY, 0, "<I")
+    name, software = (yield from sdo.text(o.DEVICE_NAME)), (yield from sdo.text(o.SOFTWARE))
     return Found(
         id=drive,
-        type=sdo.text(o.DEVICE_NAME) or "CiA 402",
-        firmware=sdo.text(o.SOFTWARE),
+        type=name or "CiA 402",
+        firmware=software,
         voltage=math.nan if volts is None else 1e-3 * volts,
         fault=DriveFault(code, o.error_name(code)) if state is State.FAULT else None,
-        limits=limits or DriveLimits(),
     )

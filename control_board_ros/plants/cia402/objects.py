@@ -2,7 +2,7 @@
 """Objects of CiA 301 and CiA 402 that the driver uses, the PDOs that it maps, and error codes.
 
 RPDO1  control word, mode, target torque, torque offset    TPDO1  status word, position, torque
-RPDO2  target position, target velocity                    TPDO2  velocity, error code
+RPDO2  target position, target velocity                    TPDO2  velocity, error code, mode
                                                            TPDO3  position of the motor, optional
 
 All of them are synchronous, type 1: a drive acts on each SYNC, and answers to it.
@@ -15,10 +15,14 @@ DEVICE_NAME, SOFTWARE, CONSUMER_HEARTBEAT = 0x1008, 0x100A, 0x1016
 IDENTITY, SERIAL = 0x1018, 4
 ABORT_OPTION, ERROR_CODE, CONTROL, STATUS = 0x6007, 0x603F, 0x6040, 0x6041
 QUICK_STOP_OPTION, FAULT_OPTION = 0x605A, 0x605E
-MODE, POSITION, VELOCITY, TORQUE = 0x6060, 0x6064, 0x606C, 0x6077
+MODE, MODE_DISPLAY = 0x6060, 0x6061
+POSITION, VELOCITY, TORQUE = 0x6064, 0x606C, 0x6077
 TARGET_TORQUE, MAX_TORQUE, RATED_TORQUE = 0x6071, 0x6072, 0x6076
 SUPPLY, TARGET_POSITION, POSITION_LIMITS = 0x6079, 0x607A, 0x607D
 MAX_SPEED, RESOLUTION, TORQUE_OFFSET = 0x6080, 0x608F, 0x60B2
+GEAR_RATIO, FEED_CONSTANT = 0x6091, 0x6092
+POSITION_UNIT, VELOCITY_UNIT = 0x60A8, 0x60A9
+CYCLE_PERIOD, INTERPOLATION_PERIOD = 0x1006, 0x60C2
 TARGET_VELOCITY, SUPPORTED_MODES, MOTOR_POSITION = 0x60FF, 0x6502, 0x6063
 
 #: Profile number in the device type; bit 17 there: a servo drive.
@@ -38,19 +42,22 @@ MAPPED: dict[int, tuple[tuple[int, int], ...]] = {
     RPDO1: ((CONTROL, 16), (MODE, 8), (TARGET_TORQUE, 16), (TORQUE_OFFSET, 16)),
     RPDO2: ((TARGET_POSITION, 32), (TARGET_VELOCITY, 32)),
     TPDO1: ((STATUS, 16), (POSITION, 32), (TORQUE, 16)),
-    TPDO2: ((VELOCITY, 32), (ERROR_CODE, 16)),
+    TPDO2: ((VELOCITY, 32), (ERROR_CODE, 16), (MODE_DISPLAY, 8)),
 }
 #: Communication parameters of each PDO; its mapping is 0x200 further.
 PARAMETERS = {RPDO1: 0x1400, RPDO2: 0x1401, TPDO1: 0x1800, TPDO2: 0x1801, TPDO3: 0x1802}
 #: That of the motor's encoder, mapped where there is one.
 MOTOR = ((MOTOR_POSITION, 32),)
 #: How the driver packs and reads them; RPDO1 without a torque offset has two bytes less.
-RPDO1_FORMAT, RPDO2_FORMAT, TPDO1_FORMAT, TPDO2_FORMAT = "<Hbhh", "<ii", "<Hih", "<iH"
+RPDO1_FORMAT, RPDO2_FORMAT, TPDO1_FORMAT, TPDO2_FORMAT = "<Hbhh", "<ii", "<Hih", "<iHb"
 ANSWERS = {TPDO1: (1, TPDO1_FORMAT), TPDO2: (2, TPDO2_FORMAT), TPDO3: (4, "<i")}
 INVALID, SYNCHRONOUS = 1 << 31, 1
 
 #: Abort connection option, fault reaction, quick stop option.
 FAULT_SIGNAL, QUICK_STOP, COAST, STAY_STOPPED = 1, 3, 0, 6
+
+#: SI units (0x60A8, 0x60A9), without their prefix: none, and 1/min of a shaft.
+NO_UNIT, PER_MINUTE = 0, 0x00B44700
 
 HEARTBEAT_LOST = 0x8130
 #: Names of error codes (0x603F); a code that is not here has the name of its group.

@@ -42,6 +42,7 @@ VARIABLES: tuple[tuple[int, int, int | str, bool], ...] = (
     (o.QUICK_STOP_OPTION, I16, 2, True),
     (o.FAULT_OPTION, I16, 2, True),
     (o.MODE, I8, 0, True),
+    (o.MODE_DISPLAY, I8, 0, False),
     (o.POSITION, I32, 0, False),
     (o.VELOCITY, I32, 0, False),
     (o.TARGET_TORQUE, I16, 0, True),
@@ -223,6 +224,8 @@ class VirtualCia402:
             return self.state.word
         if index == o.ERROR_CODE:
             return self._error
+        if index == o.MODE_DISPLAY:
+            return self._value(o.MODE)
         turns = {
             o.POSITION: self._position,
             o.VELOCITY: self._velocity,

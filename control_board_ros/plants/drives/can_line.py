@@ -14,8 +14,8 @@ from .clock import Clock
 
 #: Most frames that an exchange reads for each that it waits for: a flood does not block it.
 FLOOD = 8
-#: s to wait for the first answer of a drive, and number of attempts.
-PATIENCE, ATTEMPTS = 0.05, 5
+#: s to wait for the answers of all drives to a scan.
+PATIENCE = 0.05
 #: The largest id of 11 bits.
 SHORT = 0x7FF
 #: Flag of a frame's id, as socketcan has it: a remote frame, which requests that of its id.
@@ -218,44 +218,6 @@ class CanLine:
             if received is not None and not received.is_error_frame:
                 found.append(received)
         return found
-
-    def answers(
-        self, frame_id: int, data: bytes, pick: Callable[[Any], bytes | None], attempts: int = 1
-    ) -> list[bytes]:
-        """What drives answer to a question, id and data of a frame: none, one, or several.
-
-        It is repeated until there is one, each time with twice the timeout. ``pick`` returns the
-        data of an answer, None for other frames.
-        """
-        found: list[bytes] = []
-        several = False
-        for attempt in range(attempts):
-            self.drain(lambda _: None)
-            self.send(frame_id, data)
-            frames = self.collect(PATIENCE / 5 * 2**attempt)
-            found = [picked for m in frames if (picked := pick(m)) is not None]
-            if len(found) == 1 or (found and several):
-                return found
-            several = bool(found)  # or one of them is late, of the question before
-        return found
-
-    def ask(self, frame_id: int, data: bytes, pick: Callable[[Any], bytes | None]) -> bytes | None:
-        """The first answer to a question, or None; see ``answers``."""
-        found: list[bytes] = []
-
-        def take(received: Any) -> int | None:
-            if (picked := pick(received)) is None:
-                return None
-            found.append(picked)
-            return 0
-
-        for attempt in range(ATTEMPTS):
-            self.drain(lambda _: None)
-            self.send(frame_id, data)
-            self.gather(take, [0], PATIENCE * 2**attempt)
-            if found:
-                return found[0]
-        return None
 
     def close(self, last: Iterable[tuple[int, bytes]] = ()) -> None:
         """Leave the bus; safe to call twice, and where it is not open.

@@ -7,22 +7,17 @@ import math
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ..interface import DriveFault, DriveLimits, Setup
 from .axes import Axis
-from .can_line import ATTEMPTS
 from .interview import Interview, Questions
 from .reconcile import Action, Reported
 
-Answer = TypeVar("Answer")
 NONE = DriveLimits()
-#: Set-points of an exchange by the place of their drive, with values at its output, shape
-#: (VALUES,), see core.terms.measurement.Value; a drive without one receives nothing.
-Wanted = Mapping[int, tuple[SetPoint, Sequence[float]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +48,6 @@ class Answers:
         position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
         motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
             there is none.
-        faults: Of each drive, or None.
-        restarted: Drives that lost their set-up: they get no power until they are set up again.
         times: Of the last answer of each, s; -inf: none.
         raw: Distinct answers of each in this exchange, as received.
         reported: What each drive says of itself.
@@ -69,8 +62,6 @@ class Answers:
         (self.position, self.velocity, self.torque, self.current, self.temperature,
          self.voltage) = np.zeros((6, count))  # fmt: skip
         self.motor_position = np.full(count, math.nan)
-        self.faults: list[DriveFault | None] = [None] * count
-        self.restarted = [False] * count
         self.times = np.full(count, -math.inf)
         self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
 
@@ -110,7 +101,7 @@ class Order(NamedTuple):
     interview: Interview[Any] | None = None
 
 
-class Make(Protocol):
+class Driver(Protocol):
     """Drives of one make on one bus: a codec, and a set-up that asks one question per exchange.
 
     It raises OSError or ValueError with one line for people. ``reported`` has what each drive says
@@ -159,52 +150,3 @@ class Make(Protocol):
     def close(self) -> None:
         """All drives without power; safe to call twice, and where nothing is open."""
         ...
-
-
-class Driver(Protocol):
-    """Drives of one make on one bus. Raises OSError or ValueError with one line for people."""
-
-    traits: Traits
-
-    def open(self, setup: Setup, answers: Answers) -> None:
-        """Open the bus.
-
-        Args:
-            setup: Of the plant, its joints in the order of the drives.
-            answers: To fill in each exchange.
-        """
-        ...
-
-    def set_up(self, k: int, attempts: int = ATTEMPTS) -> Found:
-        """Check a drive by its place, and set its watchdog; it has no power afterwards.
-
-        Raises:
-            ConnectionError: it does not answer, or two drives answer as one.
-        """
-        ...
-
-    def exchange(self, wanted: Wanted) -> None:
-        """Send set-points, and read answers until all are there or the time is up."""
-        ...
-
-    def clear_fault(self, k: int) -> None:
-        """Reset the fault of a drive by its place; it has no power."""
-        ...
-
-    def close(self) -> None:
-        """All drives without power; safe to call twice, and where nothing is open."""
-        ...
-
-
-def only(answers: Sequence[Answer], axis: Axis, bus: str, driver: str) -> Answer:
-    """The one answer to the search for a drive.
-
-    Raises:
-        ConnectionError: no drive answers, or two with one id.
-    """
-    if len(answers) == 1:
-        return answers[0]
-    raise ConnectionError(
-        f"{axis.name}: {'two drives answer' if answers else 'no drive answers'} as id {axis.id} "
-        f"on {bus}; look with: cbctl drives scan {driver}"
-    )

@@ -1,32 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The drives of one bus as a plant: what every driver in the box has in common.
+"""The drives of one bus as a plant: what every make has in common.
 
-It converts directions, ratios and offsets, keeps the last answer of each drive, reports silent
-drives and sets up again those that restarted.
+In each exchange every drive gets the action that ``reconcile.step`` gives for what the board wants
+and what the drive reported. Here are directions, ratios and offsets, the last answer of each
+drive, its age, its set-up in one question per exchange, and the faults that are no drive's own:
+silence, restart, two drives with one id, and what is not confirmed within the timeout.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array, SetPoints
+from ...core.terms.measurement import Array, SetPoints, Value
 from ..errors import PlantSettingsError
 from ..interface import Description, DriveFault, JointDescription, Readings, Setup
 from .axes import Axes, Axis, Options
-from .driver import NONE, Answers, Driver, Found, Wanted
-from .faults import RESTARTED
+from .clock import Clock
+from .driver import NONE, Answers, Driver, Found, Order
+from .faults import RESTARTED, UNCONFIRMED
+from .interview import Interview, Questions
+from .reconcile import ASKING, Action, Desired, done, step, unconfirmed
 
+#: Longest period of exchanges while the bus is connected, s.
+PACE = 5e-3
 #: Surplus answers that mean two drives with one id, less some for each exchange without.
 CLASHES, FORGIVEN = 3.0, 0.3
 #: Most answers that may be pending, above what one exchange reads.
 LATEST = 100
+OFF = Desired(None)
+#: Actions after which a drive that had power still has it.
+HOLDING = (Action.POWER_ON, Action.GOAL, Action.ASK)
+Fault = str | DriveFault
 Make = Callable[[Sequence[str], Mapping[str, str]], "DrivesPlant"]
 
 
@@ -35,30 +44,38 @@ class DrivesPlant:
 
     Args:
         axes: One for each joint, in the board's order.
-        driver: That talks to the drives, in the same order.
+        driver: Of their make, in the same order.
 
     Attributes: axes, driver; answers (the last of each drive); far_end (virtual drives that are
-        closed with it, or None); clock (of the times of answers, s; set before ``connect``).
+        closed with it, or None); clock (set before ``connect``).
     """
 
     def __init__(self, axes: Sequence[Axis], driver: Driver) -> None:
         self.axes, self.driver = tuple(axes), driver
         self.far_end: Any = None
-        self.clock: Callable[[], float] = time.monotonic
+        self.clock = Clock()
         self._axes = Axes(axes)
         self._shafts = any(axis.motor_turns for axis in axes)
-        self.answers = Answers(axes)
-        self._timeout, self._period, self._free = math.inf, 0.0, [True] * len(axes)
+        self._timeout, self._period = math.inf, 0.0
+        self._free = [True] * len(axes)
         self._found: list[Found | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
-        self._clashes, self._owed, self._last = self._no_clashes()
-        #: Start of the overdue answer of each drive, s; a loop that pauses expects none.
-        self._asked = np.full(len(axes), math.inf)
+        self._begin()
 
-    def _no_clashes(self) -> tuple[list[float], list[int], list[bytes]]:
-        """Counts of surplus answers, counts of pending answers, last answers."""
+    def _begin(self) -> None:
         n = len(self.axes)
-        return [0.0] * n, [0] * n, [b""] * n
+        self.answers = Answers(self.axes, self.clock.now)
+        self._clashes, self._owed, self._last = [0.0] * n, [0] * n, [b""] * n
+        #: Start of the overdue answer of each drive, s; a loop that pauses expects none.
+        self._asked = np.full(n, math.inf)
+        self._interviews: list[Interview[Any] | None] = [None] * n
+        #: Faults that last until they are cleared.
+        self._latched: list[Fault | None] = [None] * n
+        self._resets = [False] * n
+        self._wishes, self._actions = [OFF] * n, [Action.OFF] * n
+        #: Since when each drive does not report what is desired, s; inf: it does.
+        self._undone = [math.inf] * n
+        self._had_power = [False] * n
 
     def describe(self) -> Description:
         """What the drives have; with type, firmware and limits of each once it is connected."""
@@ -82,48 +99,137 @@ class DrivesPlant:
         return Description(joints=tuple(joints))
 
     def connect(self, setup: Setup) -> None:
-        """Open the bus again.
+        """Open the bus again, and set up its drives.
 
         Raises:
             OSError: a drive does not answer, or two answer as one.
             ValueError: a drive is none that this driver supports.
         """
         self.driver.close()
-        self.answers = Answers(self.axes, self.clock)
-        self._clashes, self._owed, self._last = self._no_clashes()
-        self._asked.fill(math.inf)
+        self._begin()
         self._timeout, self._period = setup.timeout, setup.period
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
+        self.driver.line.clock = self.clock
         self.driver.open(setup, self.answers)
-        self._found = [self.driver.set_up(k) for k in range(len(self.axes))]
+        reported, everyone = self.answers.reported, range(len(self.axes))
+        while any(one.lost for one in reported):
+            self._exchange({k: self._order(k, OFF, SetPoint.OFF, ()) for k in everyone})
+            self.clock.pass_by(min(self._period, PACE))
+        self._latched = [None] * len(self.axes)
         self.exchange(self._off)
 
     def exchange(self, wanted: SetPoints) -> Readings:
         """Send set-points and read; a silent drive keeps its last reading."""
-        axes, answers, traits = self._axes, self.answers, self.driver.traits
-        begin, sent = self.clock(), self._at_drives(wanted)
-        for raw in answers.raw:
+        begin = self.clock.now()
+        values, kinds = self._axes.to_drive(wanted).T.tolist(), wanted.kinds.tolist()
+        orders: dict[int, Order] = {}
+        for k, kind in enumerate(map(SetPoint, kinds)):
+            try:
+                orders[k] = self._order(k, self._wish(k, kind), kind, values[k])
+            except (OSError, ValueError) as error:  # of the set-up of this drive alone
+                self._interviews[k] = None
+                self._latched[k] = str(error)
+                orders[k] = Order(Action.OFF, SetPoint.OFF, values[k])
+        self._exchange(orders)
+        return self._readings(begin)
+
+    def _exchange(self, orders: Mapping[int, Order]) -> None:
+        answers, begin = self.answers, self.clock.now()
+        for k, raw in enumerate(answers.raw):
             raw.clear()
-        self.driver.exchange(sent)
-        self._notice_clashes(sent)
+            answers.asked[k] = 0
+        self.driver.exchange(orders)
+        for k, order in orders.items():
+            self._actions[k] = order.action
+            if order.interview is not None:
+                order.interview.asks = False
+            reported = answers.reported[k]
+            heard = answers.times[k] >= begin or bool(answers.raw[k])
+            reported.unheard = 0 if heard else reported.unheard + 1
+            if reported.power:
+                reported.confirmed = False
+            elif not self.driver.live and order.action in (Action.OFF, Action.RESET):
+                reported.law = None  # it is set again before each power, with goals of rest
+        self._notice_clashes()
+
+    def _wish(self, k: int, kind: SetPoint) -> Desired:
+        """What the board wants of a drive; none of it while a fault lasts."""
+        if kind is SetPoint.OFF or self._latched[k] is not None:
+            reset, self._resets[k] = self._resets[k], False
+            return Desired(None, reset=True) if reset else OFF
+        return Desired(self.driver.law(k, kind), self.driver.live)
+
+    def _order(self, k: int, wish: Desired, kind: SetPoint, values: Sequence[float]) -> Order:
+        """The next action of a drive, after its interview went on.
+
+        Raises:
+            OSError, ValueError: from its set-up.
+        """
+        reported = self.answers.reported[k]
+        self._wishes[k] = wish
+        while (action := step(wish, reported)) in ASKING:
+            if not self._ask_on(k, action):
+                return Order(action, kind, values, self._interviews[k])
+        self._interviews[k] = None
+        if action is Action.POWER_ON:  # a goal of rest, until power is reported
+            values = [*values]
+            values[Value.POSITION], values[Value.VELOCITY] = self.answers.position[k], 0.0
+        return Order(action, kind, values)
+
+    def _ask_on(self, k: int, action: Action) -> bool:
+        """Go on with the interview of a drive; true when it is over."""
+        now, reported = self.clock.now(), self.answers.reported[k]
+        interview = self._interviews[k]
+        if interview is None:
+            interview = self._interviews[k] = Interview(self._questions(k, action), now)
+        if not interview.advance(now):
+            return False
+        self._interviews[k] = None
+        if action is Action.SET_UP:
+            self._found[k], reported.lost = interview.result, False
+            reported.confirmed = True
+        elif action is Action.SET_LAW:
+            reported.law = interview.result
+        elif interview.result:
+            reported.confirmed = True
+        else:
+            self._lose(k, RESTARTED)
+        return True
+
+    def _questions(self, k: int, action: Action) -> Questions[Any]:
+        if action is Action.SET_UP:
+            return self.driver.set_up(k)
+        if action is Action.CONFIRM:
+            return self.driver.confirm(k)
+        return self.driver.set_law(k, self._wishes[k].law)
+
+    def _lose(self, k: int, fault: Fault) -> None:
+        """The set-up of a drive is lost."""
+        reported = self.answers.reported[k]
+        reported.lost, reported.power = True, False
+        reported.law = reported.fault = None
+        self._interviews[k], self._latched[k] = None, fault
+
+    def _readings(self, begin: float) -> Readings:
+        axes, answers, traits = self._axes, self.answers, self.driver.traits
+        now = self.clock.now()
         late = answers.times < begin
-        faults: list[str | DriveFault | None] = [
-            fault or (RESTARTED if restarted else None)
-            for fault, restarted in zip(answers.faults, answers.restarted, strict=True)
-        ]
-        for k, count in enumerate(self._clashes):
-            if count >= CLASHES:
-                faults[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
+        faults: list[Fault | None] = [None] * len(self.axes)
+        ages = np.zeros(len(faults))
         if late.any():
-            now = self.clock()
             self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
             owed = np.where(late, now - self._asked, 0.0)  # a loop that pauses is no silence
-            for k in np.flatnonzero(owed > self._timeout).tolist():
-                faults[k] = silent(self.axes[k], now - answers.times[k])
             ages = np.where(late, np.minimum(owed + self._period, self._timeout), 0.0)
+            for k in np.flatnonzero(owed > self._timeout).tolist():
+                fault = silent(self.axes[k], now - answers.times[k])
+                if answers.reported[k].lost:  # its set-up goes on
+                    self._latched[k] = fault
+                else:
+                    self._lose(k, fault)
         else:
-            ages = np.zeros(len(faults))
             self._asked.fill(math.inf)
+        for k in range(len(faults)):
+            faults[k] = self._fault(k, now)
         shafts = self._at_shafts() if self._shafts or traits.motor_encoders else (None, None)
         return Readings(
             position=axes.position(answers.position),
@@ -138,6 +244,28 @@ class DrivesPlant:
             faults=faults,
         )
 
+    def _fault(self, k: int, now: float) -> Fault | None:
+        """The fault of a drive: its own, or one of those that are judged here."""
+        reported, wish = self.answers.reported[k], self._wishes[k]
+        if self._clashes[k] >= CLASHES:
+            self._latched[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
+        elif reported.lost:
+            if self._latched[k] is None:
+                self._lose(k, RESTARTED)
+        elif reported.fault is not None:
+            self._undone[k] = math.inf
+            return reported.fault
+        elif self._had_power[k] and not reported.power and self._actions[k] in HOLDING:
+            self._lose(k, self.driver.power_lost)
+        elif done(wish, reported):
+            self._undone[k] = math.inf
+        elif reported.unheard == 0:
+            self._undone[k] = min(self._undone[k], now)
+            if now - self._undone[k] > self._timeout and self._latched[k] is None:
+                self._latched[k] = DriveFault(UNCONFIRMED, unconfirmed(wish, reported))
+        self._had_power[k] = reported.power and self._actions[k] in HOLDING
+        return self._latched[k]
+
     def _at_shafts(self) -> tuple[Array, Array]:
         """Position and velocity of the motors' shafts; NaN where they are not measured."""
         axes, answers = self._axes, self.answers
@@ -146,18 +274,12 @@ class DrivesPlant:
         position[own], velocity[own] = (axes.sign * answers.motor_position)[own], math.nan
         return position, velocity
 
-    def _at_drives(self, wanted: SetPoints) -> dict[int, tuple[SetPoint, list[float]]]:
-        values = self._axes.to_drive(wanted).T.tolist()
-        kinds = wanted.kinds.copy()
-        kinds[self.answers.restarted] = SetPoint.OFF
-        return dict(enumerate(zip(map(SetPoint, kinds.tolist()), values, strict=True)))
-
-    def _notice_clashes(self, sent: Wanted) -> None:
+    def _notice_clashes(self) -> None:
         """Detect two drives with one id: more answers than questions, which differ."""
         for k, raw in enumerate(self.answers.raw):
             repeated = len(raw) == 1 and self._last[k] in raw  # it may be a late copy
-            owed = min(LATEST, self._owed[k] + (k in sent))
-            owed -= 0 if repeated else len(raw)
+            owed = min(LATEST, self._owed[k] + self.answers.asked[k])
+            owed -= min(owed, 1) if repeated else len(raw)
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0
@@ -167,20 +289,17 @@ class DrivesPlant:
                 self._last[k] = next(reversed(raw))
 
     def clear_fault(self, joint: int) -> None:
-        """Reset the fault of a drive; one that restarted is set up again, once it answers."""
+        """Reset the fault of a drive in its next exchange, and those that are judged here."""
         self._clashes[joint] = 0.0
-        if not self.answers.restarted[joint]:
-            self.driver.clear_fault(joint)
-            return
-        with contextlib.suppress(ConnectionError):
-            self._found[joint] = self.driver.set_up(joint, attempts=1)
-            self.answers.restarted[joint] = False
+        reported = self.answers.reported[joint]
+        self._resets[joint] = reported.fault is not None
+        if not (reported.power or reported.lost):
+            self._latched[joint], self._undone[joint] = None, math.inf
 
     def let_go(self) -> None:
         """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
-        off = self._at_drives(self._off)
-        free = {k: item for k, item in off.items() if self._free[k]}
-        self.driver.exchange(free)
+        off = Order(Action.OFF, SetPoint.OFF, ())
+        self.driver.exchange({k: off for k, free in enumerate(self._free) if free})
 
     def close(self) -> None:
         self.driver.close()
@@ -203,7 +322,7 @@ def maker(
     whole: Mapping[str, str | float] | None = None,
     each: Mapping[str, str | float] | None = None,
 ) -> Make:
-    """The ``make`` of a driver's module: from joints and options to a plant.
+    """The ``make`` of a make's module: from joints and options to a plant.
 
     Args:
         driver: Its class.

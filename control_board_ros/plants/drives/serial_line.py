@@ -16,9 +16,9 @@ from typing import Any, NamedTuple, Self
 
 from ..errors import PlantSettingsError
 from .axes import Axis
-from .can_line import ATTEMPTS, PATIENCE
+from .can_line import PATIENCE
 from .clock import Clock
-from .interview import Interview, Question, Questions, ask
+from .interview import ATTEMPTS, Interview, Question, Questions, ask
 
 Take = Callable[[int, bytes], None]
 
@@ -226,31 +226,11 @@ class ServoBus:
         Raises:
             ConnectionError: the servo does not answer.
         """
-        for attempt in range(4 * ATTEMPTS):
+        for attempt in range(ATTEMPTS):
             self._settle(attempt)
             data, result, _ = self.protocol.readTxRx(self.port, drive, *item)
             if result == 0 and len(data) == item.length:
                 return int.from_bytes(bytes(data), "little", signed=signed)
-        raise ConnectionError(f"id {drive} does not answer; is it powered?")
-
-    def put(self, drive: int, item: Item, value: int) -> None:
-        """Write an item, and check that it was accepted.
-
-        Raises:
-            ConnectionError: the servo does not answer, or refuses the value.
-        """
-        error = 0
-        for attempt in range(4 * ATTEMPTS):
-            self._settle(attempt)
-            result, error = self.protocol.writeTxRx(
-                self.port, drive, *item, list(item.pack(value))
-            )
-            if result == 0 and not error & self._library.refusal:
-                return
-        if error & self._library.refusal:
-            raise ConnectionError(
-                f"id {drive}: {value} is refused at address {item.address} (error {error & 0x7F})"
-            )
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
 
     def hold(self, drive: int, interview: Interview[Any] | None, seconds: float) -> None:

@@ -19,8 +19,8 @@ from ..drives.can_line import budget
 from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, WATCHDOG, flagged
 from ..drives.interview import Question, Questions, find
+from ..drives.plant import maker
 from ..drives.reconcile import Action
-from ..drives.reconciled import maker
 from ..drives.serial_line import Item, Request, ServoBus, get, put
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -52,7 +52,7 @@ class Servo:
 
 
 class DynamixelDrives:
-    """The servos of one bus; see ``drives.driver.Make``."""
+    """The servos of one bus; see ``drives.driver.Driver``."""
 
     live, power_lost = False, RESTARTED
 

@@ -18,7 +18,7 @@ from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded, flagged
 from ..drives.interview import Questions
-from ..drives.reconciled import maker
+from ..drives.plant import maker
 from ..errors import PlantSettingsError
 from ..interface import Setup
 from . import damiao as d
@@ -30,7 +30,7 @@ Motor = d.Damiao | r.RobStride
 
 
 class MitDrives:
-    """The motors of one bus; see ``drives.driver.Make``."""
+    """The motors of one bus; see ``drives.driver.Driver``."""
 
     live, power_lost = True, RESTARTED
 

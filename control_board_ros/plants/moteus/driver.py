@@ -26,8 +26,8 @@ from ..drives.can_line import CanLine, Frame, budget
 from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded
 from ..drives.interview import ATTEMPTS, Question, Questions, find
+from ..drives.plant import maker
 from ..drives.reconcile import Action
-from ..drives.reconciled import maker
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -70,7 +70,7 @@ class Drive:
 
 
 class MoteusDrives:
-    """The controllers of one bus; see ``drives.driver.Make``."""
+    """The controllers of one bus; see ``drives.driver.Driver``."""
 
     live, power_lost = True, RESTARTED
 

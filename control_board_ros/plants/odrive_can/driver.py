@@ -21,8 +21,8 @@ from ..drives.can_line import PATIENCE, REMOTE, CanLine, Frame, budget
 from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, flagged
 from ..drives.interview import Question, Questions, ask, find
+from ..drives.plant import maker
 from ..drives.reconcile import Action
-from ..drives.reconciled import maker
 from ..errors import PlantSettingsError
 from ..interface import DriveLimits, Setup
 from . import frames as f
@@ -63,7 +63,7 @@ class Drive:
 
 
 class OdriveDrives:
-    """The controllers of one bus; see ``drives.driver.Make``."""
+    """The controllers of one bus; see ``drives.driver.Driver``."""
 
     live, power_lost = True, RESTARTED
 
