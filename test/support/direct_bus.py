@@ -41,8 +41,11 @@ class DirectCan:
         """Nothing is open."""
 
     def _exchange(self, frames: Sequence[tuple[int, bytes]]) -> None:
-        answers = self._drives.step(frames)
-        self.received.extend(message(name, data, fd=self._fd) for name, data in answers)
+        self.arrive(self._drives.step(frames))
+
+    def arrive(self, frames: Sequence[tuple[int, bytes]]) -> None:
+        """Frames for the driver."""
+        self.received.extend(message(name, data, fd=self._fd) for name, data in frames)
 
 
 class DirectPort:
@@ -89,5 +92,9 @@ class DirectPort:
         return self._clock.now() >= self._end
 
     def _exchange(self, frames: Sequence[tuple[int, bytes]]) -> None:
-        for _, data in self._drives.step(frames):
+        self.arrive(self._drives.step(frames))
+
+    def arrive(self, frames: Sequence[tuple[int, bytes]]) -> None:
+        """Bytes for the driver."""
+        for _, data in frames:
             self._received += data

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any, Self
 from unittest import mock
@@ -21,7 +21,7 @@ from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Found
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Readings, Setup
-from control_board_ros.plants.virtual.can_bus import VirtualCan
+from control_board_ros.plants.virtual.can_bus import Frame, VirtualCan
 from control_board_ros.plants.virtual.pty_bus import VirtualSerial
 from control_board_ros.plants.virtual.servo import Framer
 from control_board_ros.plants.virtual.world import World, free_world
@@ -82,7 +82,7 @@ class Bench:
         self.plant: DrivesPlant = self.driver.make(names, options | {"bus": "direct"})
         self.line = self.plant.driver.line
         self.line.connect, self.plant.clock = self._connect, self.clock
-        self._next = self.clock.now()
+        self._next, self.timeout = self.clock.now(), TIMEOUT
         self.joints: tuple[Any, ...] = (None,) * len(names)
 
     @property
@@ -105,9 +105,14 @@ class Bench:
     def _connect(self, *_: object, **options: Any) -> Any:
         """The end of the bus that a driver opens."""
         if isinstance(self.bus, VirtualSerial):
-            return DirectPort(self.bus, self.clock)
+            self.wire_end: Any = DirectPort(self.bus, self.clock)
+            return self.wire_end
         self.wire_end = DirectCan(self.bus, self.clock, fd=bool(options.get("fd")))
         return self.wire_end
+
+    def arrive(self, frames: Sequence[Frame]) -> None:
+        """Frames that the driver receives."""
+        self.wire_end.arrive(frames)
 
     def scan(self) -> list[Found]:
         """What a scan of the bus finds."""
@@ -140,7 +145,7 @@ class Bench:
         drive.fail(FAULTS[type(drive).__name__], persists=persists)
 
     def connect(self) -> None:
-        self.plant.connect(Setup(period=PERIOD, timeout=TIMEOUT, joints=self.joints))
+        self.plant.connect(Setup(period=PERIOD, timeout=self.timeout, joints=self.joints))
 
     def tick(self, wanted: SetPoints) -> Readings:
         """One exchange, one period later."""

@@ -146,9 +146,10 @@ class DrivesPlant:
             reported = answers.reported[k]
             heard = answers.times[k] >= begin or bool(answers.raw[k])
             reported.unheard = 0 if heard else reported.unheard + 1
-            if reported.power:
+            off = order.action in (Action.OFF, Action.RESET)
+            if reported.power or off:
                 reported.confirmed = False
-            elif not self.driver.live and order.action in (Action.OFF, Action.RESET):
+            if off and not self.driver.live and not reported.power:
                 reported.law = None  # it is set again before each power, with goals of rest
         self._notice_clashes()
 

@@ -59,7 +59,7 @@ class Reported:
         law: That acts when it has power, in the maker's own terms; None: it did not say.
         fault: Its own, or None.
         lost: Its set-up is lost, or was never made.
-        confirmed: What a restart forgets was read back since it last had power.
+        confirmed: What a restart forgets was read back since power was last wanted off, or there.
         unheard: Exchanges in a row without an answer.
     """
 
