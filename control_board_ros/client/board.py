@@ -42,6 +42,8 @@ class Interfaces(
 class Aio(Awaitable, Interfaces):
     """The awaitable form of a client's methods: ``await client.aio.set_control_mode(…)``."""
 
+    client: ControlBoardClient
+
     if not TYPE_CHECKING:  # type checkers report unknown names
 
         def __getattr__(self, name: str) -> Any:
@@ -85,8 +87,9 @@ class ControlBoardClient(Blocking, Interfaces):
         inside = Interfaces(services)
         super().__init__(services, inside)
         self.aio = Aio(services, inside)
+        self.aio.client = self  # lives as long as one of its forms is used
         # Runs at the end of the program as well.
-        self._close: Callable[[], Any] = weakref.finalize(services, services.link.close)
+        self._close: Callable[[], Any] = weakref.finalize(self, services.link.close)
 
     def close(self) -> None:
         """End the connection."""

@@ -13,7 +13,7 @@ from control_board_ros.core.calibration.calibration import CalibrationStatus
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.modes import CALIBRATES
 from control_board_ros.core.terms.reply import Reply, refused
-from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import parse_control_mode
 from control_board_ros.interface import (
     CALIBRATE,
     FOLLOW_JOINT_TRAJECTORY,
@@ -182,7 +182,7 @@ class Goals(Interface):
         link, view, statuses = self._link, self._services.calibrations, []
         response = await self._services.read(GET_CONTROL_MODE, joints)
         for name, code in zip(response.names, response.modes, strict=True):
-            if ControlMode(code) not in CALIBRATES:  # the result is about to arrive
+            if parse_control_mode(code) not in CALIBRATES:  # the result is about to arrive
                 await link.thread.until(
                     lambda name=name: not view.status(name).running,  # type: ignore[misc]
                     link.answer_timeout,

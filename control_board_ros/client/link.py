@@ -21,7 +21,14 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from control_board_ros.interface import GET_CONTROL_MODE, MODES, NOT_KNOWN_YET, Endpoint
+from control_board_ros.interface import (
+    EMERGENCY_STOP,
+    GET_CONTROL_MODE,
+    MODES,
+    NOT_KNOWN_YET,
+    STOP,
+    Endpoint,
+)
 
 from .checking import check_response
 from .errors import BoardError, BoardNotFound, BoardTimeout, one_line
@@ -31,6 +38,8 @@ from .executor_thread import GONE, ExecutorThread, hidden_node
 MATCHING = 0.05
 #: s without an answer before the query is repeated.
 ACQUAINTED = 0.3
+#: What is sent before and without waiting for anything else (E2).
+STOPS = (EMERGENCY_STOP, STOP)
 #: s between log lines about lost messages.
 REPORT_EVERY = 5.0
 
@@ -68,6 +77,8 @@ class Link:
         self._lock = threading.Lock()
         self._modes_topic = self.full_name(MODES)
         self.thread = ExecutorThread(self._node, self._report)
+        for stop in STOPS:  # discovered by the time that one is needed
+            self._client(stop)
 
     def close(self) -> None:
         """End the thread and the hidden node; calls that wait raise BoardError."""
@@ -117,17 +128,58 @@ class Link:
         profile.lifespan = Duration(seconds=self.answer_timeout)
         return profile
 
-    async def call(self, service: Endpoint, **fields: Any) -> Any:
-        """The response of a service; references published before are in force when it answers."""
-        if self._unsettled:
-            await self.settle()
+    def _client(self, service: Endpoint) -> Any:
+        """The client of a service, created at first use."""
 
         def make(kind: Any, name: str) -> Any:
             return self._node.create_client(
                 kind, name, qos_profile=self._fresh(service), callback_group=self._group
             )
 
-        client = self._entity(service, make)
+        return self._entity(service, make)
+
+    async def stop(self, service: Endpoint, **fields: Any) -> Any:
+        """The response of a stop, which goes out before anything else, until it is answered (E2).
+
+        References published before may arrive after it: then it is repeated behind them.
+        """
+        late = self._unsettled
+        response = await self._repeat(service, fields)
+        if late:
+            with contextlib.suppress(BoardTimeout):
+                await self.settle()
+            response = await self._repeat(service, fields)
+        return response
+
+    async def _repeat(self, service: Endpoint, fields: dict[str, Any]) -> Any:
+        """The first response of a service that is called again until it answers."""
+        client = self._client(service)
+        if not await self.thread.until(client.service_is_ready, self.find_timeout):
+            raise self.not_offered(service) if self.is_there() else self.not_found()
+        deadline = time.monotonic() + self.answer_timeout
+        sent: list[Any] = []
+
+        def answered() -> list[Any]:
+            return [future for future in sent if future.done()]
+
+        while not answered() and time.monotonic() < deadline:
+            sent.append(client.call_async(client.srv_type.Request(**fields)))
+            await self.thread.until(lambda: bool(answered()), ACQUAINTED)
+        if not (responses := answered()):
+            for future in sent:
+                client.remove_pending_request(future)
+            raise self.timed_out(service)
+        # a repetition that is still on its way would stop what the caller does next
+        await self.thread.until(lambda: len(answered()) == len(sent), ACQUAINTED)
+        response = responses[0].result()
+        check_response(service, response, self.name)
+        return response
+
+    async def call(self, service: Endpoint, **fields: Any) -> Any:
+        """The response of a service; references published before are in force when it answers."""
+        if self._unsettled:
+            await self.settle()
+        client = self._client(service)
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
             raise self.not_offered(service) if self.is_there() else self.not_found()
         with contextlib.suppress(BoardTimeout):  # the request itself may be answered

@@ -286,6 +286,7 @@ class BrakeRequests(Interface):
         """Switch brakes to automatic (true), or to manual in their present state."""
         response = await self._services.read(GET_BRAKE, joints)
         having = [k for k, mode in enumerate(response.modes) if mode or joints is not None]
+        having = having or list(range(len(response.names)))  # for the board to refuse
         names = [response.names[k] for k in having]
         try:
             modes = automatic(enabled, [response.closed[k] for k in having])

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -13,7 +14,7 @@ from rclpy.parameter import Parameter as TypedParameter
 from rclpy.parameter import parameter_value_to_python
 
 from control_board_ros.core.selection import RequestError, spread
-from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import GET_LIMITS, service
 from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.protocols import Floats, Joints, Values
@@ -80,6 +81,8 @@ class ParameterRequests(Interface):
     @request
     async def set_parameters(self, values: Mapping[str, Any]) -> Reply:
         """Set parameters, all or none; checked together by the board."""
+        if not values:
+            return refused("no parameters given; send one or more")
         present = await self.get_parameters(list(values))
         parameters = [
             Parameter(name=name, value=typed(value, present[name]))
@@ -170,8 +173,21 @@ class ParameterRequests(Interface):
 
 
 def typed(value: Any, present: Any) -> Any:
-    """A ParameterValue; a whole number becomes a double where the parameter is one."""
+    """A ParameterValue; whole numbers become doubles where the parameter has such."""
     plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-    if isinstance(present, float) and isinstance(plain, int) and not isinstance(plain, bool):
-        plain = float(plain)
+    if isinstance(plain, list | tuple) and is_doubles(present):
+        plain = [typed_number(one) for one in plain]
+    if isinstance(present, float):
+        plain = typed_number(plain)
     return TypedParameter("value", value=plain).get_parameter_value()
+
+
+def typed_number(value: Any) -> Any:
+    """A whole number as a double; anything else as it is."""
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def is_doubles(present: Any) -> bool:
+    """Whether the value of a parameter is an array of doubles."""
+    many = isinstance(present, Sequence | np.ndarray | array) and not isinstance(present, str)
+    return many and len(present) > 0 and all(isinstance(one, float) for one in present)

@@ -253,7 +253,7 @@ class References(Interface):
     @request
     async def stop(self, joints: Joints = None) -> Reply:
         """Set the position reference to the measured position; the mode stays (P3)."""
-        return await self._services.change(STOP, joints)
+        return await self._services.stop(STOP, joints)
 
     @operation
     async def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply:

@@ -133,6 +133,23 @@ class Services:
         self.states.changed()
         return reply_of(response, tuple(names) or tuple(response.names)), response
 
+    async def stop(self, service: Endpoint, joints: Joints) -> Reply:
+        """The reply of a stop of joints; it waits for nothing that names or all do not need (E2).
+
+        Raises:
+            RequestError: an unknown index of a joint, or one named twice.
+        """
+        several = [joints] if isinstance(joints, str) else joints
+        if several is None or (
+            isinstance(several, list | tuple) and all(isinstance(one, str) for one in several)
+        ):
+            names = tuple(several or ())
+        else:
+            names = (await self.select(joints)).names
+        response = await self.link.stop(service, names=list(names))
+        self.states.changed()
+        return reply_of(response, names or (await self.find()).names)
+
     async def trigger(self, service: Endpoint, **fields: Any) -> Reply:
         """The reply of a service of the whole board."""
         names = (await self.find()).names

@@ -107,7 +107,12 @@ class WholeBoard(Interface):
         Answered when complete; the reply's message names a paused simulation that must resume
         first. After release, joints stay in HW_FAULT until ``recover``.
         """
-        return await self._services.trigger(EMERGENCY_STOP, data=stop)
+        if not stop:
+            return await self._services.trigger(EMERGENCY_STOP, data=False)
+        response = await self._link.stop(EMERGENCY_STOP, data=True)
+        self._services.states.changed()
+        names = (await self._services.find()).names
+        return whole(response.success, response.message, names)
 
     @operation
     async def get_freeze_frame(self, joint: int | str) -> FreezeFrame | None:

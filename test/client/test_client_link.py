@@ -4,22 +4,31 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import math
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import pytest
 from control_board_msgs.action import Move
 from control_board_msgs.msg import JointModes, PositionCommand
-from control_board_msgs.srv import GetControlMode, SetControlMode
+from control_board_msgs.srv import GetControlMode, SetControlMode, Stop
 from rclpy.action import ActionServer
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_srvs.srv import SetBool
 from talk import state_of
 from waiting import GUARD, until
 
-from control_board_ros.client import BoardNotFound, BoardTimeout, InvalidAnswer, state
+from control_board_ros.client import (
+    BoardNotFound,
+    BoardTimeout,
+    ControlBoardClient,
+    InvalidAnswer,
+    state,
+)
 from control_board_ros.client.link import Link
 from control_board_ros.client.operations import run
 from control_board_ros.interface import (
@@ -221,3 +230,70 @@ def received(view: state.StateView) -> bool:
     with contextlib.suppress(BoardTimeout):
         return bool(run(view.latest()).names)
     return False
+
+
+class Stoppable:
+    """A board of which only the stops answer, and those after ``loses`` lost answers.
+
+    Attributes: received (the stops and positions that came, in order).
+    """
+
+    def __init__(self, node: Any, loses: int = 0) -> None:
+        self.received: list[str] = []
+        self.loses = loses
+        self._modes = node.create_publisher(
+            JointModes, "~/modes", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        )
+        self._modes.publish(JointModes(names=["a"], control_modes=["pos"]))
+        node.create_subscription(PositionCommand, TOPIC, self._take, QoSProfile(depth=10))
+        mute = node.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
+        mute.send_response = lambda *_: None
+        for kind, name in ((Stop, "stop"), (SetBool, "emergency_stop")):
+            made = node.create_service(kind, f"~/{name}", partial(self._stop, name))
+            made.send_response = partial(self._answer, made.send_response)
+
+    def _take(self, _: PositionCommand) -> None:
+        self.received.append("position")
+
+    def _stop(self, name: str, _: Any, response: Any) -> Any:
+        self.received.append(name)
+        response.success = True
+        if name == "stop":
+            response.answers, response.reasons, response.codes = ["accepted"], [""], [""]
+        return response
+
+    def _answer(self, send: Any, *of: Any) -> None:
+        if self.loses:
+            self.loses -= 1
+        else:
+            send(*of)
+
+
+@pytest.mark.parametrize("name", ["stop", "emergency_stop"])
+@pytest.mark.parametrize("loses", [0, 2])
+def test_a_stop_waits_for_nothing(name: str, loses: int) -> None:
+    """E2: before the references that were published are confirmed, again until it is answered."""
+    with (
+        free_domain() as domain,
+        ros_node(domain, "user", spin=False) as user,
+        ros_node(domain, "board") as node,
+    ):
+        board = Stoppable(node, loses)
+        with contextlib.closing(ControlBoardClient(user, "board", answer_timeout=1.5)) as client:
+            assert client.names == ("a",)
+            run(client._link.publish(POSITION_COMMAND, names=["a"], positions=[1.0]))
+            assert getattr(client, name)()
+            assert board.received.count(name) >= loses + 2  # once more, behind the reference
+            assert "position" in board.received
+
+
+def test_a_client_that_is_dropped_ends() -> None:
+    """Its thread and node, without a close; not while its awaitable form is used."""
+    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
+        aio = ControlBoardClient(user, "board").aio
+        thread = aio.client._link.thread
+        gc.collect()
+        assert not thread.closed
+        del aio
+        gc.collect()
+        assert thread.closed
