@@ -228,11 +228,16 @@ def test_setting_the_present_mode_ends_nothing(rig: Tracked) -> None:
 
 
 def test_the_newest_waiting_path_counts(rig: Tracked) -> None:
-    """T1: one path waits per joint."""
-    rig.follower.follow("a", line(("a",), (0.2, 0.5)), rig.board.time + 0.1)
+    """T5: from its start on; until then those that begin before it."""
+    rig.follower.follow("a", line(("a",), (0.2, 0.5)), rig.board.time + 0.3)
     rig.follower.follow("a", line(("a",), (0.2, 0.1)), rig.board.time + 0.3)
     _, positions = rig.track(0.6)
     assert positions[:, 0].max() == pytest.approx(0.1)
+    rig.follower.follow("a", line(("a",), (0.1, 0.2)), rig.board.time + 0.1)
+    rig.follower.follow("a", line(("a",), (0.1, 0.0)), rig.board.time + 0.3)
+    _, positions = rig.track(0.6)
+    assert positions[:, 0].max() == pytest.approx(0.2, abs=0.01)
+    assert positions[-1, 0] == pytest.approx(0.0)
     rig.follower.follow("a", line(("a",), (0.2, 0.5)), rig.board.time + 0.1)
     rig.follower.follow("a", line(("a",), (0.1, 0.0)), rig.board.time)
     _, positions = rig.track(0.6)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from following import Following
-from rig import board_config, joint
+from rig import board_config, joint, simulation_config
 
 from control_board_ros.core.config.parts import Constraints, JointConstraints
 from control_board_ros.core.goals.path import make_path
@@ -25,6 +25,8 @@ from control_board_ros.core.goals.trajectory_goal import (
     Wish,
 )
 from control_board_ros.core.terms.arguments import Array
+from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.sim.plant import SimulatedPlant
 
 NAMES = ("a", "b")
 #: rad/s², of the joints.
@@ -396,3 +398,101 @@ def test_the_codes_are_those_of_the_action() -> None:
         ("PATH_TOLERANCE_VIOLATED", -4),
         ("GOAL_TOLERANCE_VIOLATED", -5),
     ]
+
+
+# --- T4: continuous joints ---------------------------------------------------------------------
+
+
+class Endless(Following):
+    """A continuous joint that stands at 6.6 rad, and a revolute one."""
+
+    def __init__(self) -> None:
+        wide = {"lower": -1e4, "upper": 1e4, "hard_lower": -1e4, "hard_upper": 1e4}
+        turning = joint("a", kind=JointKind.CONTINUOUS, limits=wide)
+        config = board_config(turning, joint("b"))
+        super().__init__(
+            config, SimulatedPlant(config, simulation_config(config, home=[6.6, 0.0]))
+        )
+
+
+@pytest.mark.parametrize("by_topic", [False, True])
+def test_a_continuous_joint_is_met_at_the_nearest_turn(by_topic: bool) -> None:
+    """T4: 0.32 to 1.0 from 6.6 rad goes on by 0.7 rad, and does not spin back."""
+    rig = Endless()
+    way = points((0.5, [0.32, 0.0]), (1.5, [1.0, 0.1]))
+    if by_topic:
+        path = make_path(NAMES, *way)
+        assert rig.follower.follow(None, path, rig.board.time)
+    else:
+        rig.send(way)
+    seen = [float(rig.cycle()[0]) for _ in range(round(2.0 / rig.period))]
+    assert min(seen) > 6.55
+    assert seen[-1] == pytest.approx(1.0 + 2.0 * np.pi)
+    assert rig.board.get_ref_position("b")[0] == pytest.approx(0.1)
+    if not by_topic:
+        assert rig.goal is not None
+        assert rig.goal.outcome is not None
+        assert rig.goal.outcome.code is Code.SUCCESSFUL
+
+
+def test_many_turns_in_no_time_are_no_success() -> None:
+    """T4, P14: it is reached when the joint is there, or the goal time is over."""
+    rig = Endless()
+    goal = rig.send(points((0.001, [6.6, 0.0]), (0.002, [60.0, 0.0])), goal_time=1.0)
+    rig.cycle(round(1.5 / rig.period))
+    assert goal.outcome is not None
+    assert goal.outcome.code is Code.GOAL_TOLERANCE_VIOLATED
+    patient = rig.send(points((0.001, [6.0, 0.0]), (0.002, [12.0, 0.0])))
+    rig.cycle(round(0.3 / rig.period))
+    assert patient.outcome is None
+    rig.cycle(round(8.0 / rig.period))
+    assert patient.outcome is not None
+    assert patient.outcome.code is Code.SUCCESSFUL
+
+
+# --- T5: receding horizon ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("by_topic", [False, True])
+@pytest.mark.parametrize("every", [0.02, 0.05, 0.2, 0.5])
+@pytest.mark.parametrize("ahead", [0.01, 0.05, 0.2])
+def test_goals_ahead_of_time_make_one_path(ahead: float, every: float, by_topic: bool) -> None:
+    """T5: each preempts the one before at its own start; the joints stay on the path of all."""
+    rig = Goals()
+
+    def at(time: float) -> list[float]:
+        return [0.5 * np.sin(2.0 * time), 0.3 * np.sin(2.0 * time)]
+
+    begin = rig.board.time + ahead
+    due, worst = rig.board.time, 0.0
+    for _ in range(round(3.0 / rig.period)):
+        if rig.board.time >= due - 1e-9:
+            start = rig.board.time + ahead - begin
+            way = points(*((t, at(start + t)) for t in (0.0, *np.arange(0.02, 1.0, 0.02))))
+            if by_topic:
+                path = make_path(NAMES, *way)
+                assert rig.follower.follow(None, path, rig.board.time + ahead)
+            else:
+                rig.send(way, ahead=ahead)
+            due += every
+        rig.cycle()
+        elapsed = rig.board.time - begin
+        if elapsed > 0.0:
+            worst = max(worst, float(np.abs(rig.board.get_ref_position() - at(elapsed)).max()))
+    assert worst < 0.01
+
+
+def test_a_cancelled_goal_ends_those_before_it() -> None:
+    """T5, T2: of three goals of which two wait, none goes on."""
+    rig = Goals()
+    rig.send(SLOW)
+    rig.cycle(50)
+    rig.send(SLOW, ahead=0.1)
+    third = rig.send(SLOW, ahead=0.3)
+    rig.cycle(100)  # the second runs
+    third.cancel()
+    rig.cycle(500)
+    assert not rig.follower.busy
+    before = rig.board.get_encoder()
+    rig.cycle(100)
+    np.testing.assert_allclose(rig.board.get_encoder(), before, atol=1e-3)

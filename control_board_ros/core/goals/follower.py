@@ -8,6 +8,7 @@ joints, ``check`` after every request, and ``step`` before every tick.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,12 +18,19 @@ from ..group import JointGroup
 from ..machine.explanations import explain_cut
 from ..selection import Selection
 from ..terms.arguments import Array, Joints
+from ..terms.joint_kind import JointKind
 from ..terms.reply import Answer, JointAnswer, Reply, accepted, decided, joints_of
 from ..terms.vocabs import CommandKind
 from .path import SAME_TIME, Bools, Path, Run, Sample, Spline, braking
 
 #: Why joints leave a path for a newer one.
 TAKEN = "replaced by another trajectory"
+
+
+#: One turn of a continuous joint, rad.
+TURN = 2.0 * math.pi
+#: Paths that wait for their start at most; of more, the one that would begin first is left out.
+MOST_WAITING = 100
 
 
 class Follower:
@@ -67,6 +75,7 @@ class Follower:
         selection = board.selector.select(joints)
         if text := incomplete(board, selection.names) or overdue(board, path, start):
             return board.reject(selection.names, text)
+        path = at_nearest_turn(board, selection, path)
         good, refusal = admitted(board, selection, path)
         verdicts = dict.fromkeys(selection.names, JointAnswer())
         verdicts |= zip(refusal.joints, refusal.each(), strict=True)
@@ -85,7 +94,7 @@ class Follower:
         board = self.board
         run = Run(joints, [board.state.interaction_modes[j] for j in joints], path, start, held)
         self._begin_due(board.time)
-        self._release(joints, waiting=True)
+        self._supersede(joints, start)
         self._known[joints] = self._last[joints]
         self._runs.append(run)
         return run
@@ -175,9 +184,10 @@ class Follower:
                 self._send(run, time)
 
     def _begin_due(self, time: float) -> None:
-        for run in list(self._runs):
-            if run.spline is None and time >= run.start - SAME_TIME:
-                self._begin(run)
+        """Begin the paths whose time has come, the earliest first."""
+        due = [r for r in self._runs if r.spline is None and time >= r.start - SAME_TIME]
+        for run in sorted(due, key=lambda one: one.start):
+            self._begin(run)
 
     def _check_modes(self, run: Run) -> None:
         board = self.board
@@ -202,7 +212,7 @@ class Follower:
             board.state.velocity_reference[joints],
             self._accelerations()[joints],
         )
-        self._release(joints, waiting=False)
+        self._release(joints, run)
         run.path = run.path.joined(board.time - run.start, present)
         run.spline = Spline(run.path)
 
@@ -226,10 +236,19 @@ class Follower:
         elif elapsed >= run.path.duration and not run.held:
             self._runs.remove(run)
 
-    def _release(self, joints: NDArray[np.intp], *, waiting: bool) -> None:
-        """Joints leave the paths that wait, or those that run, for a newer one."""
+    def _supersede(self, joints: NDArray[np.intp], start: float) -> None:
+        """Joints leave the paths that would begin no sooner than a newer one, s (T5)."""
         for run in list(self._runs):
-            if (run.spline is None) is waiting:
+            if run.spline is None and run.start >= start - SAME_TIME:
+                self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
+        waiting = [run for run in self._runs if run.spline is None]
+        if len(waiting) >= MOST_WAITING:
+            self.leave(min(waiting, key=lambda run: run.start))
+
+    def _release(self, joints: NDArray[np.intp], newer: Run) -> None:
+        """Joints leave the paths that run, for one that begins."""
+        for run in list(self._runs):
+            if run.spline is not None and run is not newer:
                 self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
 
     def _drop(self, run: Run, columns: Bools, why: str, *, quiet: bool = False) -> None:
@@ -258,6 +277,17 @@ def incomplete(board: JointGroup, names: Sequence[str]) -> str:
     return ""
 
 
+def at_nearest_turn(board: JointGroup, selection: Selection, path: Path) -> Path:
+    """A path whose first point is at the nearest turn of each continuous joint (T4)."""
+    joints = selection.joints
+    kinds = [board.config.joints[j].kind for j in selection.numbers]
+    endless = np.array([kind is JointKind.CONTINUOUS for kind in kinds])
+    if not endless.any():
+        return path
+    away = board.state.position_reference[joints] - path.positions[0]
+    return path.shifted(np.where(endless, TURN * np.round(away / TURN), 0.0))
+
+
 def overdue(board: JointGroup, path: Path, start: float) -> str:
     """Why a path that begins at a time of the board, s, is past; empty where it is not."""
     late = board.time - (start + path.duration)
@@ -270,11 +300,17 @@ def admitted(board: JointGroup, selection: Selection, path: Path) -> tuple[Bools
     """Which joints of a path accept it, shape (k,), and the refusal of the others.
 
     Those are in POSITION_DIRECT, and all their points within the limits where the board refuses
-    others (P9). The others count it as a rejected direct position (M4).
+    others (P9). The others count it as a rejected direct position (M4), and so do those whose
+    stream of paths outlived a fault (F8).
     """
     kind, commands = CommandKind.POSITION_DIRECT, board.engine.commands
+    streams = board.engine.machine.streams
     within = commands.within(kind, selection.joints, path.positions)
     good: Bools = board.state.accepts[kind, selection.joints] & within.all(axis=0)
+    stale = streams.judge(kind, selection.joints, path.positions[0], good)
+    streams.note(selection.joints)
+    if stale is not None:
+        good &= ~stale
     others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
     if not others:  # none named would mean all
         return good, accepted(())

@@ -13,6 +13,7 @@ joint_trajectory_controller makes of the same points.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -85,6 +86,10 @@ class Path:
             None if velocities is None else velocities[:, columns],
             None if accelerations is None else accelerations[:, columns],
         )
+
+    def shifted(self, offsets: Array) -> Path:
+        """The path with offsets added to its positions, rad, shape (k,)."""
+        return Path(self.times, self.positions + offsets, self.velocities, self.accelerations)
 
     def joined(self, time: float, present: Sample) -> Path:
         """The path from a time on: it starts at ``present``, without the points before.
@@ -211,6 +216,9 @@ def make_path(
 
 
 def _check_times(times: Sequence[float]) -> None:
+    for i, time in enumerate(times):
+        if not math.isfinite(time):
+            raise RequestError(f"point {i} has time_from_start {time}; send a number of seconds")
     if times[0] < 0.0:
         raise RequestError(f"point 0 has time_from_start {times[0]:.9g} s; send 0 or more")
     for i in range(1, len(times)):

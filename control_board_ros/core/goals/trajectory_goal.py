@@ -30,7 +30,7 @@ from ..selection import RequestError, Selection
 from ..terms.arguments import Array, Joints
 from ..terms.joint_kind import JointKind
 from ..terms.reply import summary
-from .follower import Follower, admitted, cuts, incomplete, overdue
+from .follower import TURN, Follower, admitted, at_nearest_turn, cuts, incomplete, overdue
 from .path import Path, Points, Run, Sample, make_path
 
 #: What the numbers of a tolerance are about.
@@ -212,6 +212,7 @@ def start_goal(
         tolerances = chosen(defaults, selection.names, group.names, wishes)
     except RequestError as error:
         raise GoalError(Code.INVALID_GOAL, str(error)) from error
+    path = at_nearest_turn(follower.board, selection, path)
     check_start(group, selection, path, start)
     return TrajectoryGoal(follower, group, selection.joints, path, start, tolerances)
 
@@ -270,7 +271,7 @@ class TrajectoryGoal:
         self.joints, self._duration, self.start = joints, path.duration, start
         self._run = follower.take(joints, path, start, held=True)
         self.notes = list(cuts(board, self._run).values())
-        self._before: Run | None = None  # what its joints follow until it begins
+        self._before: list[Run] = []  # of the goals before it: followed until it begins (T5)
         self._begun = False
         self.names = [board.names[j] for j in joints]
         self.outcome: End | None = None
@@ -301,11 +302,12 @@ class TrajectoryGoal:
         """Preempt a goal: joints of both go on with it until this one begins, the others stop."""
         if old.outcome is not None:
             return
-        if (before := old._acting()) is not None:
-            before.held = False
-            self._before = before
         others = old._followed()
-        old._end(Code.INVALID_GOAL, PREEMPTED, others[~np.isin(others, self.joints)])
+        self._before = [run for run in (*old._before, old._run) if self._follower.follows(run)]
+        for run in self._before:
+            run.held = False
+        old.outcome = End(Code.INVALID_GOAL, PREEMPTED)
+        self._follower.brake(others[~np.isin(others, self.joints)], PREEMPTED)
 
     def desired(self) -> Sample:
         """What the joints of the group shall do now, shapes (n,): outside the goal, references."""
@@ -333,13 +335,21 @@ class TrajectoryGoal:
             text = f"{self._explain(found, 'path')}, {self.elapsed:.3g} s after the start"
             self._miss(Code.PATH_TOLERANCE_VIOLATED, text, errors, limits.path)
         elif late >= 0.0:
-            found = excess(errors, limits.goal)
+            found = excess(errors, limits.goal) or self._astray(errors)
             if found is None:
                 self._end(Code.SUCCESSFUL, summary([REACHED, *self.notes]), NOBODY)
                 self._follower.leave(self._run)
             elif 0.0 < limits.goal_time < late:
                 text = f"{self._explain(found, 'goal')}, {late:.3g} s after the last point"
                 self._miss(Code.GOAL_TOLERANCE_VIOLATED, text, errors, limits.goal)
+
+    def _astray(self, errors: Array) -> Excess | None:
+        """The continuous joint that is on another turn than the goal's last point (T4)."""
+        for k, j in enumerate(self.joints.tolist()):
+            away = abs(float(errors[0, k]))
+            if away > 0.5 * TURN and self._board.config.joints[j].kind is JointKind.CONTINUOUS:
+                return Excess(k, QUANTITIES[0], away, 0.5 * TURN)
+        return None
 
     def _explain(self, found: Excess, which: str) -> str:
         kind = self._board.config.joints[int(self.joints[found.column])].kind
@@ -366,13 +376,15 @@ class TrajectoryGoal:
         """Set the outcome; stop joints, by default all that still follow it."""
         joints = self._followed() if stopped is None else stopped
         self.outcome = End(code, text)
-        if self._run.spline is None:
-            self._follower.leave(self._run)
+        for run in (self._run, *self._before):
+            if run.spline is None:
+                self._follower.leave(run)
         self._follower.brake(joints, text, present)
 
     def _acting(self) -> Run | None:
-        """Its run, or while that waits, the one of the goal before it; not what others sent."""
-        return self._before if self._run.spline is None else self._run
+        """Its run, or while that waits, the one of a goal before it; not what others sent."""
+        runs = (self._run, *reversed(self._before))
+        return next((run for run in runs if run.spline is not None), None)
 
     def _followed(self) -> NDArray[np.intp]:
         """The joints that still follow it."""

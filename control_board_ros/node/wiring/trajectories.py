@@ -41,6 +41,9 @@ from .messages import NANOSECONDS, bounded, doubles, set_stamp
 from .request_log import GoalRecord, RequestLog
 from .topics import Callback, Warn
 
+#: A stamp so far from the board's time is one of another clock, s.
+OTHER_CLOCK = 3600.0
+
 #: Starts a goal of joints, points, start time and tolerances.
 StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal]
 
@@ -101,9 +104,12 @@ class FollowTrajectory:
             if old is not None:
                 task.take_over(old.task)
             self._goal = Goal(handle, task, Future())
-        if old is not None:
-            self._finish(old)
         self._timer.reset()
+        if old is not None:
+            try:
+                self._finish(old)
+            except Exception as error:  # noqa: BLE001 - the new goal runs
+                self._on_error(error, FOLLOW_JOINT_TRAJECTORY.short)
 
     def _cancel(self, handle: Any) -> CancelResponse:
         """Stop immediately; the timer delivers the result."""
@@ -250,9 +256,22 @@ def read_points(message: Any) -> Points:
 
 
 def start_time(stamp: Any, board: JointGroup, base: TimeBase) -> float:
-    """Start of a trajectory with this stamp, time of the board, s; stamp 0: now."""
+    """Start of a trajectory with this stamp, time of the board, s; stamp 0: now.
+
+    Raises:
+        RequestError: the stamp is of another clock (T5).
+    """
     nanoseconds = stamp.sec * NANOSECONDS + stamp.nanosec
-    return (nanoseconds - base.offset) / NANOSECONDS if nanoseconds else board.time
+    if not nanoseconds:
+        return board.time
+    start: float = (nanoseconds - base.offset) / NANOSECONDS
+    if abs(start - board.time) > OTHER_CLOCK:
+        here = base.stamp(board.time) / NANOSECONDS
+        raise RequestError(
+            f"it is stamped {nanoseconds / NANOSECONDS:.3f} s and the board's clock shows "
+            f"{here:.3f} s; stamp it by that clock (use_sim_time), or send 0 for now"
+        )
+    return start
 
 
 def followed(loop: ControlLoop) -> Follower:
@@ -278,11 +297,10 @@ def trajectory_callback(member: Member, follower: Follower, warn: Warn) -> Callb
                 follower.hold(names, "a trajectory without points came")
                 return None
             path = make_path(names, *read_points(message))
+            start = start_time(message.header.stamp, board, member.loop.time_base)
         except RequestError as error:
             return board.reject(joints, f"refused, {error}")
-        return follower.follow(
-            names, path, start_time(message.header.stamp, board, member.loop.time_base)
-        )
+        return follower.follow(names, path, start)
 
     def on_message(message: Any) -> None:
         with member.exclusive() as board:
