@@ -14,7 +14,7 @@ level after level (R4).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from .config.config import BoardConfig, Zone
 from .config.parameter import ConfigError
@@ -60,9 +60,14 @@ class BringUp:
     ) -> None:
         self.groups, self._levels, self._events = groups, levels, events
         self.level: int | None = None
+        self._waiting: Collection[str] = ()
 
-    def begin(self) -> None:
-        """Start with the first level; parts that are configured already stay as they are."""
+    def begin(self, waiting: Collection[str] = ()) -> None:
+        """Start with the first level; parts that are configured already stay as they are.
+
+        Its level waits for a part that is named as ``waiting`` until that is configured by itself.
+        """
+        self._waiting = waiting
         self._enter(0)
 
     def cancel(self) -> None:
@@ -89,6 +94,8 @@ class BringUp:
         self.level = level
         for name in self._levels[level]:
             group = self.groups[name]
+            if name in self._waiting:
+                continue
             if group.stage is Stage.ACTIVE:
                 group.configure()
             else:  # of a managed board
@@ -200,6 +207,8 @@ class Board(JointGroup):
         super().power_off()
 
     def _start_up(self) -> None:
-        if self.stage is Stage.ACTIVE and self.config.autoconfigure:
+        groups = self.bring_up.groups
+        waiting = [name for name, one in groups.items() if not one.config.autoconfigure]
+        if self.stage is Stage.ACTIVE and len(waiting) < len(groups):
             self.engine.start_up.due.clear()
-            self.bring_up.begin()
+            self.bring_up.begin(waiting)

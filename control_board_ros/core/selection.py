@@ -27,8 +27,9 @@ from .terms.vocabs import (
 
 V = TypeVar("V", bound=Vocab | BrakeMode)
 
-#: Selections of at most this many different requests are remembered.
+#: Selections of at most this many different requests are remembered, the latest ones.
 REMEMBERED = 256
+NAMES_OR_NUMBERS = frozenset({str, int})
 
 
 class RequestError(ValueError):
@@ -86,17 +87,24 @@ class Selector:
         """
         if joints is None:
             return self.everyone
-        try:
-            key = joints if isinstance(joints, int | str | np.integer) else tuple(joints)
-            found = self._known.get(key)
-        except TypeError:  # neither names nor numbers
-            raise RequestError(self._unknown(joints)) from None
-        if isinstance(key, tuple) and not key:
+        if isinstance(joints, int | str | np.integer):
+            key: tuple[Any, ...] = (joints,)
+        else:
+            try:
+                key = tuple(joints)
+                hash(key)
+            except TypeError:  # neither names nor numbers
+                raise RequestError(self._unknown(joints)) from None
+        if not key:
             return self.everyone
+        if not NAMES_OR_NUMBERS.issuperset(map(type, key)):  # True and 1.0 equal 1
+            return self._resolve(key)
+        found = self._known.get(key)
         if found is None:
-            found = self._resolve(key if isinstance(key, tuple) else (key,))
-            if len(self._known) < REMEMBERED:
-                self._known[key] = found
+            found = self._resolve(key)
+            if len(self._known) >= REMEMBERED:
+                del self._known[next(iter(self._known))]
+            self._known[key] = found
         return found
 
     def refuse(self, joints: Any, error: ValueError) -> Reply:

@@ -85,9 +85,11 @@ def test_it_configures_itself_where_all_parts_do(one: bool, other: bool, both: b
 
 
 def test_a_heartbeat_is_expected_where_a_part_expects_one() -> None:
-    """E2: the longest of their timeouts."""
+    """E2: the shortest of their timeouts."""
     config = joined({"arm": arm(heartbeat_timeout=0.5), "hand": hand(heartbeat_timeout=2.0)})
-    assert config.heartbeat_timeout == 2.0
+    assert config.heartbeat_timeout == 0.5
+    mixed = joined({"arm": arm(heartbeat_timeout=0.5), "hand": hand()})
+    assert mixed.heartbeat_timeout == 0.5
     assert joined({"arm": arm(), "hand": hand()}).heartbeat_timeout == 0.0
 
 

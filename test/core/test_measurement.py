@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -122,3 +123,22 @@ def test_no_joint_has_power() -> None:
     for array in (off.kinds, off.values, off.released):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shape"),
+    [
+        ("applied", np.zeros(3), "(3,); (2,)"),
+        ("brakes", np.zeros((1, 2)), "(1, 2); (2,)"),
+        ("motors", np.zeros((2, 2)), "(2, 2); (3, 2)"),
+    ],
+)
+def test_a_reading_with_a_row_of_another_shape_is_an_alarm(
+    name: str, value: Any, shape: str
+) -> None:
+    """B3: of what a plant may leave out, too."""
+    found = replace(reading(5.0), **{name: value})
+    taken = Intake(2, PERIOD).take(found)
+    why = f"its reading has {name} of shape {shape} is wanted"
+    assert taken.reasons == {0: why, 1: why}
+    assert taken.applied is taken.brakes is taken.motors is None

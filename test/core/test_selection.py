@@ -197,3 +197,18 @@ def test_loops_by_their_names() -> None:
     assert [loop_of(str(loop)) for loop in Loop] == list(Loop)
     with pytest.raises(RequestError, match=r"loop 'x{32}' unknown; one of position, "):
         loop_of("x" * 40)
+
+
+def test_memory_keeps_the_latest_and_knows_types() -> None:
+    """M7: True and 1.0 equal 1, and name no joint; odd requests do not fill the memory."""
+    selector = Selector(tuple("abc"))
+    assert selector.select(1) is selector.select(1)
+    for wrong in (True, 1.0, [True], [1.0], [1.0, 2]):
+        with pytest.raises(RequestError, match="unknown"):
+            selector.select(wrong)  # type: ignore[arg-type]
+    for j in range(600):
+        selector.select(np.array([j % 3]))
+    many = Selector(tuple(f"joint_{i}" for i in range(600)))
+    for i in range(600):
+        many.select(i)
+    assert many.select(599) is many.select(599)

@@ -330,6 +330,40 @@ def test_a_brake_that_does_not_open_is_a_fault() -> None:
     assert rig.board.set_control_mode("left", "fidl").message == ""
 
 
+def test_a_brake_that_stuck_once_is_tried_again() -> None:
+    """Y4: opened by hand it stuck; the next mode has power, or is a fault."""
+    rig = braked()
+    rig.plant.inject("left", "brake_stuck")
+    assert rig.board.set_brake("left", "open")
+    rig.run(0.3)
+    assert rig.board.set_control_mode("left", "pos")
+    rig.run(0.3)
+    assert rig.modes()[0] is M.HW_FAULT
+    assert rig.board.get_faults("left")[0].code == FaultCode.BRAKE
+    rig.plant.clear_injected(["left"])
+    assert rig.board.set_brake("left", "automatic")
+    assert rig.board.set_control_mode("left", "fidl")
+    assert rig.board.set_control_mode("left", "pos")
+    rig.run(0.3)
+    assert power(rig) == (True, False)
+
+
+def test_no_brake_opens_under_an_emergency_stop() -> None:
+    """E2, Y4: by hand neither; what was open is closed, and opens again after the release."""
+    rig = braked()
+    rig.board.emergency_stop()
+    rig.tick(2)
+    reply = rig.board.set_brake("left", "open")
+    assert reply.codes == (Reason.EMERGENCY_STOP,)
+    assert "release it" in reply.message
+    assert rig.board.get_brake("left") == [BrakeMode.AUTOMATIC]
+    rig.run(0.5)
+    assert power(rig) == (False, True)
+    rig.board.emergency_stop(False)
+    rig.tick(2)
+    assert rig.board.set_brake("left", "open")
+
+
 def test_a_brake_that_slips_is_warned_of_once() -> None:
     """Y4: with how far it let the joint move, until it opens again."""
     rig = braked()

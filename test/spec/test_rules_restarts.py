@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from rig import STIFF, Held, M, Rig, board_config, held, in_status, joint, ready
+from rig import HEATED, STIFF, Held, M, Rig, board_config, held, in_status, joint, ready
 
 from control_board_ros.core.config.config import Brake, Calibration, Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
-from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.reply import Answer, Reason
 from control_board_ros.core.terms.vocabs import InteractionMode
 
 COMPLIANT = InteractionMode.COMPLIANT
@@ -226,3 +226,62 @@ def test_a_fault_and_its_end_forget_the_travel_of_the_motor() -> None:
     one.travel = 0.01
     assert rig.board.set_control_mode("a", "fidl")
     assert one.travel == 0.0
+
+
+def test_a_power_cycle_forgets_no_heat() -> None:
+    """F6: the budget of I²t is as used as before, and the fault is back with its time."""
+    rig = held(joint("a", limits=HEATED))
+    rig.enter("pos")
+    rig.plant.values[Row.CURRENT] = 9.0
+    while rig.modes() != [M.HW_FAULT]:
+        rig.tick()
+    rig.plant.values[Row.CURRENT] = 0.0
+    rig.tick()
+    used = rig.board.snapshot().overload[0]
+    for _ in range(3):
+        rig.board.power_cycle()
+        rig.tick(12)
+        assert rig.modes() == [M.HW_FAULT]
+        assert rig.board.get_faults("a")[0].text.startswith("I2t overload")
+    assert 0.9 * used < rig.board.snapshot().overload[0] < used
+    refused = rig.board.recover("a")
+    assert refused.waits[0] > 0.1
+    rig.run(refused.waits[0] + 0.1)
+    assert rig.board.set_control_mode("a", "fidl")
+
+
+def test_a_power_cycle_cools_no_winding() -> None:
+    """F6: below the limit of a fault, above that of its end, it stays one."""
+    rig = held(joint("a"))
+    limit = rig.board.config.joints[0].limits.temperature
+    rig.plant.values[Row.TEMPERATURE] = limit + 1.0
+    rig.tick(2)
+    assert rig.modes() == [M.HW_FAULT]
+    rig.plant.values[Row.TEMPERATURE] = limit - 1.0
+    rig.tick(8)
+    rig.board.power_cycle()
+    rig.tick(4)
+    assert rig.modes() == [M.HW_FAULT]
+
+
+def test_no_feed_forward_comes_before_the_configuration() -> None:
+    """N4, M9: it is refused; what was set before a power cycle is gone after it."""
+    rig = in_status(M.NOT_CONFIGURED)
+    for reply in (
+        rig.board.set_feedforward("left", outputs=30.0),
+        rig.board.set_feedforward("left", torques=30.0),
+        rig.board.set_pids("position", "left", offsets=30.0),
+    ):
+        assert reply.answers == (Answer.REFUSED,)
+        assert reply.codes == (Reason.NOT_CONFIGURED,)
+    assert rig.board.configure()
+    rig.tick(2)
+    rig.enter("open")
+    assert rig.tick().output[0] == 0.0
+    assert rig.board.set_feedforward("left", outputs=30.0)
+    assert rig.tick().output[0] > 0.0
+    rig.board.power_cycle()
+    assert rig.board.configure()
+    rig.tick(2)
+    rig.enter("open")
+    assert rig.tick().output[0] == 0.0

@@ -42,7 +42,10 @@ def joined(parts: Mapping[str, BoardConfig]) -> BoardConfig:
             [config.motor_coupling or Coupling.plain(config.names) for config in parts.values()]
         )
     return BoardConfig(
-        heartbeat_timeout=max(config.heartbeat_timeout for config in parts.values()),
+        heartbeat_timeout=min(
+            (one.heartbeat_timeout for one in parts.values() if one.heartbeat_timeout > 0.0),
+            default=0.0,
+        ),
         joints=tuple(joint for config in parts.values() for joint in config.joints),
         control_rate=first.control_rate,
         output=first.output,

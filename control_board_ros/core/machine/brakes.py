@@ -168,6 +168,7 @@ class Brakes:
             if (self._state.cycle - brake.since) * self._period < patience:
                 return
             brake.stuck, brake.due = True, None
+            self.orders[j] = 1.0  # the next order to open it is a new one
             if brake.wanted is not None:
                 text = f"it did not open within {1e3 * patience:.0f} ms"
                 machine.raise_fault(j, FaultCode.BRAKE, text)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid-body dynamics of the arm, and the stand-in for Cython that compiled modules import."""
+"""Rigid-body dynamics of the arm, and the couplings of its joints."""

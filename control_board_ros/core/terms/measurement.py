@@ -2,7 +2,7 @@
 """The data between board and plant, as whole arrays.
 
 The plant fills one block of shape (ROWS, n) per control cycle; the board answers with the
-PWM of each motor and whether its bridge is on.
+set-point of each drive and whether its bridge is on.
 
 A drive accepts set-points of some kinds (S1), and closes the loops behind them::
 
@@ -216,7 +216,21 @@ class Intake:
 
     def __init__(self, count: int, period: float) -> None:
         self._shape, self._period = (ROWS, count), period
+        self._joints, self._motors = (count,), (MOTOR_ROWS, count)
         self._time = 0.0
+
+    def _fault_of(self, found: Measurement) -> str:
+        """Why a reading is invalid."""
+        if not -CREDIBLE <= found.time <= CREDIBLE:
+            return f"its reading is stamped {found.time:g} s"
+        rest = ("applied", self._joints), ("brakes", self._joints), ("motors", self._motors)
+        for name, shape in rest:
+            given = getattr(found, name)
+            if given is not None and np.shape(given) != shape:
+                return f"its reading has {name} of shape {np.shape(given)}; {shape} is wanted"
+        values = found.values
+        shape, kind = np.shape(values), getattr(values, "dtype", type(values).__name__)
+        return f"its reading is {kind} of shape {shape}; float64 of {self._shape} is wanted"
 
     def take(self, found: Measurement) -> Measurement:
         """The reading; where it is invalid the last valid one, with the reason."""
@@ -226,15 +240,14 @@ class Intake:
             and values.shape == self._shape
             and values.dtype is DOUBLE
             and -CREDIBLE <= time <= CREDIBLE
+            and (found.applied is None or np.shape(found.applied) == self._joints)
+            and (found.brakes is None or np.shape(found.brakes) == self._joints)
+            and (found.motors is None or np.shape(found.motors) == self._motors)
         ):
             self._time = time
             return found
         self._time += self._period
-        if not -CREDIBLE <= time <= CREDIBLE:
-            reason = f"its reading is stamped {time:g} s"
-        else:
-            shape, kind = np.shape(values), getattr(values, "dtype", type(values).__name__)
-            reason = f"its reading is {kind} of shape {shape}; float64 of {self._shape} is wanted"
+        reason = self._fault_of(found)
         unread = np.full(self._shape, np.nan)
         unread[Row.ALARM] = 1.0 + FaultCode.PLANT
         return Measurement(self._time, unread, dict.fromkeys(range(self._shape[1]), reason))

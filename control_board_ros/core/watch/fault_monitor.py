@@ -148,15 +148,20 @@ class FaultMonitor:
         self.take = self.monitor.take
         self._configs = config.joints
         self._limits: list[dict[str, float]] = [{}] * state.n
+        self._cooling: dict[int, FaultCode] = {}  # joints that a power-on found too hot
         self.power_on(range(state.n))
 
     def power_on(self, joints: Sequence[int]) -> None:
-        """Restart the monitors of joints (N1)."""
+        """Restart the monitors of joints (N1); heat is kept (F6)."""
         for j in joints:
-            self.joints[j] = JointMonitor()
-            self.joints[j].set(UNLIMITED)
-            self.used[j] = 0.0
-            self._warned[j] = set()
+            before, monitor = self.joints[j], JointMonitor()
+            if before.overload > before.max_overload:
+                self._cooling[j] = FaultCode.I2T
+            elif before.temperature > before.max_temperature:
+                self._cooling[j] = FaultCode.OVERHEATING
+            monitor.overload, monitor.temperature = before.overload, before.temperature
+            monitor.set(UNLIMITED)
+            self.joints[j], self._warned[j] = monitor, set()
             self._configure(j)
 
     def reconfigure(self, config: BoardConfig) -> None:
@@ -189,6 +194,8 @@ class FaultMonitor:
         """As :meth:`arm`, without a restart of the checks: no reading is left out."""
         self.joints[j].set(self._limits[j] if on else UNLIMITED)
         self.joints[j].armed = on
+        if on and j in self._cooling:
+            self.let_cool(j, self._cooling.pop(j))
         if not calibrated:
             self.joints[j].max_overrun = math.inf
 

@@ -114,6 +114,11 @@ class ControlLoop:
     def stop(self, timeout: float = 1.0) -> bool:
         """End the thread: joints unpowered, the last state noted; then close the plant.
 
+        Brakes have their time to close besides (Y4).
+
+        Args:
+            timeout: s for the rest.
+
         Returns:
             False if the thread did not end in time. It then still uses a simulation; another
             plant is closed, which disables its motors.
@@ -121,7 +126,10 @@ class ControlLoop:
         self._stopping = True
         self._wake.set()
         if self._thread.is_alive():
-            self._thread.join(timeout)
+            brakes = [
+                one.brake.engage_time for one in self.board.config.joints if one.brake.present
+            ]
+            self._thread.join(timeout + max(brakes, default=0.0))
         ended = not self._thread.is_alive()
         if ended or not isinstance(self._plant, Simulation):
             self._plant.close()

@@ -19,7 +19,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from ...compiled import describe, is_compiled
-from ...core.config.parameter import Parameter
+from ...core.config.parameter import ConfigError, Parameter
 from ...core.goals.follower import Follower
 from ...core.goals.trajectory_goal import start_goal
 from ...core.terms.measurement import Plant
@@ -343,8 +343,13 @@ def share_parameters(robot: BoardNode, parts: Collection[BoardNode]) -> None:
             if own:
                 changed.append((part, known.changed(own), list(own)))
         with robot.member.exclusive():
-            for part, settings, _ in changed:
-                part.member.board.reconfigure(settings.board)
+            try:
+                for part, settings, _ in changed:
+                    part.member.board.reconfigure(settings.board)
+            except ConfigError:  # beyond what a drive allows
+                for part, _, _ in changed:
+                    part.member.board.reconfigure(part.parameters.settings.board)
+                raise
         for part, settings, own_names in changed:
             part.parameters.show(settings, own_names)
 

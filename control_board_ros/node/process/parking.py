@@ -36,6 +36,8 @@ def park(
             reasons.append(_move(member, pose, on_start, at_once))
         except RequestError as error:
             reasons.append(str(error))
+        except Exception as error:  # noqa: BLE001 - told as the reason
+            reasons.append(f"internal error, {type(error).__name__}: {error}")
 
     thread = threading.Thread(target=move, name="parking", daemon=True)
     thread.start()
