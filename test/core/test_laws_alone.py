@@ -6,6 +6,7 @@ They are C functions where the laws are compiled; here they are the same as plai
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -397,10 +398,15 @@ def test_a_joint_is_on_a_limit_until_it_is_off_its_edge(
     position: float, was: bool, on: bool
 ) -> None:
     """1° from it, or a hundredth of the range."""
-    one = joint(limit_lower=-2.0, limit_upper=2.0, position=position, on_limit=was)
+    edge = math.radians(1.0)
+    one = joint(
+        limit_lower=-2.0, limit_upper=2.0, limit_edge=edge, position=position, on_limit=was
+    )
     LAWS.note_limit(one)
     assert bool(one.on_limit) is on
-    short = joint(limit_lower=-0.5, limit_upper=0.5, position=0.4901, on_limit=True)
+    short = joint(
+        limit_lower=-0.5, limit_upper=0.5, limit_edge=edge, position=0.4901, on_limit=True
+    )
     LAWS.note_limit(short)
     assert short.on_limit
     short.position = 0.4899

@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from rig import M, Rig, board_config, joint, simulation_config, truth
+from rig import LIMITS, M, Rig, board_config, joint, simulation_config, truth
 
-from control_board_ros.core.config.config import BoardConfig, Calibration, Pid
+from control_board_ros.core.config.config import BoardConfig, Calibration, ConfigError, Pid
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import Array
 from control_board_ros.sim.bodies.ideal import IdealBody
 from control_board_ros.sim.config import SimulationConfig
@@ -221,3 +223,32 @@ def test_a_sliding_joint_blocked_before_its_start(kind: int) -> None:
     blocked = replace(FINGER, type=kind, zero=0.001, timeout=8.0)
     text = calibrate(finger(lambda _, q, dq: -1e5 * max(q - 0.02, 0.0) - 100.0 * dq, blocked))
     assert "timed out after 8 s while moving to the start position" in text
+
+
+# --- K8: drives without PWM --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("drive", [["torque"], ["impedance"], ["position", "velocity", "torque"]])
+def test_a_hard_stop_needs_a_drive_that_pushes(drive: list[str]) -> None:
+    """K8: where neither pwm nor current is accepted it is an error of the configuration."""
+    kinds = tuple(SetPoint[name.upper()] for name in drive)
+    with pytest.raises(ConfigError, match="a hard stop needs pwm or current") as error:
+        joint("left", calibration=STOP, drive=kinds)
+    assert error.value.key == "left.calibration.type"
+    assert joint("left", calibration=Calibration(type=12), drive=kinds).calibration
+
+
+@pytest.mark.parametrize("drive", [["current"], ["position", "current"], ["torque", "pwm"]])
+def test_a_hard_stop_is_found_by_current(drive: list[str]) -> None:
+    """K8, K6: with the current that the PWM would give; slower than the speed limit."""
+    kinds = tuple(SetPoint[name.upper()] for name in drive)
+    rig = rig_with(drive=kinds, max_travel_error=math.inf)
+    fastest = 0.0
+    rig.tick(2)
+    while rig.modes() == [M.CALIBRATING]:
+        speed = abs(float(rig.tick().velocity[0]))
+        if rig.board.get_calibration("left")[0].phase.startswith("driving"):
+            fastest = max(fastest, speed)
+    assert rig.modes() == [M.POSITION], rig.board.get_faults("left")[0].text
+    assert rig.run(0.5).position[0] == pytest.approx(truth(rig), abs=2e-3)
+    assert fastest < 1.05 * LIMITS.velocity

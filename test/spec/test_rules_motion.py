@@ -1011,3 +1011,57 @@ def test_malformed_commands(
     assert re.search(words, reply.message), reply.message
     assert rig.board.snapshot().rejected_commands.tolist() == counts
     assert rig.everything() == before
+
+
+# --- P15: a command that repeats ---------------------------------------------------------------
+
+
+def arrival(rate: float, kind: CommandKind = CommandKind.POSITION, target: float = 1.5) -> float:
+    """S until a move arrives whose command is repeated at a rate, Hz; 0: sent once."""
+    rig = held(joint("left", reference_speed=0.5))
+    rig.enter("mix")
+    every = round(RATE / rate) if rate else 10**9
+    for cycle in range(round(8.0 * RATE)):
+        if cycle % every == 0:
+            assert rig.board.command(kind, "left", target)
+        shown = rig.tick()
+        if shown.motion_done[0]:
+            assert shown.position_reference[0] == min(target, LIMITS.upper)
+            return cycle / RATE
+    return math.inf
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0, 50.0, RATE])
+@pytest.mark.parametrize("target", [1.5, 9.0])
+def test_a_repeated_command_is_no_new_move(rate: float, target: float) -> None:
+    """P15: it arrives when the first one would have, bounded by a limit as well."""
+    assert arrival(rate, target=target) == arrival(0.0, target=target) < 5.0
+
+
+def test_a_repeated_command_stays_done() -> None:
+    """P15, P3: at its target nothing starts; after a stop it is a new move."""
+    rig = held(joint("left", reference_speed=0.5))
+    rig.enter("pos")
+    assert rig.board.position_move("left", 0.1)
+    rig.run(1.0)
+    assert rig.board.position_move("left", 0.1)
+    assert rig.board.snapshot().motion_done[0]
+    assert rig.board.position_move("left", 0.5)
+    rig.run(0.3)
+    assert rig.board.stop()
+    assert rig.board.position_move("left", 0.5)
+    rig.run(2.0)
+    assert rig.board.snapshot().position_reference[0] == 0.5
+
+
+def test_another_speed_is_another_move() -> None:
+    """P15, P1: also the set one; of several joints those start that differ."""
+    rig = held(joint("left", reference_speed=0.5), joint("right", reference_speed=0.5))
+    rig.enter("pos")
+    assert rig.board.position_move(None, 1.0)
+    rig.run(0.5)
+    before = rig.board.engine.references.remaining(np.array([0, 1]))
+    assert rig.board.position_move(None, 1.0, [0.5, 0.1])
+    after = rig.board.engine.references.remaining(np.array([0, 1]))
+    assert after[0] == before[0]
+    assert after[1] > before[1] + 5.0

@@ -11,7 +11,7 @@ import pytest
 from rig import COMPLIANT, STIFF, Held, M, Rig, board_config, joint
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config.config import Calibration
+from control_board_ros.core.config.config import Calibration, Timeouts
 from control_board_ros.core.config.layout import joined
 from control_board_ros.core.state import Reference
 from control_board_ros.core.terms.faults import FaultCode
@@ -354,3 +354,25 @@ def test_the_frames_of_32_joints_fit_into_ten_megabytes() -> None:
     rig.tick(600)
     assert all(rig.board.get_freeze_frame(name) is not None for name in config.names)
     assert before < rig.board.engine.frames.size < 10e6
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_a_joint_without_its_torque_keeps_its_fault(partial: bool) -> None:
+    """E1, Y5: until it is measured again the mode before the fault is kept in mind."""
+    far = joint("far", external_torque=True, timeouts=Timeouts(torque_sensor=0.1))
+    rig = Rig(board_config(far))
+    for _ in range(10):
+        rig.board.update_torque_sensor("far", 0.0)
+        rig.tick()
+    assert rig.board.set_control_mode("far", M.TORQUE)
+    rig.run(0.3)
+    fault = rig.board.get_faults("far")[0]
+    assert fault.active
+    reply = rig.board.recover("far", partial=partial)
+    assert reply.answers == (Answer.REFUSED,)
+    assert "stays in HW_FAULT" in reply.message
+    assert rig.board.get_faults("far")[0] == fault
+    rig.board.update_torque_sensor("far", 0.0)
+    rig.tick(2)
+    assert rig.board.recover("far")
+    assert rig.board.get_control_mode("far") == [M.TORQUE]

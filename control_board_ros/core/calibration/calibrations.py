@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
@@ -194,6 +195,9 @@ class JointAccess:
 
     @property
     def travelled(self) -> float:
+        """Of the motor; of the joint where its drive shows no travel of its own."""
+        if math.isinf(self.joint.max_travel_error):
+            return self.reading
         return float(self._machine.state.travelled[self._j])
 
     @property

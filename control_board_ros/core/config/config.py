@@ -347,6 +347,14 @@ class JointConfig:
         if self.calibration is not None:
             key, final = f"{self.name}.calibration", self.calibration
             final.check(key, self.limits, self.motor)
+            if final.type == 5 and set_point_of(Law.CURRENT, self.set_points) is None:  # K8
+                served = ", ".join(f"{n}" for n in CALIBRATION_TYPES if n != 5)
+                codes = ", ".join(kind.code for kind in self.set_points)
+                raise ConfigError(
+                    f"{key}.type",
+                    5,
+                    f"{served}: a hard stop needs pwm or current; its drive has {codes}",
+                )
             self._check_final(f"{key}.control_mode", final.control_mode, SELECTABLE)
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..config.config import BoardConfig, JointConfig, Pid, Zone, damping_for
-from ..config.parts import Payload
+from ..config.parts import DEGREE, Payload
 from ..model.arm_model import Link, fill
 from ..model.dynamics import Body
 from ..state import Indices, StateArrays
@@ -33,6 +33,9 @@ PURSUIT_SHARE = 0.2
 
 #: A winding that is slower than the control period by more than this is not made up for whole.
 MOST_LEAD = 3.0
+
+#: Hysteresis of the warning of a limit at most, rad or m.
+EDGE_ANGLE, EDGE_DISTANCE = 1.0 * DEGREE, 1e-3
 
 #: Dry friction is whole from this part of the speed limit on.
 SLIP = 1e-2
@@ -229,6 +232,8 @@ class Controller:
         """The set-point by which a law reaches the joint's drive (S1)."""
         joint, own = self.joints[j], self._config.joints[j]
         kind = set_point_of(law, own.set_points)
+        if kind is None and law is Law.OUTPUT:  # of a calibrator (K8)
+            kind = set_point_of(Law.CURRENT, own.set_points)
         if kind is None or kind is SetPoint.OFF:  # what it would be
             kind = set_point_of(Law.POSITION, own.set_points)
         assert kind is not None
@@ -266,6 +271,7 @@ def set_constants(
     joint.period, joint.delay = period, own.drive_delay
     joint.elapsed = joint.span = period
     joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
+    joint.limit_edge = own.kind.choose(EDGE_ANGLE, EDGE_DISTANCE)
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
     joint.max_torque, joint.max_output = limits.torque, limits.output
     joint.inertia_min = own.inertia_min

@@ -589,6 +589,7 @@ class Joint:
     period = cython.declare(cython.double, visibility="public")
     limit_lower = cython.declare(cython.double, visibility="public")
     limit_upper = cython.declare(cython.double, visibility="public")
+    limit_edge = cython.declare(cython.double, visibility="public")  # hysteresis of on_limit
     max_velocity = cython.declare(cython.double, visibility="public")
     max_acceleration = cython.declare(cython.double, visibility="public")
     max_torque = cython.declare(cython.double, visibility="public")
@@ -1568,7 +1569,10 @@ def law_torque(j: Joint) -> cython.double:
 
 @cython.cfunc
 def control(j: Joint) -> cython.void:
-    """The output of the law that runs (source Fig. 2)."""
+    """The output of the law that runs (source Fig. 2).
+
+    A calibrator's output u of a drive that takes currents (K8): i = (V_s u/100 − Ke q̇)/R.
+    """
     torque: cython.double
     drive: cython.double
     given: cython.double
@@ -1586,6 +1590,10 @@ def control(j: Joint) -> cython.void:
         return
     if j.kind == AS_IMPEDANCE and j.wire > 0.0 and (j.law == POSITION or j.settling):
         hand_down_spring(j, given)
+        return
+    if j.law == OUTPUT and j.kind == AS_CURRENT:
+        drive = (j.output_command / j.percent_per_volt - j.emf * j.velocity) / j.ohms
+        j.set_current = protect(j, clamp(drive, -j.max_drive, j.max_drive))
         return
     if j.law == OUTPUT:
         drive = j.output_command + given
@@ -1730,12 +1738,12 @@ def speed_towards(j: Joint, room: cython.double, top: cython.double) -> cython.d
 
 @cython.cfunc
 def note_limit(j: Joint) -> cython.void:
-    """Whether the joint is beyond a limit; with a hysteresis of 1 % of the range, 1 deg (P9)."""
+    """Whether the joint is beyond a limit, with a hysteresis (P9)."""
     room: cython.double = j.limit_upper - j.position
     below: cython.double = j.position - j.limit_lower
     room = min(room, below)
     edge: cython.double = 0.01 * (j.limit_upper - j.limit_lower)
-    edge = min(edge, 0.0175)
+    edge = min(edge, j.limit_edge)
     j.on_limit = room < 0.0 or (j.on_limit and room < edge)
 
 

@@ -82,10 +82,12 @@ class ReferenceTimeouts:
 class Moves(NamedTuple):
     """Position moves that start together.
 
-    Attributes: factors (of each duration to that of its joint by itself, for the torques
-    that they need; of one part the same), plans (durations of each and of its braking, s).
+    Attributes: joints (that start), factors (of each duration to that of its joint by itself, for
+    the torques that they need; of one part the same), plans (durations of each and
+    of its braking, s).
     """
 
+    joints: list[int]
     factors: list[float]
     plans: list[Plan]
 
@@ -118,6 +120,7 @@ class References:
         self._state, self._joints = state, joints
         self._efforts = efforts or [None] * state.n
         self.last: Array = np.zeros((len(CommandKind), state.n))
+        self._moves: Array = np.full((2, state.n), np.nan)  # target and speed of the last move
         self.speed, self.acceleration = np.zeros(state.n), np.zeros(state.n)
         self.power_on(range(state.n), config)
 
@@ -150,14 +153,31 @@ class References:
     def hold(self, joints: Sequence[int], positions: Sequence[float]) -> None:
         """Stop at positions, or where joints in motion come to rest (P3, M9)."""
         state = self._state
+        self._moves[:, joints] = np.nan
         for j, position in zip(joints, positions, strict=True):
             state.position_reference[j], state.velocity_reference[j] = position, 0.0
             state.done[j] = True
             self._joints[j].hold(position)
 
     def move(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
-        """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,)."""
+        """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,).
+
+        A joint whose last move had this target and speed, and goes on or has ended there, keeps it
+        (P15).
+        """
+        repeated = self._repeated(joints, targets, speeds)
+        if repeated.any():
+            joints, targets, speeds = (row[~repeated] for row in (joints, targets, speeds))
+        self._moves[:, joints] = targets, speeds
         return self._start(joints, targets, self.plan_moves(joints, targets, speeds))
+
+    def _repeated(self, joints: Indices, targets: Array, speeds: Array) -> NDArray[np.bool_]:
+        """Which moves are those under way, or have ended with the reference at their target."""
+        repeated: NDArray[np.bool_] = (self._moves[:, joints] == (targets, speeds)).all(axis=0)
+        for k in np.flatnonzero(repeated).tolist():
+            joint = self._joints[int(joints[k])]
+            repeated[k] = joint.moving or joint.reference == targets[k]
+        return repeated
 
     def plan_moves(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
         """The plan of such moves, from the present state."""
@@ -169,6 +189,7 @@ class References:
         """Start moves that all arrive after ``time`` s, at least that of ``plan_moves``."""
         each = zip(joints.tolist(), targets.tolist(), strict=True)
         plans = [planned(durations_within, self._joints[j], target, time) for j, target in each]
+        self._moves[:, joints] = np.nan
         moves = self._stretched(joints, targets, plans, [time] * len(plans))
         return self._start(joints, targets, moves)
 
@@ -197,7 +218,7 @@ class References:
             )
             for k, one in zip(some, stretched, strict=True):
                 factors[k], made[k] = factor, one
-        return Moves(factors, made)
+        return Moves(chosen, factors, made)
 
     def _start(self, joints: Indices, targets: Array, moves: Moves) -> Moves:
         self._state.done[joints] = False

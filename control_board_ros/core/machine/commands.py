@@ -161,18 +161,25 @@ class Commands:
             time: s after which position moves arrive, all at once (R5), no less than
                 ``get_move_time`` returns; None: each at its own.
             valid_for: s until these references expire (P12); 0: the timeouts of the joints.
-            sampled: of a path whose points are already checked: bounded, never refused.
+            sampled: of a path whose points are already checked, no stream of a program: bounded,
+                never refused.
         """
         extra = self._standing(kind, selection) if along is None else along
         chosen = selection.joints
         good = self._state.accepts[kind, chosen] & np.isfinite(asked)
         if along is not None:
             good &= self._fits(kind, chosen, along)
-        if self._refused is not None and not sampled:
-            good &= self.within(kind, chosen, asked)
+        stale = None
+        if not sampled:
+            if self._refused is not None:
+                good &= self.within(kind, chosen, asked)
+            stale = self._machine.streams.judge(kind, chosen, asked, good)
+            self._machine.streams.note(chosen)
+        if stale is not None:
+            good &= ~stale
         answers: list[JointAnswer] = []
         if not good.all():
-            answers = self._judged(kind, selection, asked, along)
+            answers = self._judged(kind, selection, asked, along, stale)
             if together:
                 return decided(selection.names, all_or_none(answers))
             chosen, asked = chosen[good], asked[good]
@@ -230,7 +237,7 @@ class Commands:
         if time is not None:
             ways = np.abs(taken - starts)
             moves = references.move_within(chosen, taken, time)
-            notes = self._slower(chosen, ways, ways / time, moves)
+            notes = self._slower(chosen, ways, ways / time if time > 0.0 else ways, moves)
         else:
             moves = row.start(references, chosen, taken, extra)
             if moves is not None and extra is not None:
@@ -257,14 +264,13 @@ class Commands:
         """Where limits make a move slower than requested (P1)."""
         notes = {}
         joints = self._machine.config.joints
-        for j, way, speed, time, factor in zip(
-            chosen.tolist(),
-            ways.tolist(),
-            speeds.tolist(),
-            moves.times,
-            moves.factors,
-            strict=True,
-        ):
+        started = dict(
+            zip(moves.joints, zip(moves.times, moves.factors, strict=True), strict=True)
+        )
+        for j, way, speed in zip(chosen.tolist(), ways.tolist(), speeds.tolist(), strict=True):
+            if j not in started:  # it was under way
+                continue
+            time, factor = started[j]
             if text := explain_slower(joints[j], way, speed, time, factor=factor):
                 notes[j] = text
         return notes
@@ -278,7 +284,12 @@ class Commands:
         return inside | ~self._refused[chosen]
 
     def _judged(
-        self, kind: CommandKind, selection: Selection, asked: Array, along: Array | None
+        self,
+        kind: CommandKind,
+        selection: Selection,
+        asked: Array,
+        along: Array | None,
+        stale: NDArray[np.bool_] | None,
     ) -> list[JointAnswer]:
         """The answer of each joint; ignored references are counted (M4)."""
         answers = []
@@ -291,7 +302,9 @@ class Commands:
         for k, j in enumerate(selection.joints.tolist()):
             facts = self._machine.facts(j)
             values = (float(asked[k]),) if along is None else (float(asked[k]), float(along[k]))
-            verdict = decide_reference(facts, kind, values, fits=bool(fits[k] and within[k]))
+            inside = bool(fits[k] and within[k])
+            outlived = stale is not None and bool(stale[k])
+            verdict = decide_reference(facts, kind, values, fits=inside, stale=outlived)
             self._state.rejected[j] += np.uint64(not verdict.accepts)
             if fits[k]:
                 bounds = float(self._low[kind][j]), float(self._high[kind][j])

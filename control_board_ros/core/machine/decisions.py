@@ -66,6 +66,11 @@ class Facts(NamedTuple):
         """Whether the joint may have no power."""
         return self.stage is not Stage.ACTIVE
 
+    @property
+    def stopped(self) -> bool:
+        """Whether an emergency stop keeps the joint in its fault (E2)."""
+        return self.cause is not None and self.cause.code is FaultCode.EMERGENCY_STOP
+
     def after(self, verdict: Verdict) -> Facts:
         """The facts after an accepted verdict has been carried out."""
         effect = verdict.effect
@@ -149,8 +154,7 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
 def _hindrance(facts: Facts, target: ControlMode | Choice) -> Reason:
     """The obstacle to a mode that the table allows (F3, E2, Y4)."""
     if facts.cause is not None:
-        stopped = facts.cause.code is FaultCode.EMERGENCY_STOP
-        return Reason.EMERGENCY_STOP if stopped else Reason.CAUSE_PERSISTS
+        return Reason.EMERGENCY_STOP if facts.stopped else Reason.CAUSE_PERSISTS
     closed = facts.brake_closed and target in POWERED
     return Reason.BRAKE_CLOSED if closed else Reason.NONE
 
@@ -179,11 +183,15 @@ def _decide_calibration(facts: Facts) -> Verdict:
 
 
 def decide_brake(facts: Facts, mode: BrakeMode, *, present: bool) -> Verdict:
-    """The verdict on a brake mode (Y4): a brake closes by hand only without power."""
+    """The verdict on a brake mode (Y4): a brake closes by hand only without power, and opens
+    none while an emergency stop holds (E2).
+    """
     if not present:
         return Verdict(Answer.REFUSED, Reason.UNSUPPORTED)
     if mode is BrakeMode.CLOSED and facts.mode in DRIVEN:
         return Verdict(Answer.REFUSED, Reason.OTHER_MODE)
+    if mode is BrakeMode.OPEN and facts.stopped:
+        return Verdict(Answer.REFUSED, Reason.EMERGENCY_STOP)
     return FINE
 
 
@@ -195,15 +203,20 @@ def decide_stop(facts: Facts) -> Verdict:
 
 
 def decide_reference(
-    facts: Facts, kind: CommandKind, values: tuple[float, ...], fits: bool = True
+    facts: Facts,
+    kind: CommandKind,
+    values: tuple[float, ...],
+    fits: bool = True,
+    stale: bool = False,
 ) -> Verdict:
-    """The verdict on a reference (M4, P13).
+    """The verdict on a reference (M4, P13, F8).
 
     Args:
         facts: Of one joint.
         kind: Of the reference.
         values: The reference, and its accompanying value.
         fits: Whether the accompanying value is in its range.
+        stale: Whether it belongs to a stream that outlived a fault.
     """
     if kind not in ACCEPTS.get(facts.mode, ()):
         known = any(kind in ACCEPTS.get(mode, ()) for mode in facts.joint.control_modes)
@@ -211,13 +224,15 @@ def decide_reference(
         return _ignored(facts, _unavailable(facts, otherwise))
     if not all(math.isfinite(value) for value in values):
         return _ignored(facts, Reason.NOT_FINITE)
-    return FINE if fits else _ignored(facts, Reason.OUT_OF_RANGE)
+    if not fits:
+        return _ignored(facts, Reason.OUT_OF_RANGE)
+    return _ignored(facts, Reason.STALE) if stale else FINE
 
 
 def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
-    """The verdict on feed-forward terms (P11, K6, M4)."""
-    if facts.mode in CALIBRATES:
-        return _ignored(facts, Reason.CALIBRATING)
+    """The verdict on feed-forward terms (P11, K6, M4, N4)."""
+    if facts.mode in CALIBRATES or facts.mode in UNCONFIGURED:
+        return _ignored(facts, UNAVAILABLE[facts.mode])
     if not all(math.isfinite(value) for value in values):
         return _ignored(facts, Reason.NOT_FINITE)
     return FINE

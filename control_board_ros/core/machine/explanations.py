@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Verdicts in words: one line each with cause, value, and what is allowed; no tool is named.
-
-The only place where the texts of replies about single joints are made.
-"""
+"""Verdicts in words: one line each with cause, value, and what is allowed; no tool is named."""
 
 from __future__ import annotations
 
@@ -14,6 +11,7 @@ from ..terms.modes import CALIBRATES, UNCONFIGURED, UNPOWERED, Event, Stage, mod
 from ..terms.reply import Answer, JointAnswer, Reason, quantity
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
 from .decisions import Facts, Wanted
+from .stale import NEAR_ANGLE, NEAR_DISTANCE, PAUSE, POSITIONS
 
 ACTIVATE = "activate it first"
 UNTIL_CALIBRATED = "until then it accepts idl, fidl and a calibration"
@@ -84,6 +82,15 @@ def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
     return REQUEST_TEXTS[reason](facts, wanted) if reason is not Reason.NONE else ""
 
 
+def explain_kept(facts: Facts, wanted: Wanted) -> str:
+    """Why a joint is not recovered: it does not implement the mode before the fault now (E1)."""
+    return (
+        f"{facts.joint.name} stays in {facts.mode.name}: without its torque sensor it does not "
+        f"implement {asked(wanted)}, its mode before the fault; send FORCE_IDLE, or recover it "
+        "when its torque is measured again"
+    )
+
+
 def explain_stop(facts: Facts) -> str:
     """Why a stop had no effect on a joint."""
     advice = STOP_TEXTS[facts.mode](facts) if facts.mode in STOP_TEXTS else STOP_OTHERWISE
@@ -98,6 +105,9 @@ def explain_brake(reason: Reason, facts: Facts) -> str:
     if reason is Reason.OTHER_MODE:
         code = UNPOWERED.code
         return f"{name} is in {mode.name}; closing a brake by hand requires {code}; set it first"
+    if reason is Reason.EMERGENCY_STOP:
+        assert facts.cause is not None
+        return f"the brake of {name} stays closed: {facts.cause.text}; {facts.cause.advice} first"
     return ""
 
 
@@ -127,17 +137,30 @@ def explain_reference(
         why = not_finite(values)
     elif reason is Reason.OUT_OF_RANGE:
         why = allowed
+    elif reason is Reason.STALE:
+        why = outlived(facts, kind)
     else:
         why = wrong_mode(reason, facts, kind)
     return f"{kind} reference for {facts.joint.name} ignored: {why}"
+
+
+def outlived(facts: Facts, kind: CommandKind) -> str:
+    """Why a reference of a stream that outlived a fault is ignored, and how to go on (F8)."""
+    near = facts.joint.kind.position(facts.joint.kind.choose(NEAR_ANGLE, NEAR_DISTANCE))
+    meet = f"begin within {near} of the joint, " if kind in POSITIONS else ""
+    return f"its stream outlived a fault; {meet}pause for {PAUSE:g} s, or set the mode again"
 
 
 def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...]) -> str:
     """Why a joint's part of a feed-forward was ignored; empty where it was not."""
     if reason is Reason.NONE:
         return ""
-    mode = f"mode is {facts.mode.name}, where it has no effect"
-    why = not_finite(values) if reason is Reason.NOT_FINITE else mode
+    if reason is Reason.NOT_FINITE:
+        why = not_finite(values)
+    elif reason is Reason.NOT_CONFIGURED:
+        why = WITHHELD_TEXTS[reason](facts)
+    else:
+        why = f"mode is {facts.mode.name}, where it has no effect"
     return f"feedforward for {facts.joint.name} ignored: {why}"
 
 

@@ -42,6 +42,7 @@ from ..watch.fault_monitor import FaultMonitor
 from .brakes import Brakes, Wanted
 from .decisions import Facts
 from .explanations import explain_limit, explain_strain
+from .stale import StaleStreams
 
 #: ACCEPTS as columns over the kinds of command, shape (kinds,).
 ACCEPTED = {
@@ -58,8 +59,9 @@ class Machine:
         controller, references, timeouts, monitor: reset by a change of mode.
         events: receives log entries.
 
-    Attributes: calibrations, brakes, on_fault (called with each joint that faults), joint (the
-    present configuration of a joint, without a silent external torque sensor), and the arguments.
+    Attributes: calibrations, brakes, streams (those that outlived a fault), on_fault (called with
+    each joint that faults), joint (the present configuration of a joint, without a silent external
+    torque sensor), and the arguments.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class Machine:
         self.events = events
         self.calibrations = Calibrations(self)
         self.brakes = Brakes(self)
+        self.streams = StaleStreams(config, state)
         self.on_fault: Callable[[int], None] = lambda _: None
         self.joint: Callable[[int], JointConfig] = lambda j: self.config.joints[j]
         self._on_limit, self._strained = [False] * state.n, [False] * state.n
@@ -206,6 +209,7 @@ class Machine:
         )
         state.note_faults([j])
         self.on_fault(j)
+        self.streams.on_fault(j)
         if calibrating:  # K4
             self.calibrations.fail(j, state.faults[j].text)
         self.monitor.let_cool(j, code)

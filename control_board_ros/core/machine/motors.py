@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...text import unknown_word
 from ..config.config import BoardConfig
 from ..config.layout import BoardLimits
 from ..laws.laws import Joint
@@ -20,7 +21,7 @@ from ..selection import RequestError, Selection, all_within, spread
 from ..state import StateArrays
 from ..terms.arguments import Array, Values
 from ..terms.measurement import Motor
-from ..terms.modes import CALIBRATES, CONFIGURED, UNPOWERED
+from ..terms.modes import CALIBRATES, CONFIGURED, UNCONFIGURED, UNPOWERED
 from ..terms.motors import TERMS, Loop, Motors, Pids, Term
 from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
 from .decisions import decide_feedforward
@@ -109,6 +110,10 @@ def feed_torque(joint: Joint, torque: float) -> float:
 FAR_OFF, MOST_EMF = 10.0, 2.0
 
 
+#: Values of motors that can be set: caps, constants, friction.
+SETTABLE = ("max_currents", "output_limits", *TERMS)
+
+
 class MotorAccess:
     """What is read and set of motors, amplifiers and loops.
 
@@ -163,6 +168,10 @@ class MotorAccess:
             RequestError: there is none, or one is not within what is configured.
         """
         found = {}
+        for name in given:
+            if name not in SETTABLE:
+                text = unknown_word("value of motors", name, SETTABLE)
+                raise RequestError(text)
         for name, values in given.items():
             if values is not None:
                 what, most, zero = self._bounds(name)
@@ -231,6 +240,10 @@ class MotorAccess:
             if mode in CALIBRATES:
                 text = f"{name} is {mode.name}: its calibrator has the loop; wait until it is done"
                 answers.append(JointAnswer(Answer.REFUSED, text, Reason.CALIBRATING))
+                continue
+            if mode in UNCONFIGURED and offsets is not None:  # N4
+                text = f"{name} is {mode.name}; offsets can be set once it is configured"
+                answers.append(JointAnswer(Answer.REFUSED, text, Reason.NOT_CONFIGURED))
                 continue
             joint = machine.controller.joints[j]
             if offsets is not None:

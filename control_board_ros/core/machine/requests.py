@@ -14,6 +14,7 @@ import numpy as np
 from ..selection import Selection
 from ..terms.faults import FaultCode
 from ..terms.modes import (
+    ACCEPTS,
     DIRECT_GAINS,
     FAULTED,
     REQUESTS,
@@ -24,10 +25,17 @@ from ..terms.modes import (
     Stage,
     law_of,
 )
-from ..terms.reply import JointAnswer, Reply, decided
+from ..terms.reply import Answer, JointAnswer, Reply, decided
 from ..terms.vocabs import BrakeMode, ControlMode, InteractionMode
 from .decisions import Verdict, Wanted, decide, decide_brake, decide_stop
-from .explanations import all_or_none, explain, explain_brake, explain_stop, explain_stuck
+from .explanations import (
+    all_or_none,
+    explain,
+    explain_brake,
+    explain_kept,
+    explain_stop,
+    explain_stuck,
+)
 from .machine import Machine
 
 #: Answer of a joint that does what was requested.
@@ -70,6 +78,22 @@ class Requests:
             self._judge(j, asked if isinstance(asked, tuple) else (asked,))
             for j, asked in zip(selection.numbers, wanted, strict=True)
         ]
+        reply = self._answer(selection, judged, together=together)
+        self._machine.streams.forget(
+            j
+            for j, asked, answer in zip(selection.numbers, wanted, reply.answers, strict=True)
+            if answer is Answer.ACCEPTED and names_a_mode(asked)
+        )
+        return reply
+
+    def _answer(
+        self,
+        selection: Selection,
+        judged: Sequence[tuple[JointAnswer, list[Step]]],
+        *,
+        together: bool,
+    ) -> Reply:
+        """Carry out what was decided, and answer."""
         answers = [answer for answer, _ in judged]
         held = together and any(answer.code for answer in answers)
         self._carry_out(
@@ -97,8 +121,22 @@ class Requests:
                 wanted.append((ControlMode.FORCE_IDLE, interaction, mode))
             else:  # its calibration was aborted by the fault
                 wanted.append((ControlMode.FORCE_IDLE,))
-        reply = self.request(selection, wanted, together=not partial)
+        judged = [
+            self._judge_recovery(j, asked)
+            for j, asked in zip(selection.numbers, wanted, strict=True)
+        ]
+        reply = self._answer(selection, judged, together=not partial)
         return replace(reply, waits=tuple(waits))
+
+    def _judge_recovery(self, j: int, whats: Sequence[Wanted]) -> tuple[JointAnswer, list[Step]]:
+        """As ``_judge``: a joint that cannot do all of it keeps its fault and the mode before."""
+        answer, steps = self._judge(j, whats)
+        if not answer.code:
+            return answer, steps
+        if answer.answer is Answer.UNSUPPORTED:
+            text = explain_kept(self._machine.facts(j), steps[-1].wanted)
+            answer = JointAnswer(Answer.REFUSED, text, answer.code)
+        return answer, []
 
     def _judge(self, j: int, whats: Sequence[Wanted]) -> tuple[JointAnswer, list[Step]]:
         """The answer of a joint, and its steps up to the first that is not accepted."""
@@ -184,6 +222,12 @@ class Requests:
             if not answer.code:
                 brakes.set_mode(j, mode)
         return decided(selection.names, answers)
+
+
+def names_a_mode(wanted: Wanted | tuple[Wanted, ...]) -> bool:
+    """Whether a request is for a mode that accepts references, and not to leave one only."""
+    steps = wanted if isinstance(wanted, tuple) else (wanted,)
+    return any(step in ACCEPTS for step in steps)
 
 
 class StartUp:

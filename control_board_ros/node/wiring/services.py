@@ -239,9 +239,11 @@ class Services:
     def set_encoders(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
             joints, positions = bounded(request.names, board.count), optional(request.positions)
-            reply = board.set_encoders(
-                joints, 0.0 if positions is None else positions, motor=request.motor
-            )
+            if positions is None:
+                text = "positions are required: the readings at the present place, one per joint"
+                reply = board.selector.refuse(joints, RequestError(text))
+            else:
+                reply = board.set_encoders(joints, positions, motor=request.motor)
         return answered(response, reply)
 
     def get_coupling(self, _request: Any, response: Any) -> Any:

@@ -12,12 +12,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
 from ...core.selection import RequestError, Selection
-from ...core.terms.modes import MOVES
 from ...core.terms.reply import Reply, accepted
 from ...core.terms.vocabs import CommandKind
 from ...interface import (
@@ -153,51 +151,18 @@ class CommandTopics:
 def stream(
     board: JointGroup, kind: CommandKind, names: Sequence[str], values: Any, along: Any = None
 ) -> Reply:
-    """Send references of one kind that a program repeats; a repeated position is no new move."""
-    if kind is not CommandKind.POSITION:
-        return board.command(kind, names, values, along)
-    known = known_moves(board, names, values, along)
-    if known.any():
-        joints = board.selector.select(names).names
-        if known.all():
-            return accepted(joints)
-        names, values = [joints[k] for k in np.flatnonzero(~known)], np.asarray(values)[~known]
-        along = None if along is None else np.asarray(along)[~known]
+    """Send references that a program repeats: moves slower than requested are not reported."""
     reply = board.command(kind, names, values, along)
-    if reply and np.array_equal(board.get_target_position(reply.joints), values):
-        return accepted(reply.joints)  # slower than requested: not reported for a stream
-    return reply
-
-
-def known_moves(
-    board: JointGroup, names: Sequence[str], positions: Any, speeds: Any
-) -> NDArray[np.bool_]:
-    """Which moves run already, or have ended with their joint held at the target, shape (k,).
-
-    Restarted with every message of a stream, a move would never reach its speed. Of an invalid
-    request no move is known: the board reports it.
-    """
-    unknown = np.zeros(len(positions), dtype=bool)
-    try:
-        chosen = board.selector.select(names)
-    except RequestError:
-        return unknown
-    joints = chosen.names
-    if len(positions) != len(joints) or (speeds is not None and len(speeds) != len(joints)):
-        return unknown
-    moving = ~np.array(board.check_motion_done(joints))
-    known: NDArray[np.bool_] = board.get_target_position(joints) == positions
-    known &= moving | (board.state.position_reference[chosen.joints] == positions)
-    known &= [mode is MOVES for mode in board.get_control_mode(joints)]
-    if speeds is not None:
-        known &= board.get_ref_speed(joints) == speeds
-    return known
+    if kind is not CommandKind.POSITION or not reply:
+        return reply
+    bounded_to = board.get_target_position(reply.joints)
+    return accepted(reply.joints) if np.array_equal(bounded_to, values) else reply
 
 
 def joint_commands(board: JointGroup, message: Any) -> list[Reply]:
     """Start the references of a JointState; returns one reply for each kind.
 
-    A position that repeats is no new move (P1). A velocity beside an accepted position is
+    A velocity beside an accepted position is
     ignored: a controller that has stopped leaves a 0 in its command interfaces.
     """
     joints = bounded(message.name, board.count)
