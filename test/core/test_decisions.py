@@ -233,16 +233,16 @@ def test_stop(mode: ControlMode) -> None:
 
 @pytest.mark.parametrize("mode", STATES)
 def test_feedforward(mode: ControlMode) -> None:
-    """P11, K6: in every mode but a calibration."""
+    """P11, K6, N4: in every mode but a calibration, once it is configured."""
     known = facts(mode)
     verdict = decide_feedforward(known, (1.0, 2.0))
-    assert (verdict.answer is Answer.ACCEPTED) == (mode is not M.CALIBRATING)
+    assert (verdict.answer is Answer.ACCEPTED) == (mode not in (M.CALIBRATING, M.NOT_CONFIGURED))
     text = explain_feedforward(verdict.reason, known, (1.0, 2.0))
-    assert text == (
-        "feedforward for a ignored: mode is CALIBRATING, where it has no effect"
-        if mode is M.CALIBRATING
-        else ""
-    )
+    why = {
+        M.CALIBRATING: "mode is CALIBRATING, where it has no effect",
+        M.NOT_CONFIGURED: "mode is NOT_CONFIGURED; the board waits for configure",
+    }
+    assert text == (f"feedforward for a ignored: {why[mode]}" if mode in why else "")
 
 
 @pytest.mark.parametrize("joint_", [FULL, POOR], ids=["full", "poor"])

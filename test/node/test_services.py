@@ -251,13 +251,15 @@ def test_loops_and_encoders(board: InProcess) -> None:
     wrong = board.call(GET_PIDS, loop="pwm")
     assert "one of position, velocity, torque, current" in wrong.message
     assert board.call(SET_PIDS, loop="position", names=[name], reset=True).success
-    refused = board.call(SET_ENCODERS, names=[name])
+    refused = board.call(SET_ENCODERS, names=[name], positions=[0.0])
     assert list(refused.codes) == ["other_mode"]
-    assert board.call(SET_ENCODERS, names=[name], motor=True).success
+    assert board.call(SET_ENCODERS, names=[name], positions=[0.0], motor=True).success
     board.pass_time()
     assert abs(board.state().motor_position[5]) < 1.0
     assert board.state().position[5] == pytest.approx(0.9, abs=0.02)
     assert board.set_mode([name], "idl").success
     assert board.call(SET_ENCODERS, names=[name], positions=[0.5]).success
     board.pass_time()
+    for wrong in ({}, {"names": [name]}, {"names": [name], "motor": True}):
+        assert "positions are required" in board.call(SET_ENCODERS, **wrong).message
     assert board.state().position[5] == pytest.approx(0.5, abs=0.02)

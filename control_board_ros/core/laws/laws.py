@@ -1569,10 +1569,7 @@ def law_torque(j: Joint) -> cython.double:
 
 @cython.cfunc
 def control(j: Joint) -> cython.void:
-    """The output of the law that runs (source Fig. 2).
-
-    A calibrator's output u of a drive that takes currents (K8): i = (V_s u/100 − Ke q̇)/R.
-    """
+    """The output of the law that runs (source Fig. 2)."""
     torque: cython.double
     drive: cython.double
     given: cython.double
@@ -1591,14 +1588,8 @@ def control(j: Joint) -> cython.void:
     if j.kind == AS_IMPEDANCE and j.wire > 0.0 and (j.law == POSITION or j.settling):
         hand_down_spring(j, given)
         return
-    if j.law == OUTPUT and j.kind == AS_CURRENT:
-        drive = (j.output_command / j.percent_per_volt - j.emf * j.velocity) / j.ohms
-        j.set_current = protect(j, clamp(drive, -j.max_drive, j.max_drive))
-        return
     if j.law == OUTPUT:
-        drive = j.output_command + given
-        j.output = clamp(protect(j, drive), -j.max_output, j.max_output)
-        j.current_pid.integral = 0.0
+        output_law(j, j.output_command + given)
         return
     if j.law == CURRENT and not (j.settling or j.holding):
         drive = clamp(j.current_command + given, -j.max_drive, j.max_drive)
@@ -1632,6 +1623,20 @@ def coast(j: Joint) -> cython.void:
         j.output = clamp(drive, -j.max_output, j.max_output)
     else:
         hand_down(j, drive)
+
+
+@cython.cfunc
+def output_law(j: Joint, output: cython.double) -> cython.void:
+    """The given PWM u, percent; of a calibrator's drive that takes currents (K8) what it makes.
+
+    i = (V_s u/100 − Ke q̇)/R
+    """
+    if j.kind == AS_CURRENT:
+        output = (output / j.percent_per_volt - j.emf * j.velocity) / j.ohms
+        j.set_current = protect(j, clamp(output, -j.max_drive, j.max_drive))
+        return
+    j.output = clamp(protect(j, output), -j.max_output, j.max_output)
+    j.current_pid.integral = 0.0
 
 
 @cython.cfunc

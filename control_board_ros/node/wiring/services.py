@@ -239,11 +239,10 @@ class Services:
     def set_encoders(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
             joints, positions = bounded(request.names, board.count), optional(request.positions)
+            board.selector.select(joints)  # an unknown joint is told of first
             if positions is None:
-                text = "positions are required: the readings at the present place, one per joint"
-                reply = board.selector.refuse(joints, RequestError(text))
-            else:
-                reply = board.set_encoders(joints, positions, motor=request.motor)
+                raise RequestError("positions are required: one per joint, rad or m")
+            reply = board.set_encoders(joints, positions, motor=request.motor)
         return answered(response, reply)
 
     def get_coupling(self, _request: Any, response: Any) -> Any:
