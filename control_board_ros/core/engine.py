@@ -141,6 +141,7 @@ class Engine:
         if part:
             config = joined({**self._asked.parts, part: config})
         asked, config = config, self._narrowed(config)
+        self.controller.check_payloads(config)
         self._asked = asked
         self.config, self.limits = config, BoardLimits.of(config)
         self.controller.reconfigure(config)

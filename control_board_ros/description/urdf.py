@@ -256,6 +256,10 @@ def of_tree(name: str, tree: Tree, warnings: Sequence[str] = ()) -> Urdf:
     return Urdf(name, tree.source, tree, joints, tuple(warnings))
 
 
+#: Magnitude of a joint's limits at most, rad, m, rad/s, m/s, N·m, N.
+MOST = 1e6
+
+
 def _joint(element: ET.Element, source: str) -> UrdfJoint:
     name, kind = element.get("name", ""), element.get("type", "")
     if kind not in MOVABLE:
@@ -273,6 +277,14 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
             f"{source}: joint {name!r} has {found}; give it <limit lower=… upper=…> with "
             "lower < upper, or make it continuous"
         )
+    bounded = () if kind == "continuous" else ("lower", "upper")
+    for what in (*bounded, "effort", "velocity"):
+        value = getattr(has, what)
+        if value is not None and not abs(value) <= MOST:
+            raise UrdfError(
+                f"{source}: joint {name!r} has <limit {what}={value:g}>; give it a number within "
+                f"±{MOST:g}"
+            )
     return UrdfJoint(
         name=name,
         kind=JointKind(kind),

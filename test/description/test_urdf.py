@@ -98,6 +98,22 @@ def test_mimic_joints_follow() -> None:
         ),
         (robot(link("a"), link("b")), "base link"),
         (robot(link("a"), link("b"), joint("j", "a", "b", "")), "'j' has no <limit>"),
+        (
+            robot(
+                link("a"),
+                link("b"),
+                joint("j", "a", "b", '<limit lower="-1e308" upper="1" effort="9" velocity="1"/>'),
+            ),
+            "limit lower=-1e",
+        ),
+        (
+            robot(
+                link("a"),
+                link("b"),
+                joint("j", "a", "b", '<limit lower="-1" upper="1" effort="9" velocity="1e308"/>'),
+            ),
+            "limit velocity=1e",
+        ),
         (robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='1' upper='1'/>")), "'j'"),
         (robot(link("a"), link("b"), joint("j", "a", "b", LIMIT, "spherical")), "'spherical'"),
         (

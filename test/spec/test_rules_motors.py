@@ -78,6 +78,7 @@ def test_the_largest_pwm_is_the_set_one(rig: Rig) -> None:
     [
         {},
         {"max_currents": math.nan},
+        {"max_currents": 5e-324},
         {"output_limits": -1.0},
         {"output_limits": [1.0, 2.0]},
         {"max_currents": 1.0, "output_limits": math.inf},

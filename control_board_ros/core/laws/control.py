@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..config.config import BoardConfig, JointConfig, Pid, Zone, damping_for
+from ..config.config import BoardConfig, ConfigError, JointConfig, Pid, Zone, damping_for
 from ..config.parts import DEGREE, Payload
 from ..model.arm_model import Link, fill
 from ..model.dynamics import Body
@@ -40,6 +40,9 @@ EDGE_ANGLE, EDGE_DISTANCE = 1.0 * DEGREE, 1e-3
 #: Dry friction is whole from this part of the speed limit on.
 SLIP = 1e-2
 
+#: A new payload acts whole after this time, s.
+LOADING = 0.5
+
 #: An integral part that is beyond a new limit gets there in this time, evenly, s.
 UNLOADING = 0.5
 
@@ -64,6 +67,7 @@ class Controller:
         self.joints = [Joint() for _ in config.joints]
         self.efforts: list[Effort | None] = [None] * n
         self._bodies: dict[int, tuple[Link, Body]] = {}  # of joints whose part has a model
+        self._loads: dict[int, tuple[Payload, Payload, float]] = {}  # that change: share done
         self._armed = [(Law.OFF, False)] * n  # law, and whether with the direct gains
         self.caps: Array = np.zeros((2, n))
         self.terms: Array = np.full((len(Term), n), np.nan)
@@ -106,6 +110,7 @@ class Controller:
                 k = j - columns.start
                 self._bodies[j] = model.links[k], arm.bodies[k]
                 fill(*self._bodies[j], own.payload.mass, own.payload.center)
+            self._loads.pop(j, None)
             self._armed[j] = Law.OFF, False
             self.caps[:, j] = own.limits.peak_current, own.limits.output
             self.terms[:, j] = np.nan
@@ -115,6 +120,8 @@ class Controller:
     def step(self, elapsed: float = 0.0) -> bool:
         """One cycle of all laws; elapsed and result as :meth:`Laws.step`."""
         news = False
+        if self._loads:
+            self._advance_loads()
         for step in self._steps:
             if step(elapsed):
                 news = True
@@ -132,11 +139,55 @@ class Controller:
                 self._configure(j)
 
     def _load(self, j: int, before: Payload) -> None:
-        """Set the payload of a joint; joints that hold a position keep their torque."""
-        after = self._config.joints[j].payload
-        if after != before and j in self._bodies:
+        """Take a new payload of a joint, evenly within LOADING."""
+        if self._config.joints[j].payload != before and j in self._bodies:
+            carried = self._loads.pop(j, (before, before, 0.0))
+            self._loads[j] = in_between(*carried), self._config.joints[j].payload, 0.0
+
+    def _advance_loads(self) -> None:
+        """One cycle of the payloads that change; joints that hold a position keep their torque."""
+        for j, (before, after, done) in list(self._loads.items()):
+            share = min(done + self._config.period / LOADING, 1.0)
+            self._loads[j] = before, after, share
+            if share == 1.0:
+                del self._loads[j]
+            load = in_between(before, after, share)
             self._laws[self._laws_of[j]].forget_arm()
-            fill(*self._bodies[j], after.mass, after.center)
+            fill(*self._bodies[j], load.mass, load.center)
+
+    def check_payloads(self, config: BoardConfig) -> None:
+        """Check that arms can hold the payloads of a configuration where they are (G1).
+
+        Raises:
+            ConfigError: of a new payload that is too heavy, with the greatest mass.
+        """
+        for zone in config.zones():
+            before = self._config.joints[zone.columns]
+            new = [
+                k for k, own in enumerate(zone.config.joints) if own.payload != before[k].payload
+            ]
+            model = zone.config.model
+            if new and model is not None and self._state.calibrated[zone.columns].all():
+                masses = [own.payload.mass for own in zone.config.joints]
+                kept = [0.0 if k in new else mass for k, mass in enumerate(masses)]
+                empty = self._weights(zone, kept)
+                loaded = self._weights(zone, masses)
+                check_weights(zone.config.joints, new, empty, loaded)
+
+    def _weights(self, zone: Zone, masses: Sequence[float]) -> Array:
+        """Torques that hold an arm with payloads of some masses where it is, N·m, shape (n,)."""
+        model = zone.config.model
+        assert model is not None
+        arm = model.arm()
+        for link, body, mass, own in zip(
+            model.links, arm.bodies, masses, zone.config.joints, strict=True
+        ):
+            fill(link, body, mass, own.payload.center)
+        position, velocity, acceleration, torque = (np.asarray(row) for row in arm.rows)
+        position[:] = self._state.position[zone.columns]
+        velocity[:] = acceleration[:] = 0.0
+        arm.inverse(1.0)
+        return torque.copy()
 
     def _configure(self, j: int) -> None:
         """Set the constants and gains of a joint from its configuration."""
@@ -248,6 +299,47 @@ class Controller:
             most = current if joint.in_amps else output
         if current < own.limits.peak_current or output < own.limits.output:
             joint.max_drive = min(joint.max_drive, most)
+
+
+def in_between(before: Payload, after: Payload, share: float) -> Payload:
+    """A payload on its way from one to another: mass and first moment change evenly."""
+    mass = before.mass + share * (after.mass - before.mass)
+    if mass <= 0.0:
+        return Payload(center=after.center)
+    x, y, z = (
+        (a * before.mass * (1.0 - share) + b * after.mass * share) / mass
+        for a, b in zip(before.center, after.center, strict=True)
+    )
+    return Payload(mass=mass, center=(x, y, z))
+
+
+def check_weights(
+    joints: Sequence[JointConfig], new: Sequence[int], empty: Array, loaded: Array
+) -> None:
+    """Check the torques that hold new payloads, which grow evenly with their mass.
+
+    Args:
+        joints: of the arm.
+        new: whose payload it is, of these joints.
+        empty: torques without the new payloads, N·m, shape (n,).
+        loaded: with them.
+    """
+    limits = np.array([own.limits.torque for own in joints])
+    added = loaded - empty
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = (limits - np.sign(added) * empty) / np.abs(added)
+    shares = np.where(added == 0.0, np.inf, shares)
+    k = int(np.argmin(shares))
+    if shares[k] >= 1.0:
+        return
+    heaviest = max(new, key=lambda one: joints[one].payload.mass)
+    mass = joints[heaviest].payload.mass
+    raise ConfigError(
+        f"{joints[heaviest].name}.payload.mass",
+        mass,
+        f"here at most {max(shares[k], 0.0) * mass:.3g} kg: with more {joints[k].name} needs "
+        f"{abs(loaded[k]):.3g} of its {limits[k]:.3g} {joints[k].kind.force_unit}",
+    )
 
 
 def joint_torque(joint: Joint, measured: float, current: float) -> float:

@@ -110,6 +110,8 @@ def feed_torque(joint: Joint, torque: float) -> float:
 FAR_OFF, MOST_EMF = 10.0, 2.0
 
 
+#: The least cap of a current, as a part of the peak current.
+LEAST_CAP = 1e-3
 #: Values of motors that can be set: caps, constants, friction.
 SETTABLE = ("max_currents", "output_limits", *TERMS)
 
@@ -178,15 +180,21 @@ class MotorAccess:
                 found[name] = all_within(chosen, what, values, most, zero=zero)
         if not found:
             raise RequestError(f"none of {', '.join(given)} given; send one or more")
-        if "torque_constants" in found:
-            own = [self._machine.config.joints[j].motor.torque_constant for j in chosen.numbers]
-            for name, low, value in zip(
-                chosen.names, own, found["torque_constants"].tolist(), strict=True
+        own = [self._machine.config.joints[j] for j in chosen.numbers]
+        least = {
+            "torque_constants": [one.motor.torque_constant / FAR_OFF for one in own],
+            "max_currents": [LEAST_CAP * one.limits.peak_current for one in own],
+        }
+        for name in least.keys() & found.keys():
+            for joint, low, value in zip(
+                chosen.names, least[name], found[name].tolist(), strict=True
             ):
-                if value < low / FAR_OFF:
+                if value < low:
+                    what, most, _ = self._bounds(name)
+                    high = float(most[self._machine.config.names.index(joint)])
                     raise RequestError(
-                        f"torque_constant {value:g} of {name} is not allowed; "
-                        f"send a number from {low / FAR_OFF:.6g} to {low * FAR_OFF:.6g}",
+                        f"{what} {value:g} of {joint} is not allowed; "
+                        f"send a number from {low:.6g} to {high:.6g}",
                         Reason.OUT_OF_RANGE,
                     )
         return found
