@@ -71,7 +71,7 @@ class WholeBoard(Interface):
         values, count = list(response.matrix), len(axes)
         rows = tuple(tuple(values[k * count : (k + 1) * count]) for k in range(len(joints)))
         try:
-            return Coupling(axes, joints, rows)
+            return Coupling(axes, joints, rows, tuple(response.offsets))
         except ValueError as error:
             raise BoardError(
                 f"the coupling that came is none; it would have to be {error}"

@@ -37,7 +37,7 @@ PROMISED = {
     "srv/GetAvailableModes": f"names | {OK} names control_modes interaction_modes",
     "srv/GetBrake": f"names | {OK} names modes closed",
     "srv/GetControlMode": f"names | {OK} names modes vocabs",
-    "srv/GetCoupling": f"| {OK} axes physical_joints matrix",
+    "srv/GetCoupling": f"| {OK} axes physical_joints matrix offsets",
     "srv/GetDrives": f"names | {OK} names set_points position impedance torque current output "
     "on_silence",
     "srv/GetFaults": f"names | {OK} faults",

@@ -165,9 +165,8 @@ class References:
         A joint whose last move had this target and speed, and goes on or has ended there, keeps it
         (P15).
         """
-        repeated = self._repeated(joints, targets, speeds)
-        if repeated.any():
-            joints, targets, speeds = (row[~repeated] for row in (joints, targets, speeds))
+        new = ~self._repeated(joints, targets, speeds)
+        joints, targets, speeds = joints[new], targets[new], speeds[new]
         self._moves[:, joints] = targets, speeds
         return self._start(joints, targets, self.plan_moves(joints, targets, speeds))
 

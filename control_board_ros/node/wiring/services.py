@@ -250,7 +250,9 @@ class Services:
             coupling, at = board.get_coupling(), board.get_encoder()
         response.axes = list(coupling.axes)
         response.physical_joints = list(coupling.physical_joints)
-        response.matrix = doubles(coupling.jacobian(at).ravel())
+        jacobian = coupling.jacobian(at)
+        response.matrix = doubles(jacobian.ravel())
+        response.offsets = doubles(coupling.positions(at) - jacobian @ at)
         return succeeded(response)
 
     # -- faults and life ----------------------------------------------------------------------
