@@ -215,7 +215,7 @@ def test_a_board_without_an_emergency_stop_of_its_own_expects_no_heartbeat() -> 
 
 
 def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:
-    """N1: nothing is bounded until the joint is configured; others go on."""
+    """N1, F6: nothing is bounded until the joint is configured, heat is kept; others go on."""
     watch = watched(joint("a"), joint("b"))
     watch.arm([0, 1], on=True, calibrated=np.array([True, True]))
     watch.used[:] = 0.5
@@ -226,7 +226,7 @@ def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:
     watch.power_on([0])
     assert watch.joints[0] is not before[0]
     assert watch.joints[1] is before[1]
-    assert watch.used.tolist() == [0.0, 0.5]
+    assert watch.used.tolist() == [0.5, 0.5]
     assert math.isinf(watch.joints[0].max_travel)
     assert watch.joints[0].max_current == CREDIBLE
     assert watch.joints[1].max_current == 25.0

@@ -238,7 +238,7 @@ def test_a_hard_stop_needs_a_drive_that_pushes(drive: list[str]) -> None:
     assert joint("left", calibration=Calibration(type=12), drive=kinds).calibration
 
 
-@pytest.mark.parametrize("drive", [["current"], ["position", "current"], ["torque", "pwm"]])
+@pytest.mark.parametrize("drive", [["current"], ["torque", "pwm"]])
 def test_a_hard_stop_is_found_by_current(drive: list[str]) -> None:
     """K8, K6: with the current that the PWM would give; slower than the speed limit."""
     kinds = tuple(SetPoint[name.upper()] for name in drive)
