@@ -7,6 +7,7 @@ No callback runs per message: a loop polls the subscriptions 100 times a second.
 from __future__ import annotations
 
 import itertools
+import socket
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -34,8 +35,10 @@ from control_board_ros.interface import (
     Endpoint,
 )
 from control_board_ros.recording.topics import ROSOUT
+from control_board_ros.text import clean
 from control_board_ros.urdf_xml import DescribedJoint, published_joints
 
+from .gate import Gate, inner_host
 from .schemas import ENCODING, schema, service_schema
 
 #: s between polls.
@@ -107,7 +110,8 @@ class Live(ServerListener):
         client: of the board.
         host: address to listen on.
         port: port to listen on; 0: a free one.
-        read_only: operation disabled.
+        operate: clients may command the board; else they only read.
+        origins: of web pages that may connect, beside Foxglove's own.
         answer_timeout: timeout of a board's answer, s.
         report: called with log lines.
 
@@ -125,14 +129,15 @@ class Live(ServerListener):
         *,
         host: str,
         port: int,
-        read_only: bool,
+        operate: bool,
+        origins: Sequence[str] = (),
         answer_timeout: float,
         report: Callable[[str], None],
     ) -> None:
         self._node, self._asking, self._client = node, asking, client
         self._timeout, self._report = answer_timeout, report
         self.board = board = client.board_name
-        self._read_only = read_only
+        self._operate = operate
         self._context = context = foxglove.Context()  # channels do not hold it
         self._topics = {
             topic: Forwarded(node, topic, board, context)
@@ -150,26 +155,31 @@ class Live(ServerListener):
         self._commands = {topic.of(board): topic for topic in COMMAND_TOPICS}
         self._sent: dict[tuple[int, int], str] = {}
         capabilities = [Capability.Parameters]
-        if not read_only:
+        if operate:
             capabilities += [Capability.Services, Capability.ClientPublish]
+        inner = inner_host()
         try:
+            family = socket.AF_INET6 if ":" in host else socket.AF_INET
+            listening = socket.create_server((host, port), family=family)
             self._server = foxglove.start_server(
                 name=board,
-                host=host,
-                port=port,
+                host=inner,
+                port=0,
                 capabilities=capabilities,
                 server_listener=self,
                 supported_encodings=[ENCODING],
-                services=[] if read_only else [self._service(one) for one in SERVICES],
+                services=[self._service(one) for one in SERVICES] if operate else [],
                 context=context,
             )
         except (RuntimeError, OSError, OverflowError) as error:
-            reason = " ".join(str(error).split())[:200]
+            reason = clean(getattr(error, "strerror", None) or error)
             raise CannotServe(
                 f"cannot listen on {host} port {port}: {reason}; give another --host or --port"
             ) from None
         self._thread = ExecutorThread(asking, lambda error: report(str(error)))
-        self.address = f"ws://{host}:{self._server.port}"
+        port = listening.getsockname()[1]
+        self._gate = Gate(listening, host, (inner, self._server.port), frozenset(origins), report)
+        self.address = f"ws://{f'[{host}]' if ':' in host else host}:{port}"
         self.app = f"https://app.foxglove.dev/~/view?ds=foxglove-websocket&ds.url={self.address}"
 
     def run(self, ended: threading.Event) -> None:
@@ -180,6 +190,7 @@ class Live(ServerListener):
                     return
                 self._poll(count)
         finally:
+            self._gate.close()
             self._server.stop()
             self._thread.close()
 
@@ -233,8 +244,8 @@ class Live(ServerListener):
         """Set parameters, all or none; returns the values in force."""
         values = {self._own(one.name): one.get_value() for one in parameters}
         try:
-            if self._read_only:
-                self._report("parameters are not set: the server is read-only")
+            if not self._operate:
+                self._report("parameters are not set: start cbctl foxglove with --operate")
             elif not (reply := self._client.set_parameters(values)):
                 self._report(f"parameters are not set: {reply.message}")
             return self._shown_parameters(list(values))

@@ -14,6 +14,8 @@ from typing import Any
 import uvicorn
 from rclpy.node import Node
 
+from control_board_ros.web_access import own_names
+
 from . import security
 from .hub import Hub
 from .server import make_app
@@ -65,12 +67,6 @@ def own_addresses() -> list[str]:
             return []
         address = str(probe.getsockname()[0])
     return [] if ipaddress.ip_address(address).is_loopback else [address]
-
-
-def own_names(host: str) -> frozenset[str]:
-    """Accepted host names of this machine."""
-    names = {host, socket.gethostname(), socket.getfqdn(), f"{socket.gethostname()}.local"}
-    return frozenset(name.lower() for name in names)
 
 
 def run(

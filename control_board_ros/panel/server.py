@@ -21,6 +21,8 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from control_board_ros.web_access import allowed_host, same_origin
+
 from . import security
 from .hub import Hub
 from .recordings import REPORT_POLICY
@@ -81,10 +83,10 @@ class Guard:
         """Status and reason to refuse a request; 0 if permitted."""
         headers = connection.headers
         host = headers.get("host")
-        if not security.allowed_host(host, self._names):
+        if not allowed_host(host, self._names):
             return 421, "The host name is not one of this machine; use its address.\n"
         if connection.scope["type"] == "websocket":
-            if not security.same_origin(headers.get("origin"), host):
+            if not same_origin(headers.get("origin"), host):
                 return 403, "Only the panel's own page may connect.\n"
         elif connection.scope["method"] not in ("GET", "HEAD"):
             return 405, "Only GET.\n"

@@ -24,7 +24,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from talk import Talker
 from tf2_msgs.msg import TFMessage
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin, Subprotocol
 
 from control_board_ros.cli.verbs.servers import layout
 from control_board_ros.frames import Frames
@@ -35,6 +37,7 @@ from control_board_ros.urdf_xml import published_joints
 pytestmark = pytest.mark.ros
 BOARD = "/control_board"
 MESSAGE, CALL, ANSWER = 0x01, 0x02, 0x03
+SUBPROTOCOLS = [Subprotocol("foxglove.sdk.v1")]
 
 
 class Foxglove:
@@ -133,9 +136,20 @@ class Foxglove:
 
 @pytest.fixture(scope="module")
 def process(board: BoardProcess) -> Iterator[tuple[str, int]]:
-    """The address of cbctl foxglove, and its process."""
+    """The address of cbctl foxglove --operate, and its process."""
+    yield from served(board, "--operate")
+
+
+@pytest.fixture(scope="module")
+def read_only(board: BoardProcess) -> Iterator[str]:
+    """The address of cbctl foxglove as it is by default."""
+    for address, _ in served(board):
+        yield address
+
+
+def served(board: BoardProcess, *options: str) -> Iterator[tuple[str, int]]:
     command = [sys.executable, "-m", "control_board_ros.cli", "--json", "--domain"]
-    command += [str(board.domain), "foxglove", "--port", "0"]
+    command += [str(board.domain), "foxglove", "--port", "0", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None
         printed = json.loads(running.stdout.readline())
@@ -146,8 +160,35 @@ def process(board: BoardProcess) -> Iterator[tuple[str, int]]:
 
 @pytest.fixture
 def foxglove(process: tuple[str, int], talker: Talker) -> Iterator[Foxglove]:
-    with connect(process[0], subprotocols=["foxglove.sdk.v1"], max_size=None) as connection:  # type: ignore[list-item]
+    with connect(process[0], subprotocols=SUBPROTOCOLS, max_size=None) as connection:
         yield Foxglove(connection)
+
+
+def test_a_foreign_web_page_is_refused(process: tuple[str, int]) -> None:
+    """A page of anybody's reaches 127.0.0.1 from a browser here; Foxglove's own may connect."""
+    refused = ("https://evil.example", "null", "http://127.0.0.1:1")
+    for origin in refused:
+        with pytest.raises(InvalidStatus) as caught, connect(process[0], origin=Origin(origin)):
+            pass
+        assert caught.value.response.status_code == 403
+    own = Origin("https://app.foxglove.dev")
+    with connect(process[0], origin=own, subprotocols=SUBPROTOCOLS):
+        pass
+
+
+def test_without_operate_clients_only_read(read_only: str, talker: Talker) -> None:
+    """No service, no publishing, no parameter is set; the state is there."""
+    with connect(read_only, subprotocols=SUBPROTOCOLS, max_size=None) as connection:
+        client = Foxglove(connection)
+        assert set(client.info["capabilities"]) == {"parameters"}
+        client.message(f"{BOARD}/state", msg.BoardState)
+        assert client.services == {}
+        name = f"{BOARD}.constraints.goal_time"
+        before = client.parameters(op="getParameters", parameterNames=[name])
+        after = client.parameters(
+            op="setParameters", parameters=[{"name": name, "value": 7.5, "type": "float64"}]
+        )
+        assert before == after
 
 
 def test_the_layout_that_it_names_is_installed() -> None:

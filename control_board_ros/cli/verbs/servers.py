@@ -99,13 +99,31 @@ def panel(
     return DONE
 
 
-@with_arguments(HOST, port_argument(8765), READ_ONLY)
-def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
+@with_arguments(
+    HOST,
+    port_argument(8765),
+    argument("--operate", action="store_true", help="Clients may command the board, too."),
+    argument("--read-only", action="store_true", help="Clients only read; the default."),
+    argument(
+        "--origin",
+        action="append",
+        default=[],
+        metavar="URL",
+        help="A web page that may connect, beside Foxglove's own, e.g. http://localhost:8080; "
+        "give it once for each.",
+    ),
+)
+def foxglove(
+    session: Session, host: str, port: int, operate: bool, read_only: bool, origin: list[str]
+) -> int:
     """Serve the board to Foxglove: prints the address to open there; Ctrl-C ends it.
 
-    It serves state, modes, faults, frames, parameters and services. A client that connects can
-    operate the board: by default only this machine can connect (--host).
+    It serves state, modes, faults, frames and parameters to read; with --operate every client that
+    connects can command the board, too. By default only this machine can connect (--host), and of
+    web pages only Foxglove's own (--origin).
     """
+    if operate and read_only:
+        raise UsageError("--operate and --read-only exclude each other; give one of them")
     check_server(port, "foxglove", {"foxglove": "foxglove-sdk"})
     from rclpy.node import Node
 
@@ -127,14 +145,15 @@ def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
             client,
             host=host,
             port=port,
-            read_only=read_only,
+            operate=operate,
+            origins=origin,
             answer_timeout=max(session.options.timeout, 1.0),
             report=lambda text: note(session, f"foxglove: {text}"),
         )
         if session.options.json:
-            put_json({"success": True, "address": live.address, "read_only": read_only})
+            put_json({"success": True, "address": live.address, "read_only": not operate})
         else:
-            put(f"{live.board} is served" + (", read-only:" if read_only else ":"))
+            put(f"{live.board} is served" + (":" if operate else ", read-only (--operate):"))
             put(f"  {live.address}  (in Foxglove: Open connection, Foxglove WebSocket)")
             put(f"  {live.app}")
             put(f"Layout: {layout()}. Ctrl-C ends it.")
