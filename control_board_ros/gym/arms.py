@@ -136,9 +136,8 @@ class Arms:
                 raise ValueError(f"the arm does not start: {reply.message}")
 
     def act(self, actions: Floats) -> None:
-        """Send actions, shape (arms, width · n)."""
-        shape = (self.count, self.control.width, self.n)
-        self.control.send(self, np.clip(actions.astype(float), -1.0, 1.0).reshape(shape))
+        """Send actions from −1 to 1, shape (arms, width · n)."""
+        self.control.send(self, actions.reshape(self.count, self.control.width, self.n))
 
     def command(self, kind: CommandKind, values: Floats) -> None:
         """Send references to all joints, shape (arms, n)."""

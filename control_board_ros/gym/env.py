@@ -18,6 +18,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ..core.terms.modes import STATES
+from ..protocols import Floats
 from ..settings.loading import Settings, load
 from ..sim.config import MUJOCO
 from ..text import unknown_word
@@ -70,6 +71,7 @@ class Episodes:
         self.arms = arms
         self.task: Task = TASKS[task](arms)
         self.steps = np.zeros(arms.count, dtype=np.int64)
+        self._actions: Floats = np.zeros((arms.count, arms.control.width * arms.n))
         reach = (arms.upper - arms.lower) / 2.0
         bounds = {
             "position": (arms.lower - reach, arms.upper + reach),
@@ -116,16 +118,20 @@ class Episodes:
         return found | {"mode": arms.modes(), "fault": arms.faults()}
 
     def step(self, actions: NDArray[Any], passed: int = 0) -> None:
-        """Act for one step, of which ``passed`` cycles are done."""
+        """Act for one step, of which ``passed`` cycles are done.
+
+        Actions are cut to ±1 once, for the board and for the reward. A NaN is no action: the board
+        ignores it, and it costs nothing.
+        """
+        self._actions = np.clip(actions.astype(float), -1.0, 1.0)
         self.task.before(self.steps)
-        self.arms.act(actions)
+        self.arms.act(self._actions)
         self.arms.step(passed)
         self.steps += 1
 
-    def judge(
-        self, actions: NDArray[Any]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Rewards, successes, and faults, shape (arms,)."""
+    def judge(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Rewards, successes, and faults of the last step, shape (arms,)."""
+        actions = np.nan_to_num(self._actions)
         reward, success = self.task.judge(actions, self.task.observe(self.steps))
         faulty = self.arms.faults().max(axis=1).astype(np.bool_)
         return np.where(faulty, FAULT, reward), success & ~faulty, faulty
@@ -183,7 +189,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for one step; the board ignores numbers that are not finite."""
         self._episodes.step(action[None])
-        (reward,), (success,), (faulty,) = self._episodes.judge(action[None])
+        (reward,), (success,), (faulty,) = self._episodes.judge()
         self._show()
         info: dict[str, Any] = {"is_success": bool(success)}
         if faulty:
@@ -285,7 +291,7 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
             self._episodes.again(begun, [self._randoms[k] for k in begun])
             actions = np.where(ended[:, None], 0.0, actions)
         self._episodes.step(actions, START_CYCLES if begun else 0)
-        reward, success, faulty = self._episodes.judge(actions)
+        reward, success, faulty = self._episodes.judge()
         self._episodes.steps[begun] = 0
         terminated = (success | faulty) & ~ended
         truncated = (self._episodes.steps >= self._most) & ~ended & ~terminated

@@ -82,6 +82,28 @@ def test_gymnasium_finds_nothing_wrong(task: str, monkeypatch: pytest.MonkeyPatc
     made.close()
 
 
+@pytest.mark.parametrize("action", [np.nan, np.inf, -np.inf, 3.0, -1e30])
+def test_an_action_costs_what_the_board_gets(action: float) -> None:
+    """One beyond ±1 is the bound, for the reward as well; a NaN is none; all stays finite."""
+    bound = 0.0 if np.isnan(action) else float(np.clip(action, -1.0, 1.0))
+    rewards = []
+    for value in (action, bound):
+        made = ArmEnv("Reach", control="velocity", physics="ideal")
+        made.reset(seed=3)
+        values = np.full(7, value, np.float32)
+        shown, reward, *_ = made.step(values)
+        assert made.observation_space.contains(shown)
+        rewards.append(reward)
+        made.close()
+    assert rewards[0] == pytest.approx(rewards[1], abs=1e-9)
+    fleet = FleetEnv(2, task="Reach", control="velocity")
+    fleet.reset(seed=3)
+    shown, both, *_ = fleet.step(np.array([[action] * 7, [0.5] * 7], np.float32))
+    assert np.isfinite(both).all()
+    assert all(np.isfinite(values).all() for values in shown.values())
+    fleet.close()
+
+
 @pytest.mark.parametrize("control", CONTROLS)
 def test_each_control_has_its_mode(control: str) -> None:
     """M1: an action space for every control mode, whose mode the observation shows."""
