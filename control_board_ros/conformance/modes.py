@@ -244,8 +244,14 @@ def last_references(bench: Bench) -> str:
         for kind in ACCEPTS.get(mode, ()):
             if kind not in sent:
                 bench.enter(mode)
+                bench.command(kind, bench.another(kind))
                 sent[kind] = bench.another(kind)
-                bench.command(kind, sent[kind])
+                fate = bench.fate(kind, sent[kind])  # the second: the first says nothing of order
+                assume(fate is not Fate.COUNTED, f"the second {kind} reference is ignored, see M3")
+                expect(
+                    fate is Fate.ACCEPTED,
+                    f"the last {kind} reference is {sent[kind]:.4g}, not {bench.last(kind):.4g}",
+                )
     bench.enter(M.POSITION)
     for kind, value in sent.items():
         last = bench.last(kind)

@@ -61,7 +61,7 @@ class Rule:
 RULES: dict[str, Rule] = {}
 
 #: The groups of the specification, in its order.
-GROUPS = ("V", "M", "P", "I", "F", "K", "N", "A", "D", "Y")
+GROUPS = ("V", "M", "P", "I", "F", "K", "N", "A", "D", "Y", "E")
 
 
 def rule(name: str, title: str) -> Callable[[Check], Check]:

@@ -141,6 +141,48 @@ def references_are_forgotten(old: Any, self: Any, joints: Any, **kwargs: Any) ->
     self.last[:, joints] = 0.0
 
 
+@replaces("E1", "core.group:JointGroup.recover")
+def recover_leads_to_position(old: Any, self: Any, joints: Any = None, **how: Any) -> Any:
+    """Whatever the joint did before."""
+    reply = old(self, joints, **how)
+    if joints is not None:
+        self.set_control_mode(joints, M.POSITION)
+    return reply
+
+
+@replaces(
+    "E2",
+    "core.watch.fault_monitor:FaultMonitor.unhealthy",
+    allowed=Allowed(power_cycle=True),
+)
+def a_joint_ignores_an_emergency_stop(old: Any, self: Any) -> list[int]:
+    found: list[int] = old(self)
+    return found[1:] if self._emergency.holds else found
+
+
+@replaces("E3", "core.group:JointGroup.get_freeze_frame")
+def the_frame_of_another_joint(old: Any, self: Any, joint: Any) -> Any:
+    """Of the next one, which has none of its own: from a fault that it has then."""
+    return old(self, joint) and self.engine.frames.of((self._numbers(joint)[0] + 1) % self.count)
+
+
+@breaks("M11")
+def get_references_one_behind() -> None:
+    """The getter has the reference before the last one, but for the first."""
+    history: dict[Any, tuple[Any, Any]] = {}
+
+    def behind(old: Any, self: Any, kind: Any, joints: Any) -> Any:
+        now = old(self, kind, joints)
+        key = (kind, tuple(self._numbers(joints)))
+        seen, before = history.get(key, (now, None))
+        if not np.array_equal(seen, now):
+            seen, before = now, seen if seen.any() else None
+        history[key] = (seen.copy(), before)
+        return now if before is None else before
+
+    around("core.group:JointGroup._last", behind)
+
+
 @breaks("I2")
 def nothing_is_stored_in_a_fault() -> None:
     from control_board_ros.core.machine import decisions
