@@ -20,6 +20,7 @@ within a callback: the client serves its own connection. A script without a node
 from .board import ControlBoardClient, connect
 from .errors import BoardError, BoardNotFound, BoardTimeout, InvalidAnswer
 from .goals import CalibrationFeedback, MoveFeedback
+from .guidance import Guidance, guide
 from .poses import PoseFeedback
 from .state import State
 
@@ -29,9 +30,11 @@ __all__ = [
     "BoardTimeout",
     "CalibrationFeedback",
     "ControlBoardClient",
+    "Guidance",
     "InvalidAnswer",
     "MoveFeedback",
     "PoseFeedback",
     "State",
     "connect",
+    "guide",
 ]

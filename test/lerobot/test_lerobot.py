@@ -176,3 +176,68 @@ def test_a_hand_guides_the_teleoperator(plugin: Any, robot: Any) -> None:
     assert robot.get_observation()[key] == pytest.approx(hand.get_action()[key], abs=0.05)
     hand.disconnect()
     assert not hand.is_connected
+
+
+def test_a_guided_arm_is_damped(plugin: Any) -> None:
+    """Let go after a push it comes to rest, as one that ``cbctl guide`` guides."""
+    hand = plugin.ControlBoardHand(plugin.ControlBoardHandConfig(id="leader"))
+    hand.connect()
+    arm = hand._connection.arm
+    stiffness, damping = arm.board.get_impedance()
+    assert (stiffness == 0.0).all()
+    assert (damping > 0.0).all()
+    arm.pass_time(0.3)
+    arm._simulation.plant.push(6, 1.0)
+    arm.pass_time(0.3)
+    arm._simulation.plant.push(6, 0.0)
+    fast = abs(arm.board.get_encoder_speed(6)[0])
+    assert fast > 0.1
+    arm.pass_time(0.5)
+    assert abs(arm.board.get_encoder_speed(6)[0]) < 0.2 * fast
+    hand.disconnect()
+
+
+@pytest.mark.ros
+def test_guiding_is_all_or_nothing(plugin: Any) -> None:
+    """One joint in fault: none is guided, all settings are those of before, it is disconnected."""
+    from control_board_ros.client import ControlBoardClient
+    from control_board_ros.core.selection import RequestError
+    from control_board_ros.testing import board_process, ros_node
+
+    def settings(board: ControlBoardClient) -> list[Any]:
+        keys = [f"{name}.gravity_compensation" for name in board.names]
+        impedance = [values.tolist() for values in board.get_impedance()]
+        compensation = board.get_parameters(keys)
+        return [board.get_control_mode(), board.get_interaction_mode(), impedance, compensation]
+
+    with (
+        board_process({"allow_fault_injection": True}) as process,
+        ros_node(process.domain, "user", spin=False) as node,
+        ControlBoardClient(node, "control_board") as board,
+    ):
+        assert board.set_control_mode(0, "idl")
+        assert board.set_impedance(None, 50.0, 5.0)
+        arm = arm_of(plugin, process.domain)
+        before = settings(board)
+        arm.be_guided()
+        assert {mode.code for mode in board.get_interaction_mode()} == {"comp"}
+        stiffness, damping = board.get_impedance()
+        assert (stiffness == 0.0).all()
+        assert (damping > 0.0).all()
+        arm.close()
+        assert settings(board)[1:] == before[1:]
+        assert board.inject_fault(3, "external")
+        before = settings(board)
+        arm = arm_of(plugin, process.domain)
+        with pytest.raises(RequestError, match=r"joint_4 is in HW_FAULT; nothing is guided"):
+            arm.be_guided()
+        assert settings(board) == before
+        arm.close()
+
+
+def arm_of(plugin: Any, domain: int) -> Any:
+    """A running board as the plug-in has it."""
+    arms = importlib.import_module(f"{plugin.__name__}.arms")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        return arms.RosArm("control_board")

@@ -14,7 +14,6 @@ from typing import Any
 
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
-from ..board.guidance import Guidance
 from ..board.progress import Bar
 from ..board.recordings import note_missing, recorded
 from ..board.session import Session
@@ -46,12 +45,14 @@ def guide(session: Session, joints: list[str], record: str | None, time: float |
     The joints stay where they are left, within their limits. Key p saves a pose (guided_1, …); q
     or Ctrl-C ends: the joints hold, and their earlier settings are restored.
     """
+    from control_board_ros.client.guidance import guide as guide_joints
+
     names = guided_joints(session, joints)
     if time is None and not sys.stdin.isatty():
         raise UsageError("guide needs a terminal for its keys, or a duration: give --for TIME")
     target = None if record is None else unused_path(record)
     poses: list[str] = []
-    with Guidance(session.client, names) as guidance, recorded_way(session, target):
+    with guide_joints(session.client, names) as guidance, recorded_way(session, target):
         why = attend(session, names, time, poses)
     if guidance.left:
         note(session, guidance.left)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any, Protocol
 
+from control_board_ros.client.guidance import guide, guiding_damping
 from control_board_ros.settings.loading import Settings
 from control_board_ros.simulation import Simulation, made_board
 
@@ -27,7 +29,10 @@ class Arm(Protocol):
         """Send direct positions of all joints, rad; returns those in force, NaN if ignored."""
 
     def be_guided(self) -> None:
-        """Set all joints COMPLIANT, without stiffness, with gravity compensation."""
+        """Make all joints compliant, without stiffness, damped, with gravity compensation.
+
+        All of them, or none: on any error their settings are those of before.
+        """
 
     def close(self) -> None:
         """Disconnect."""
@@ -48,9 +53,14 @@ class SimulatedArm:
         return list(self.board.set_position(None, positions).values)
 
     def be_guided(self) -> None:
-        check(self.board.set_interaction_mode(None, "comp"))
-        check(self.board.set_impedance(None, 0.0, None))
-        check(self.board.set_control_mode(None, "posd"))
+        board = self.board
+        _, limits = board.get_max_impedance()
+        damping = [
+            guiding_damping(joint.inertia_min, joint.inertia_max, limit)
+            for joint, limit in zip(board.get_config(), limits.tolist(), strict=True)
+        ]
+        check(board.set_impedance(None, [0.0] * len(damping), damping))
+        check(board.set_interaction_mode(None, "comp"))
 
     def close(self) -> None:
         self._simulation.close()
@@ -63,7 +73,7 @@ class RosArm:
         from control_board_ros.client import connect
 
         self.board = connect(name)
-        self._before: tuple[Any, Any, Any] | None = None
+        self._guidance: Any = None
 
     def pass_time(self, seconds: float) -> None:
         """Nothing: its time is real."""
@@ -72,31 +82,19 @@ class RosArm:
         return list(self.board.set_position(None, positions, answered=True).values)
 
     def be_guided(self) -> None:
-        on = {f"{name}.gravity_compensation": True for name in self.board.names}
-        self._before = (
-            self.board.get_parameters(list(on)),
-            self.board.get_impedance(),
-            self.board.get_interaction_mode(),
-        )
-        check(self.board.set_parameters(on))
-        check(self.board.set_interaction_mode(None, "comp"))
-        check(self.board.set_impedance(None, 0.0))
-        check(self.board.set_control_mode(None, "posd"))
+        if self._guidance is None:
+            self._guidance = guide(self.board).__enter__()
 
     def close(self) -> None:
+        """Hold the joints, restore the previous settings, disconnect."""
         try:
-            if self._before is not None:
-                self._hold(*self._before)
+            if self._guidance is not None:
+                self._guidance.__exit__()
+                if self._guidance.left:
+                    logging.getLogger(__name__).warning("%s", self._guidance.left)
             self.board.stop()
         finally:
             self.board.close()
-
-    def _hold(self, compensation: Any, impedance: Any, interaction: Any) -> None:
-        """Hold the present positions, then restore the previous settings."""
-        check(self.board.set_interaction_mode(None, "stif"))
-        check(self.board.set_parameters(compensation))
-        check(self.board.set_impedance(None, *impedance))
-        check(self.board.set_interaction_mode(None, interaction))
 
 
 def check(reply: Any) -> None:

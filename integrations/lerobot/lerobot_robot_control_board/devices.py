@@ -227,7 +227,11 @@ class ControlBoardHand(Teleoperator):
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002
         """Connect, and make the joints compliant."""
         self._connection.open()
-        self.configure()
+        try:
+            self.configure()
+        except BaseException:  # LeRobot disconnects nothing that did not connect
+            self._connection.close()
+            raise
 
     @property
     def is_calibrated(self) -> bool:
@@ -238,10 +242,10 @@ class ControlBoardHand(Teleoperator):
         """Nothing: the board calibrates by its own configuration."""
 
     def configure(self) -> None:
-        """Set all joints COMPLIANT, without stiffness, with gravity compensation.
+        """Make all joints compliant, without stiffness, damped, with gravity compensation.
 
         Raises:
-            RuntimeError: a joint refuses.
+            RuntimeError, RequestError: a joint refuses; none is guided.
         """
         self._connection.arm.be_guided()
 
