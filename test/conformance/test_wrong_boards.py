@@ -29,7 +29,6 @@ OVER_ROS = (
     "velocity_in_position",
     "a_mode_of_its_own",
     "a_mode_ends_a_calibration",
-    "the_frame_of_another_joint",
 )
 #: Faults of which a whole session, with the leave that the last one needs, reports all.
 THREE = ["diagnostics_elsewhere", "any_cause_is_cleared", "it_starts_in_velocity"]

@@ -23,13 +23,14 @@ from rclpy.serialization import deserialize_message
 from rig import Rig
 
 from control_board_ros.client import BoardError, State
+from control_board_ros.client.freeze_frame import FreezeFrame
 from control_board_ros.client.state import SETTLING
 from control_board_ros.conformance.channel import KEPT
 from control_board_ros.conformance.rules import NotTestable, OutOfTime, in_order
 from control_board_ros.conformance.runner import Session, run, unread
 from control_board_ros.conformance.shapes import Malformed, check_modes, check_state
 from control_board_ros.core.terms.reply import accepted
-from control_board_ros.interface import SET_CONTROL_MODE, Endpoint
+from control_board_ros.interface import GET_FREEZE_FRAME, SET_CONTROL_MODE, Endpoint
 from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.node.loop.snapshots import Snapshots
 from control_board_ros.node.loop.timing import TimeBase
@@ -240,6 +241,12 @@ class Client:
         self._channel.settings = self._channel.settings.changed(values)
         self._channel.rig.board.reconfigure(self._channel.settings.board)
         return accepted(self.names)
+
+    def get_freeze_frame(self, joint: str) -> FreezeFrame | None:
+        if self._group.get_faults(joint)[0].code < 0:
+            return None
+        response = self._channel.call(GET_FREEZE_FRAME, name=joint)
+        return FreezeFrame.of(response, self.board_name)
 
     def get_robot_description(self) -> str:
         return self._channel.settings.description
