@@ -70,6 +70,7 @@ def _bare(place: Path, environment: dict[str, str], effort: Effort) -> float:
         [python, "-m", "pip", "install", "-q", *what],
         env=environment | {"PIP_NO_CACHE_DIR": "1"},
         stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         check=True,
     )
     return perf_counter() - begin

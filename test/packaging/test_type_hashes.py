@@ -190,8 +190,9 @@ import sys
 from pathlib import Path
 from distutils.core import run_setup
 import setuptools
-build = run_setup("setup.py", stop_after="init").get_command_class("build_ext")
-found = build.run.__globals__["definitions_to_build"]([Path(entry) for entry in sys.argv[1:]])
+run_setup("setup.py", stop_after="init")  # which finds tools/
+from interfaces import definitions_to_build
+found = definitions_to_build([Path(entry) for entry in sys.argv[1:]])
 print(*sorted(found))
 """
 
