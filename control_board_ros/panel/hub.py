@@ -136,10 +136,12 @@ class Hub:
     def _check(self, browser: Browser, request: Request) -> None:
         """Check the permission of a browser; raises BadRequest with the reason."""
         commands = KINDS[request.do].commands
-        if self.shared.read_only and (commands or request.do in ("operate", "hand_over")):
-            raise BadRequest("the panel is read-only; start it without --read-only", request.id)
         stops = request.do == "stop" or (request.do == "estop" and request.given["on"])
-        if commands and not stops:  # watchers may stop as well
+        if stops:  # who sees can stop
+            pass
+        elif self.shared.read_only and (commands or request.do in ("operate", "hand_over")):
+            raise BadRequest("the panel is read-only; start it without --read-only", request.id)
+        elif commands:
             self.operators.check(browser, request)
         if request.board and request.board not in self.shared.boards:
             raise BadRequest(f"no board {request.board}; it may have ended", request.id)

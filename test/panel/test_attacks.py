@@ -201,17 +201,20 @@ def test_spectators_command_nothing(panel: Panel) -> None:
 
 
 def test_read_only_commands_nothing() -> None:
-    """There is no operator, and nothing reaches the board, not even STOP."""
+    """There is no operator, and nothing reaches the board but a stop: who sees can stop."""
     with panel_of(StandIn("/b", 0, ["pos"]), read_only=True) as panel:
         browser = panel.browser()
         assert browser.read("hello")["read_only"] is True
-        for message in [*COMMANDS, {"do": "stop"}, {"do": "operate"}]:
+        for message in [*COMMANDS, {"do": "operate"}, {"do": "estop", "on": False}]:
             answer = browser.ask(**message)  # type: ignore[arg-type]
             assert answer["ok"] is False, message
             assert "read-only" in answer["message"]
         assert panel.hub.operators.lease.holder is None
         assert not panel.board().calls.made
         assert browser.ask("watch", boards=["/b"])["ok"]
+        assert browser.ask("stop")["ok"]
+        assert browser.ask("estop", on=True)["ok"]
+        assert panel.board().calls.made
 
 
 def test_meshes_are_those_of_the_description(panel: Panel, tmp_path: Path) -> None:

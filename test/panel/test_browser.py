@@ -117,6 +117,28 @@ def test_positions(page: Any, client: ControlBoardClient) -> None:
     choose(page, client, "joint_3", "pos")
 
 
+def test_steps_lead_from_the_target(page: Any, client: ControlBoardClient) -> None:
+    """Presses add up, also while the joint moves, and end at a limit."""
+    choose(page, client, "joint_1", "pos")
+    send(page, "joint_1", 0.0)
+    until(lambda: abs(target(client, "joint_1")) < 0.01)
+    for text, expected in (("+5°", 5.0), ("+1°", 6.0), ("−1°", 5.0), ("−5°", 0.0)):
+        page.get_by_label(f"joint_1 {text}", exact=True).click()
+        until(lambda end=expected: abs(target(client, "joint_1") - end) < 0.01)
+    page.get_by_label("Angles in: rad").click()
+    for text, expected in (("+0.05", 0.05), ("+0.01", 0.06), ("−0.01", 0.05), ("−0.05", 0.0)):
+        page.get_by_label(f"joint_1 {text} rad", exact=True).click()
+        until(lambda end=expected: abs(math.radians(target(client, "joint_1")) - end) < 1e-3)
+    page.get_by_label("Angles in: deg").click()
+    send(page, "joint_1", 168.0)
+    until(lambda: abs(target(client, "joint_1") - 168.0) < 0.01)
+    page.get_by_label("joint_1 +5°", exact=True).click()
+    page.get_by_label("Go: yes").click()  # it is still far away
+    limit = math.degrees(client.get_limits("lbr_iiwa_joint_1")[1][0])
+    until(lambda: abs(target(client, "joint_1") - limit) < 0.01)
+    client.stop()
+
+
 def test_typing_goes_on_while_limits_arrive(page: Any, client: ControlBoardClient) -> None:
     """Limits of the board that come late change the slider, not what is being typed."""
     typed = page.get_by_label("Position reference of joint_1, typed; Enter sends")
@@ -317,6 +339,7 @@ def test_an_emergency_stop_needs_no_question_and_its_release_does(
     banner = page.get_by_role("alert")
     banner.get_by_text("7 faults").wait_for()
     assert "Release the emergency stop." in banner.inner_text()
+    assert banner.locator("button.primary").all_inner_texts() == ["Release stop"]
     page.get_by_label("Recover: the joints go back to the modes before").click()
     page.locator(".toast").filter(has_text="release the emergency stop").wait_for()
     page.get_by_text("Release stop").click()
@@ -330,6 +353,7 @@ def test_an_emergency_stop_needs_no_question_and_its_release_does(
 
     until(released)
     assert mode_of(client, "joint_1") == "hwfa"
+    until(lambda: banner.locator("button.primary").all_inner_texts() == ["Recover"])
     recover(page, client, "joint_1")
     banner.wait_for(state="detached")
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from browsing import context_of
+from browsing import PHONE, context_of
 from marks import needs_icub
 from waiting import until
 
@@ -21,6 +21,40 @@ PARTS = ["head", "torso", "left_arm", "right_arm", "left_leg", "right_leg"]
 def process() -> Iterator[BoardProcess]:
     with board_process({"robot": "icub", "physics": "ideal"}, robot="icub") as board:
         yield board
+
+
+#: Parts of cards that are not inside their card, or lie on each other: texts by their letters.
+OUTSIDE = """() => {
+  const PARTS = "h3, .mode, header [role=radio], .more, .l, .n, .u, .value .icon, .limit, .number,"
+    + " .jog, .steps button";
+  const shown = (e) => e.checkVisibility({ visibilityProperty: true });
+  const box = (e) => {
+    if (e.children.length || !e.firstChild) return e.getBoundingClientRect();
+    const range = document.createRange();
+    range.selectNodeContents(e);
+    return range.getBoundingClientRect();
+  };
+  const wrong = [];
+  for (const card of document.querySelectorAll("article.card")) {
+    const c = card.getBoundingClientRect();
+    const parts = [...card.querySelectorAll(PARTS)].filter(shown);
+    for (const [k, part] of parts.entries()) {
+      const a = box(part);
+      const name = part.getAttribute("class") ?? part.textContent;
+      const is = `${card.querySelector("h3").textContent} ${name}`;
+      const beyond = [c.left - a.left, a.right - c.right, c.top - a.top, a.bottom - c.bottom];
+      if (Math.max(...beyond) > 0.5) wrong.push(`${is} is outside`);
+      if (a.width && parseFloat(getComputedStyle(part).fontSize) < 12) wrong.push(`${is} is small`);
+      for (const other of parts.slice(k + 1).map(box)) {
+        const wide = Math.min(a.right, other.right) - Math.max(a.left, other.left);
+        const high = Math.min(a.bottom, other.bottom) - Math.max(a.top, other.top);
+        if (wide > 0.5 && high > 0.5) wrong.push(`${is} lies on another`);
+      }
+    }
+  }
+  return [...new Set(wrong)];
+}"""
+LONG = "left_arm_shoulder_pitch_joint1"  # 30 characters
 
 
 @pytest.fixture
@@ -48,5 +82,37 @@ def test_32_joints_fit(page: Any) -> None:
     assert "shoulder_pitch" in names.all_inner_texts()
     page.get_by_label("Joints as: Cards").click()
     assert page.locator("#cards.as-cards").count() == 1
+    labels = page.get_by_label("Position reference of", exact=False)
+    all_labels = labels.evaluate_all("all => all.map((e) => e.ariaLabel)")
+    assert len(set(all_labels)) == len(all_labels)  # both arms have an elbow
     page.reload()
     until(lambda: page.locator("#cards.as-cards article").count() == 32)
+
+
+@pytest.mark.parametrize(
+    "size", [(1280, 800), (1440, 900), (1920, 1080), (2560, 1440), (390, 844)]
+)
+def test_cards_hold_what_is_theirs(browser: Any, address: str, size: tuple[int, int]) -> None:
+    """At every width, with the robot's names and with names of 30 characters."""
+    width, height = size
+    how: dict[str, Any] = PHONE if width < 700 else {}
+    with context_of(browser, **how | {"viewport": {"width": width, "height": height}}) as context:
+        page = context.new_page()
+        page.goto(address)
+        until(lambda: page.evaluate("panel.cards.length === 32"))
+        until(lambda: page.evaluate("panel.cards.every((card) => card.joint.state)"))
+        if width >= 700:
+            page.get_by_label("Joints as: Cards").click()
+        for tab in ("All joints", "left_arm"):
+            page.get_by_role("tab", name=tab).click()
+            if width >= 700:
+                page.get_by_label("Joints as: Cards").click()
+            assert page.evaluate(OUTSIDE) == []
+            page.evaluate(
+                "name => document.querySelectorAll('h3').forEach((e) => { e.textContent = name; })",
+                LONG,
+            )
+            assert page.evaluate(OUTSIDE) == []
+        words = page.locator("#estop small")
+        assert words.inner_text() == "arms without brakes fall"
+        assert words.is_visible()

@@ -348,6 +348,20 @@ def test_a_paused_board_is_shown_as_paused(
     until(lambda: page.evaluate("panel.cards.every((card) => !card.mode.disabled)"))
 
 
+def test_a_stop_names_the_board_that_does_not_answer(page: Any, process: BoardProcess) -> None:
+    """The panel's server lives: the words send nobody to it."""
+    process.process.send_signal(signal.SIGSTOP)
+    try:
+        page.locator("article.card.silent").first.wait_for()
+        page.keyboard.press("Escape")
+        said = page.locator("#toast.loud", has_text="STOP NOT CONFIRMED")
+        said.wait_for()
+        assert "control_board does not answer: no state for" in said.inner_text()
+    finally:
+        process.process.send_signal(signal.SIGCONT)
+    until(lambda: page.evaluate("panel.cards.every((card) => !card.mode.disabled)"))
+
+
 def test_an_unsent_stop_is_reported(browser: Any, tmp_path: Any) -> None:
     """With the panel's own server gone, STOP looks dead and says so."""
     with (

@@ -14,7 +14,7 @@ from ..line.words import Refused, UsageError
 from ..text.output import DONE, note, put, put_json
 
 HOST = argument("--host", default="127.0.0.1", metavar="ADDRESS", help="To listen on.")
-READ_ONLY = argument("--read-only", action="store_true", help="Display only, without operation.")
+READ_ONLY = argument("--read-only", action="store_true", help="Display without operation.")
 
 
 def port_argument(default: int) -> Argument:

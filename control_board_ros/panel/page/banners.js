@@ -99,6 +99,7 @@ export class Banners {
     this.ages = ages;
     setText(this.headline, faults.length === 1 ? "Fault" : `${faults.length} faults`);
     this.release.hidden = !faults.some(({ fault }) => fault.code === STOPPED);
+    this.recover.classList.toggle("primary", this.release.hidden); // refused before the release
     setText(this.clear, faults.length === 1 ? "Clear fault" : "Clear faults");
     setText(this.more, `and ${faults.length - ages.size} more`);
     keepChildren(this.list, [...[...ages.values()].map(({ row }) => row), ...(faults.length > ages.size ? [this.more] : [])]);

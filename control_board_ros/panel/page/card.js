@@ -7,37 +7,42 @@ import { INTERACTIONS, MODES, TAKES, whatFalls, whyStill } from "./modes.js";
 import { HoldSlider, PositionSlider } from "./sliders.js";
 import { LABELS, number, quantity, unitOf } from "./units.js";
 
+const SHORT = { temperature: "Temp." };
 const VALUES = ["velocity", "torque", "position_reference", "output", "current", "temperature"];
 
 export class Card {
   constructor(joint, panel) {
     Object.assign(this, { joint, panel, sliders: [], shownMode: null, shownModes: null, shownWays: null, scale: null });
-    const { short, name } = joint;
-    this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${short}` });
+    const { short, label, name } = joint;
+    this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${label}` });
     chooseOnce(this.mode, (mode) => this.setMode(mode), () => this.joint.mode);
-    this.interaction = h("div", { class: "segmented small", role: "radiogroup", "aria-label": `Interaction mode of ${short}` });
-    this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false", "aria-label": `More of ${short}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
+    this.interaction = h("div", { class: "segmented small", role: "radiogroup", "aria-label": `Interaction mode of ${label}` });
+    this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false", "aria-label": `More of ${label}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
     this.position = this.value("position", "big");
     this.values = VALUES.map((signal) => this.value(signal));
     this.slots = h("div", { class: "slots" });
     this.why = h("p", { class: "why" });
+    this.foot = h("div", { class: "foot" }, this.why);
     this.body = h("div", { class: "details", hidden: true });
     this.element = h("article", { class: "card", "aria-label": `Joint ${name}` },
-      h("header", {}, h("h3", { title: name }, short), this.mode, this.interaction, this.more),
+      h("header", {}, h("h3", { title: name, onclick: () => { if (this.folded) this.expand(true); } }, short), h("div", { class: "modes" }, this.mode, this.interaction), this.more),
       h("div", { class: "readout" }, this.position.element, h("div", { class: "values" }, ...this.values.map((v) => v.element))),
-      this.slots, this.why, this.body);
+      this.slots, this.foot, this.body);
     this.refresh();
   }
 
   value(signal, kind = "") {
     const shown = h("span", { class: "n" });
     const unit = h("span", { class: "u" });
-    const plot = () => this.panel.plot(this.joint, signal);
+    const plot = () => (this.folded ? this.expand(true) : this.panel.plot(this.joint, signal));
     const element = h("button", { type: "button", class: `value ${kind} ${signal}`, title: `${LABELS[signal]}: plot it`, "aria-pressed": "false",
-      "aria-label": `Plot ${LABELS[signal].toLowerCase()} of ${this.joint.short}`, onclick: plot },
-    h("span", { class: "l" }, kind ? "" : LABELS[signal]), h("span", { class: "nu" }, shown, unit), icon("plot"));
+      "aria-label": `Plot ${LABELS[signal].toLowerCase()} of ${this.joint.label}`, onclick: plot },
+    h("span", { class: "l" }, kind ? "" : SHORT[signal] ?? LABELS[signal]), h("span", { class: "nu" }, shown, unit), icon("plot"));
     return { signal, element, shown, unit };
   }
+
+  /** A line of a phone's list: a tap opens it. */
+  get folded() { return this.panel.layout.view === "list" && this.body.hidden; }
 
   get where() { return { board: this.joint.board.name, joints: [this.joint.name] }; }
 
@@ -105,7 +110,7 @@ export class Card {
   drawInteraction() {
     const { joint } = this;
     this.interaction.hidden = joint.interactions.length < 2;
-    segmented(this.interaction, `Interaction of ${joint.short}`,
+    segmented(this.interaction, `Interaction of ${joint.label}`,
       Object.fromEntries(joint.interactions.map((code) => [code, INTERACTIONS[code] ?? code])), joint.interaction,
       (code) => this.panel.request("interaction", { ...this.where, mode: code }));
     for (const button of this.interaction.children) button.classList.add("command");
@@ -122,6 +127,8 @@ export class Card {
       this.sliders = [shown];
     }
     this.slots.replaceChildren(...this.sliders.map((slider) => slider.element));
+    const still = this.sliders.some((slider) => slider.element.classList.contains("still"));
+    this.foot.replaceChildren(this.why, ...this.sliders.map((slider) => !still && slider.steps).filter(Boolean));
   }
 
   slider(kind) {

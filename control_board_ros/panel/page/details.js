@@ -85,21 +85,21 @@ export class Details {
       ? new Group("Impedance", ["stiffness", "damping"].map(quantity), panel, (wanted) => panel.request("impedance", { ...one, ...wanted }).then(again)) : null;
     this.gains = h("div", { class: "gains" });
     this.groups = new Map();
-    this.calibrate = h("button", { type: "button", class: "command", onclick: () => this.runCalibration(), "aria-label": `Calibrate ${joint.short}` }, "Calibrate");
-    this.idle = h("button", { type: "button", class: "command", onclick: () => panel.request("mode", { ...one, mode: "fidl" }), "aria-label": `Force ${joint.short} to idle: no power` }, "Force idle");
-    this.size = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `Size of a step of ${joint.short}, amplitude of a chirp` });
+    this.calibrate = h("button", { type: "button", class: "command", onclick: () => this.runCalibration(), "aria-label": `Calibrate ${joint.label}` }, "Calibrate");
+    this.idle = h("button", { type: "button", class: "command", onclick: () => panel.request("mode", { ...one, mode: "fidl" }), "aria-label": `Force ${joint.label} to idle: no power` }, "Force idle");
+    this.size = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `Size of a step of ${joint.label}, amplitude of a chirp` });
     this.size.value = number(joint.sliding ? 0.005 : Math.PI / 36, "position", joint.sliding);
-    const measure = (verb, text, words) => h("button", { type: "button", class: "command", "aria-label": `${text} of ${joint.short}`, onclick: () => this.measure(verb, words) }, text);
+    const measure = (verb, text, words) => h("button", { type: "button", class: "command", "aria-label": `${text} of ${joint.label}`, onclick: () => this.measure(verb, words) }, text);
     this.step = measure("step", "Step", "steps there and back by");
     this.chirp = measure("chirp", "Chirp", "swings for a minute by up to");
-    this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": `Calibration of ${joint.short}` });
+    this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": `Calibration of ${joint.label}` });
     this.phase = h("span", { class: "phase" });
     this.motor = MOTOR.map((signal) => {
       const shown = h("b", {});
       return { signal, shown, element: h("span", { hidden: true }, `${LABELS[signal]} `, shown) };
     });
-    this.element = h("div", {}, h("p", { class: "motor", role: "group", "aria-label": `Motor of ${joint.short}` }, ...this.motor.map((one) => one.element)), h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
-      h("details", { class: "gain-box", "aria-label": `Gains of ${joint.short}` }, h("summary", {}, "Gains"), this.gains),
+    this.element = h("div", {}, h("p", { class: "motor", role: "group", "aria-label": `Motor of ${joint.label}` }, ...this.motor.map((one) => one.element)), h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
+      h("details", { class: "gain-box", "aria-label": `Gains of ${joint.label}` }, h("summary", {}, "Gains"), this.gains),
       h("div", { class: "buttons" }, this.calibrate, this.idle, this.step, this.chirp, this.size, h("span", { class: "u" }, unitOf("position", joint.sliding)[1]), this.progress, this.phase));
     this.load();
   }

@@ -103,12 +103,22 @@ class Panel {
     $("stop").classList.add("pressed");
     setTimeout(() => $("stop").classList.remove("pressed"), 250);
     if (!connection.open) { toast("STOP NOT SENT: no connection to the panel's server", true, true); return; }
-    const late = setTimeout(() => toast("STOP NOT CONFIRMED: the panel's server does not answer", true, true), STOP_ANSWER);
+    let lives = false; // the server answers: then a board does not
+    connection.ask("watch", { boards: (this.watched ?? "").split(",").filter(Boolean) }).then(() => { lives = true; });
+    const late = setTimeout(() => toast(`STOP NOT CONFIRMED: ${lives ? this.notAnswering() : "the panel's server does not answer"}`, true, true), STOP_ANSWER);
     connection.ask("stop").then((answer) => {
       clearTimeout(late);
       if (answer.ok) toast("Stopped: every joint of every board.");
       else toast(`STOP FAILED: ${answer.message}`, true, true);
     });
+  }
+
+  /** Who does not answer while the panel's server does. */
+  notAnswering() {
+    const silent = model.parts.filter((board) => board.silence);
+    if (!silent.length) return "the panel's server lives, a board has not answered yet";
+    const names = silent.map((board) => model.titleOf(board)).join(", ");
+    return `${names} ${silent.length > 1 ? "do" : "does"} not answer: no state for ${Math.max(...silent.map((board) => board.silence)).toFixed(1)} s. Cut its power if it moves.`;
   }
 
   /** Disable every joint of every board at once, without confirmation. */
@@ -162,7 +172,7 @@ class Panel {
   }
 
   drawTabs() {
-    const names = model.inOrder([...model.boards.values()]).map((board) => board.name);
+    const names = model.inOrder(model.parts).map((board) => board.name);
     const tabs = names.length > 1 ? [ALL, ...names] : names;
     if (!tabs.includes(this.tab)) this.tab = names.length > 1 ? ALL : names[0] ?? null;
     const choose = (name) => { this.tab = name; this.setLive(false); this.drawTabs(); };
@@ -180,6 +190,11 @@ class Panel {
   drawCards() {
     for (const card of this.cards) card.close();
     const several = this.shownBoards().length > 1;
+    const all = this.shownBoards().flatMap((board) => board.joints);
+    for (const joint of all) { // for screen readers: both arms have an elbow
+      const twice = all.some((other) => other !== joint && other.short === joint.short);
+      joint.label = twice ? `${model.titleOf(joint.board)} ${joint.short}` : joint.short;
+    }
     this.cards = [];
     const parts = this.shownBoards().map((board) => {
       const cards = board.joints.map((joint) => new Card(joint, this));
@@ -206,7 +221,6 @@ class Panel {
     this.recording.permit();
     this.banners.draw();
     this.operator.draw();
-    $("stop").disabled = $("estop").disabled = model.readOnly;
     $("stop").classList.toggle("dead", model.you === null);
     $("stop").firstChild.data = model.you === null ? "NO STOP: not connected" : "STOP";
   }

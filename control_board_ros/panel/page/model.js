@@ -13,7 +13,7 @@ const DRAWN = 150; // ms that a frame of the page counts for at most
 /** One joint: limits, modes, state, target. */
 class Joint {
   constructor(board, index, name, short) {
-    Object.assign(this, { board, index, name, short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
+    Object.assign(this, { board, index, name, short, label: short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
       state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null, hasBrake: false });
   }
   /** The target of the active move, of any program; null without a move, or if unknown. */

@@ -7,6 +7,7 @@ import { inDegrees, number, parse, quantity, unitOf } from "./units.js";
 const LIVE_EVERY = 50; // ms between positions in live mode
 const CONFIRM_EVERY = 60; // ms between confirmations of a held control
 const SENT = 1200; // ms that a sent value is shown at most, until the board's target
+const STEPS = [-5, -1, 1, 5]; // degrees, mm, or hundredths of a rad
 const HANDLE = 16; // px, width of a slider's handle; beside it is the track
 const TOUCH_DELAY = 150; // ms that a finger rests on a button before it acts: not for scrolling
 const SLIP = 8; // px that it may move in this time
@@ -47,14 +48,15 @@ export class PositionSlider {
     this.measured = h("span", { class: "mark measured", title: "measured" });
     this.target = h("span", { class: "mark target", title: "target" });
     this.fill = h("span", { class: "fill" });
-    this.input = range(`Position reference of ${joint.short}`, 0, 1, 0.001);
+    this.input = range(`Position reference of ${joint.label}`, 0, 1, 0.001);
     this.handle = h("span", { class: "handle", "aria-hidden": "true" });
     this.lower = h("span", { class: "limit" });
     this.upper = h("span", { class: "limit" });
     this.box = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
-      "aria-label": `Position reference of ${joint.short}, typed; Enter sends` });
+      "aria-label": `Position reference of ${joint.label}, typed; Enter sends` });
     this.element = h("div", { class: "slider" }, this.lower,
       h("div", { class: "track" }, this.fill, this.target, this.measured, this.input, this.handle), this.upper, this.box);
+    this.steps = h("div", { class: "steps", role: "group", "aria-label": `Steps of ${joint.label}` });
     this.input.addEventListener("pointerdown", (event) => this.begin(Math.abs(event.clientX - this.handleAt()) <= HANDLE));
     this.input.addEventListener("pointercancel", () => this.drop());
     this.input.addEventListener("keydown", () => this.begin(false));
@@ -80,6 +82,11 @@ export class PositionSlider {
     const step = joint.sliding ? 0.001 : inDegrees() ? Math.PI / 180 : 0.01;
     Object.assign(this.input, { min: String(joint.lower), max: String(joint.upper), step: String(step / 10) });
     this.step = step;
+    const unit = joint.sliding ? " mm" : inDegrees() ? "°" : " rad";
+    this.steps.replaceChildren(...STEPS.map((count) => {
+      const way = `${count < 0 ? "−" : "+"}${joint.sliding || inDegrees() ? Math.abs(count) : Math.abs(count) / 100}${unit}`;
+      return h("button", { type: "button", class: "command", "aria-label": `${joint.label} ${way}`, onclick: () => this.stepped(count * step) }, way);
+    }));
     this.lower.textContent = joint.endless ? "∞" : number(joint.lower, "position", joint.sliding).replace(/\.0$/, "");
     this.upper.textContent = joint.endless ? "∞" : number(joint.upper, "position", joint.sliding).replace(/\.0$/, "");
   }
@@ -128,6 +135,15 @@ export class PositionSlider {
     }
   }
 
+  /** A step from the target, also from one that is not confirmed yet; it ends at a limit. */
+  stepped(way) {
+    const { joint } = this;
+    const from = performance.now() - this.sentAt < SENT ? this.sent : joint.goal ?? joint.state?.position_reference;
+    if (from === undefined) return;
+    this.begin(false);
+    this.asked(joint.endless ? from + way : Math.min(Math.max(from + way, joint.lower), joint.upper));
+  }
+
   wrong(text) {
     this.box.classList.add("wrong");
     toast(text, true);
@@ -143,6 +159,8 @@ export class PositionSlider {
 
   give(value, live = false) {
     this.sentAt = performance.now();
+    this.sent = value;
+    this.input.value = String(value);
     this.send(value, live);
   }
 
@@ -182,12 +200,12 @@ export class HoldSlider {
     const label = { velocity: "Velocity", veldirect: "Velocity", torque: "Torque", output: "Output", current: "Current" }[kind];
     this.zero = h("span", { class: "mark zero" });
     this.measured = h("span", { class: "mark measured", title: "measured" });
-    this.input = range(`${label} of ${joint.short}, acts while held`, -1, 1, "any");
+    this.input = range(`${label} of ${joint.label}, acts while held`, -1, 1, "any");
     this.input.classList.add("dead-man");
     this.box = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
-      "aria-label": `${label} that the buttons of ${joint.short} give` });
-    this.minus = this.button(-1, `${label} of ${joint.short} down, while held`, "left");
-    this.plus = this.button(1, `${label} of ${joint.short} up, while held`, "right");
+      "aria-label": `${label} that the buttons of ${joint.label} give` });
+    this.minus = this.button(-1, `${label} of ${joint.label} down, while held`, "left");
+    this.plus = this.button(1, `${label} of ${joint.label} up, while held`, "right");
     this.unit = h("span", { class: "limit" });
     this.handle = h("span", { class: "handle", "aria-hidden": "true" });
     this.element = h("div", { class: "slider hold" }, this.minus,
