@@ -21,7 +21,12 @@ PACKAGE = "control_board_ros"
 
 #: Arguments that are parameters of the node; empty: from the parameter file and the defaults.
 PARAMETERS = {
-    "robot": "Robot: iiwa, panda, icub_left_arm, icub_right_arm or a URDF's path",
+    "robot": "Robot: iiwa, panda, icub, panda_pair, iiwa_gripper, icub_left_arm, icub_right_arm, "
+    "icub_hand, icub_hand_mk3, icub_hands, or the path of a URDF or xacro file",
+    "plant": "Plant by its name, as moteus or virtual/moteus; empty: the simulation",
+    "plant_arguments": "Arguments of the plant: [bus=socketcan:can0, ids=1 2]",
+    "control_rate": "Rate of the control cycles, Hz",
+    "physics": "Engine of the simulation: pybullet, mujoco or ideal",
     "gui": "Show the physics in a window: true or false",
     "state_rate": "Rate of joint_states and ~/state, Hz",
     "real_time_factor": "Simulated seconds per second; 0: as fast as possible",
@@ -85,7 +90,7 @@ def start(context: LaunchContext) -> list[Node]:
     ]
     if not (rviz or state_publisher):
         return nodes
-    urdf = description(files, parameters)
+    urdf = description(files, parameters, f"/{given('namespace').strip('/')}", given("name"))
     if state_publisher:
         text = ParameterValue(urdf.description, value_type=str)
         nodes.append(
@@ -113,7 +118,9 @@ def start(context: LaunchContext) -> list[Node]:
 
 
 def value_of(text: str) -> Any:
-    """An argument as the value of a parameter: number, true, false, or text."""
+    """An argument as the value of a parameter: number, true, false, list of texts, or text."""
+    if text.startswith("["):
+        return [item.strip().strip("'\"") for item in text.strip("[] ").split(",") if item.strip()]
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     try:
@@ -122,9 +129,10 @@ def value_of(text: str) -> Any:
         return text
 
 
-def description(files: list[str], parameters: dict[str, Any]) -> Any:
-    """The robot of the board."""
+def description(files: list[str], parameters: dict[str, Any], namespace: str, name: str) -> Any:
+    """The robot of the board, by the sections of its files that are for its node."""
     from control_board_ros.settings.loading import load
 
     robot = {"robot": parameters["robot"]} if "robot" in parameters else {}
-    return load(files[0] if files else None, robot).urdf
+    node = f"{namespace.rstrip('/')}/{name or 'control_board'}"
+    return load(files[0] if files else None, robot, node=node).urdf

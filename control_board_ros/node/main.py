@@ -44,7 +44,7 @@ USAGE = """\
 usage: control_board [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO] ...]
        control_board --version
 
-Starts the simulated control board, by default a KUKA iiwa.
+Starts a control board: a simulated robot, by default a KUKA iiwa, or a plant of motors.
   control_board --ros-args -p robot:=panda -p gui:=true
   control_board --ros-args --params-file my_robot.yaml -r __ns:=/left
 Parameters: docs/parameters.md, or `ros2 param list /control_board` while it runs.

@@ -49,7 +49,7 @@ from .layers import (
     unknown,
     without_ros,
 )
-from .params_file import Entries, Entry, Layer, SettingsError, convert, read_file
+from .params_file import NODE_NAME, Entries, Entry, Layer, SettingsError, convert, read_file
 from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, levels_of, take_parts
 from .poses import POSES, poses_of, values_of
 from .schema import (
@@ -196,6 +196,7 @@ def load(
     overrides: Mapping[str, Any] | None = None,
     *,
     on_top: Iterable[str | os.PathLike[str]] = (),
+    node: str = NODE_NAME,
 ) -> Settings:
     """Settings of a file, of a shipped configuration by name, or of the default robot (None).
 
@@ -203,6 +204,7 @@ def load(
         source: ``iiwa``, ``minimal``, …, or the path of a ROS parameter file.
         overrides: Values by full parameter name, over those of the files.
         on_top: Further files, over the first one, in ascending priority.
+        node: Full name of the node whose sections of the files count.
 
     Raises:
         SettingsError: one line: where, name, value, what is allowed, the next step.
@@ -210,8 +212,8 @@ def load(
     layers = []
     if source is not None:
         path = find_config(source) if isinstance(source, str) and _is_name(source) else source
-        layers.append(read_file(Path(path)))
-    layers += [read_file(Path(path)) for path in on_top]
+        layers.append(read_file(Path(path), node))
+    layers += [read_file(Path(path), node) for path in on_top]
     layers.append(Layer({name: Entry(v, "overrides") for name, v in (overrides or {}).items()}))
     return load_layers(layers)
 

@@ -43,7 +43,11 @@ class Layer:
     path: Path | None = None
 
 
-def read_file(path: Path, node: str = "/control_board") -> Layer:
+#: Full name of the node, unless it is remapped.
+NODE_NAME = "/control_board"
+
+
+def read_file(path: Path, node: str = NODE_NAME) -> Layer:
     """The parameters of a node in a file.
 
     Args:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 import pytest
 import yaml
 
+from control_board_ros.description.robots import NAMES
 from control_board_ros.description.urdf import parse
 from control_board_ros.settings.layers import ROS_NAMES
 from control_board_ros.settings.loading import SettingsError, load_layers
@@ -148,6 +150,37 @@ def test_rviz_shows_the_robot_with_the_boards_frames(launch_file: ModuleType) ->
     (robot,) = [one for one in displays if one["Class"].endswith("/RobotModel")]
     assert robot["Description Topic"]["Value"] == "robot_description"
     assert robot["Description Topic"]["Durability Policy"] == "Transient Local"
+
+
+def test_the_sections_of_the_named_node_decide_what_is_drawn(
+    launch_file: ModuleType, tmp_path: Path
+) -> None:
+    """One file for two boards: RViz and the frames are those of the board that starts."""
+    file = tmp_path / "both.yaml"
+    robots = {"left": "panda", "/lab/right": "icub_left_arm"}
+    file.write_text(yaml.dump({n: {"ros__parameters": {"robot": r}} for n, r in robots.items()}))
+    _, rviz = started(launch_file, params_file=str(file), name="left", rviz="true")
+    assert rviz.arguments[-1] == "panda_link0"
+    if find_spec("icub_models"):
+        asked = {"params_file": str(file), "name": "right", "namespace": "lab", "rviz": "true"}
+        assert started(launch_file, **asked)[1].arguments[-1] != "panda_link0"
+
+
+def test_a_plant_with_its_arguments(launch_file: ModuleType, tmp_path: Path) -> None:
+    (node,) = started(
+        launch_file,
+        plant="virtual/moteus",
+        plant_arguments='[ratio=6.0, "ids=1 2 3 4 5 6 7"]',
+        control_rate="500",
+        physics="ideal",
+    )
+    settings = settings_of(node, tmp_path)
+    assert settings.values["plant_arguments"] == ["ratio=6.0", "ids=1 2 3 4 5 6 7"]
+    assert (settings.values["plant"], settings.board.control_rate) == ("virtual/moteus", 500.0)
+
+
+def test_the_help_names_every_robot(launch_file: ModuleType) -> None:
+    assert all(name in launch_file.PARAMETERS["robot"] for name in NAMES)
 
 
 def test_robot_state_publisher_in_place_of_the_board(launch_file: ModuleType) -> None:

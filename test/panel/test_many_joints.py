@@ -44,7 +44,8 @@ OUTSIDE = """() => {
       const is = `${card.querySelector("h3").textContent} ${name}`;
       const beyond = [c.left - a.left, a.right - c.right, c.top - a.top, a.bottom - c.bottom];
       if (Math.max(...beyond) > 0.5) wrong.push(`${is} is outside`);
-      if (a.width && parseFloat(getComputedStyle(part).fontSize) < 12) wrong.push(`${is} is small`);
+      const size = parseFloat(getComputedStyle(part).fontSize);
+      if (a.width && size < 12) wrong.push(`${is} is small`);
       for (const other of parts.slice(k + 1).map(box)) {
         const wide = Math.min(a.right, other.right) - Math.max(a.left, other.left);
         const high = Math.min(a.bottom, other.bottom) - Math.max(a.top, other.top);
@@ -109,7 +110,7 @@ def test_cards_hold_what_is_theirs(browser: Any, address: str, size: tuple[int, 
                 page.get_by_label("Joints as: Cards").click()
             assert page.evaluate(OUTSIDE) == []
             page.evaluate(
-                "name => document.querySelectorAll('h3').forEach((e) => { e.textContent = name; })",
+                "name => document.querySelectorAll('h3').forEach((e) => e.replaceChildren(name))",
                 LONG,
             )
             assert page.evaluate(OUTSIDE) == []
