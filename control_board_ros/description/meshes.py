@@ -2,16 +2,21 @@
 """Resolution of mesh paths of a URDF, within allowed folders.
 
 The simulation opens the files named by a URDF, so only paths below a few roots are accepted: the
-URDF's own folder (or its ROS package), the shares of ROS packages, pybullet_data and icub-models.
+URDF's own folder (or its ROS package), the shares of ROS packages, pybullet_data and icub-models,
+and for ``package://NAME/`` a folder NAME above the URDF.
 """
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import unquote
+
+#: Folders above a URDF that are looked at for the package of a mesh.
+LEVELS = 6
 
 
 class MeshPathError(ValueError):
@@ -37,6 +42,17 @@ def source_package(folder: Path) -> Path | None:
     """The ROS package of this folder: the nearest parent with a package.xml."""
     for candidate in (folder, *folder.parents):
         if (candidate / "package.xml").is_file():
+            return candidate
+    return None
+
+
+def above(folder: Path, package: str) -> Path | None:
+    """The nearest folder above this one that has a package's name; none that holds a home."""
+    home = Path.home()
+    for candidate in folder.resolve().parents[:LEVELS]:
+        if home.is_relative_to(candidate) or candidate == candidate.parent:
+            return None
+        if candidate.name == package:
             return candidate
     return None
 
@@ -91,7 +107,10 @@ class MeshFinder:
                 "and put the file beside the URDF"
             )
         places = [Path(os.path.normpath(path)) for path in candidates]
-        allowed = [path for path in places if self._allowed(path)]
+        package = rest.partition("/")[0] if scheme in ("package", "model") and mark else ""
+        top = above(self.folder, package) if package else None
+        roots = self.own if top is None else [*self.own, top]
+        allowed = [path for path in places if self._allowed(path, roots)]
         if not allowed:
             raise MeshPathError(
                 f"mesh {name!r} is outside the folders that meshes may come from; put it "
@@ -105,13 +124,31 @@ class MeshFinder:
             raise MeshPathError(f"mesh 'package://{path}' names no package")
         found = [share / package / inside for share in self.installed]
         found += [root / inside for root in self.own if root.name == package]
+        if (top := above(self.folder, package)) is not None:
+            found.append(top / inside)
         # pybullet_data writes package://meshes/… for a folder beside the URDF.
         return [*found, self.folder / package / inside]
 
-    def _allowed(self, path: Path) -> bool:
+    def _allowed(self, path: Path, own: Sequence[Path]) -> bool:
         if any(path.is_relative_to(root) for root in self.installed):
             return True
-        if not any(path.is_relative_to(root) for root in self.own):
+        if not any(path.is_relative_to(root) for root in own):
             return False
         real = path.resolve()
-        return any(real.is_relative_to(root.resolve()) for root in self.own)
+        return any(real.is_relative_to(root.resolve()) for root in own)
+
+
+def not_found(names: Sequence[str]) -> str:
+    """One line about meshes that do not exist, with the next step."""
+    count = "mesh" if len(names) == 1 else f"{len(names)} meshes"
+    packages = [n.partition("://")[2].partition("/")[0] for n in names if "://" in n]
+    if packages:
+        most = max(packages, key=packages.count)
+        remedy = (
+            f"put the URDF below a folder {most!r}, or name in AMENT_PREFIX_PATH a folder with "
+            f"share/{most}"
+        )
+    else:
+        remedy = "put them beside the URDF, at these paths"
+    kept = "the shapes are not drawn and do not collide, masses and joints stay"
+    return f"{count} not found, as {names[0]!r}: {kept}; {remedy}"

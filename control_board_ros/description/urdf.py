@@ -21,7 +21,7 @@ from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
 from ..urdf_xml import SIZE_CAP, UrdfError, joint_of, parse_xml
 from .geometry import origin_of, set_origin
-from .meshes import MeshFinder, MeshPathError, mesh_url
+from .meshes import MeshFinder, MeshPathError, mesh_url, not_found
 from .urdf_tree import Tree, check_expanded, check_numbers
 from .xacro_file import expand, is_xacro
 
@@ -317,8 +317,8 @@ def _check_mimics(joints: tuple[UrdfJoint, ...], source: str) -> None:
 
 
 def _place_meshes(root: ET.Element, source: str, finder: MeshFinder) -> list[str]:
-    """Make mesh paths absolute; drop shapes with missing meshes, with a warning."""
-    warnings = []
+    """Make mesh paths absolute; drop shapes with missing meshes, with one warning of all."""
+    missing = []
     for link in root.findall("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             mesh = shape.find("geometry/mesh")
@@ -331,10 +331,7 @@ def _place_meshes(root: ET.Element, source: str, finder: MeshFinder) -> list[str
                 raise UrdfError(f"{source}: link {link.get('name')!r}: {error}") from None
             if found is None:
                 link.remove(shape)
-                warnings.append(
-                    f"{source}: link {link.get('name')!r}: mesh {name!r} not found; "
-                    f"its {shape.tag} is left out"
-                )
+                missing.append(name)
             else:
                 mesh.set("filename", str(found))
-    return warnings
+    return [f"{source}: {not_found(missing)}"] if missing else []

@@ -258,7 +258,38 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
 def test_a_missing_mesh_drops_its_shape_with_a_warning(tmp_path: Path) -> None:
     made = read(mesh_arm("none.stl"), tmp_path)
     assert "visual" not in made.description
-    assert "'none.stl' not found" in made.warnings[0]
+    assert "mesh not found, as 'none.stl'" in made.warnings[0]
+    assert "put them beside the URDF" in made.warnings[0]
+
+
+def test_missing_meshes_of_a_package_are_one_line_with_its_remedy(tmp_path: Path) -> None:
+    mesh = "<geometry><mesh filename='package://my_arm/{}.stl'/></geometry>"
+    shapes = "".join(f"<visual>{mesh.format(k)}</visual>" for k in range(3))
+    tip = (link("tip"), joint("elbow", "base", "tip"))
+    made = read(robot(link("base", shapes + INERTIAL), *tip), tmp_path)
+    (line,) = made.warnings
+    assert "3 meshes not found, as 'package://my_arm/0.stl'" in line
+    assert "AMENT_PREFIX_PATH" in line
+    assert "share/my_arm" in line
+
+
+def test_a_package_is_found_above_the_urdf(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As repositories of robots are laid out; not a folder that holds somebody's home."""
+    top = tmp_path / "my_arm"
+    mesh, folder = top / "arms" / "a.stl", top / "arms" / "seven" / "urdf"
+    folder.mkdir(parents=True)
+    mesh.write_bytes(b"solid")
+    name = "package://my_arm/arms/a.stl"
+    assert str(mesh) in read(mesh_arm(name), folder).description
+    assert "outside" in message(mesh_arm("../../a.stl"), folder)
+    (tmp_path / "secret.stl").write_bytes(b"solid")
+    assert (
+        'secret.stl"' not in read(mesh_arm("package://my_arm/../secret.stl"), folder).description
+    )
+    monkeypatch.setenv("HOME", str(top / "arms"))
+    assert "not found" in read(mesh_arm(name), folder).warnings[0]
 
 
 TREE = robot(
