@@ -56,6 +56,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("cbctl: interrupted; all joints are without power", file=sys.stderr)
         return 1
+    except EOFError:
+        print("cbctl: nobody answers here; all joints are without power; in a script: --yes, with "
+              "--turned JOINT=WAY for what a person saw", file=sys.stderr)  # fmt: skip
+        return 1
     except (PlantSettingsError, SettingsError, ConfigError, OSError) as error:
         print(f"cbctl: {error}", file=sys.stderr)
         return 1

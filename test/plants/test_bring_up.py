@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import signal
 import subprocess
@@ -24,6 +25,8 @@ from control_board_ros.plants.drives.bring_up import (
     corrections,
     write,
 )
+from control_board_ros.plants.drives.driver import only
+from control_board_ros.plants.drives.remedies import bus_error
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveLimits
 from control_board_ros.testing.plant_contract import board_for
@@ -178,6 +181,51 @@ def test_nothing_is_moved_without_a_yes(
     assert "nothing was moved" in capsys.readouterr().out
 
 
+def test_a_script_without_answers_ends_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``cbctl drives try robot.yaml </dev/null``."""
+
+    def ended(_: str) -> str:
+        raise EOFError
+
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT)
+    monkeypatch.setattr("builtins.input", ended)
+    assert main(["try", str(path)]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "--yes" in error
+    assert "--turned JOINT=WAY" in error
+
+
+@pytest.mark.parametrize(
+    ("number", "remedy"),
+    [
+        (errno.ENETDOWN, "sudo ip link set can0 up type can"),
+        (errno.ENODEV, "there is no interface can0; list them with: ip -br link"),
+        (errno.EAFNOSUPPORT, "modprobe can_raw"),
+        (errno.EACCES, "no permission"),
+    ],
+)
+def test_a_bus_that_does_not_open_has_a_remedy(number: int, remedy: str) -> None:
+    """Not what the user has typed already."""
+    error = bus_error("socketcan:can0", OSError(number, "as the system says"))
+    assert remedy in str(error)
+    assert "INTERFACE:CHANNEL" not in str(error)
+
+
+def test_the_hint_of_a_missing_drive_works_as_printed(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    address = bench.bus.address
+    with pytest.raises(ConnectionError, match="no drive answers as id 9") as missing:
+        only([], replace(bench.plant.axes[0], id=9), address, "moteus")
+    hint = str(missing.value).partition("cbctl drives ")[2]
+    assert main(hint.split(" ", 3)) == 0
+    assert "id 1" in capsys.readouterr().out
+
+
 def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT.replace("virtual/moteus", "''"))
@@ -188,6 +236,7 @@ def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         (["try", str(tmp_path / "none.yaml")], "none.yaml"),
         (["try", str(virtual), "--joints", "lbr_joint_7"], "mean 'lbr_iiwa_joint_7'?; joints: "),
         (["scan", "moteus", "--bus", "nonsense:1"], "use INTERFACE:CHANNEL"),
+        (["scan", "feetech", "--bus", "/dev/no_such"], "list them with: ls -l /dev/serial/by-id"),
     ):
         assert main(words) == 1
         error = capsys.readouterr().err

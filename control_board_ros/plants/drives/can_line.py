@@ -11,6 +11,7 @@ from typing import Any, Self
 
 from ..errors import PlantSettingsError
 from .clock import Clock
+from .remedies import bus_error
 
 #: Most frames that an exchange reads for each that it waits for: a flood does not block it.
 FLOOD = 8
@@ -127,9 +128,7 @@ class CanLine:
         try:
             self._bus = self.connect(self._text, fd=self._fd, bitrate=self._bitrate)
         except (can.CanError, OSError, ValueError) as error:
-            raise OSError(
-                f"bus {self._text}: {error}; use INTERFACE:CHANNEL, as socketcan:can0"
-            ) from None
+            raise bus_error(self._text, error) from None
 
     def __enter__(self) -> Self:
         self.open()
@@ -146,7 +145,7 @@ class CanLine:
         except self._errors as error:
             number = getattr(error, "error_code", None) or getattr(error, "errno", None)
             if number != errno.ENOBUFS:
-                raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
+                raise bus_error(self._text, error) from None
             self.dropped += 1
 
     def _receive(self, seconds: float) -> Any:
@@ -159,7 +158,7 @@ class CanLine:
         try:
             found = bus.recv(seconds)
         except self._errors as error:
-            raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
+            raise bus_error(self._text, error) from None
         if found is not None and found.is_error_frame and found.arbitration_id & BUS_OFF:
             raise OSError(
                 f"bus {self._text} is off: the interface left it after too many errors; check "

@@ -119,7 +119,7 @@ def find(question: Question, axis: Axis, bus: str, driver: str) -> Questions[Any
         several = bool(answers)  # or one of them came twice
     raise ConnectionError(
         f"{axis.name}: {'two drives answer' if several else 'no drive answers'} as id {axis.id} "
-        f"on {bus}; look with: cbctl drives scan {driver}"
+        f"on {bus}; look with: cbctl drives scan {driver} --bus {bus}"
     )
 
 

@@ -19,6 +19,7 @@ from .axes import Axis
 from .can_line import PATIENCE
 from .clock import Clock
 from .interview import ATTEMPTS, Interview, Question, Questions, ask
+from .remedies import bus_error
 
 Take = Callable[[int, bytes], None]
 
@@ -124,7 +125,7 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
         if not port.setBaudRate(baudrate):
             raise PlantSettingsError(f"baudrate={baudrate}: unknown to the library; e.g. 1000000")
     except OSError as error:
-        raise OSError(f"bus {device}: {error}; use the serial device, as /dev/ttyUSB0") from None
+        raise bus_error(device, error) from None
     return port
 
 
