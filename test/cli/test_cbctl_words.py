@@ -174,6 +174,20 @@ def test_paused_time() -> None:
     assert standstill.hint(0.0, 30.0) == ""
 
 
+def test_a_script_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A board that stands still ends it after the timeout; a terminal waits on, with its hint."""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: False)
+    standstill = Standstill(3.0)
+    standstill.hint(2.0, 10.0)
+    assert standstill.hint(2.0, 12.9) == Standstill.HINT
+    with pytest.raises(Refused, match="stands still for 3 s; paused"):
+        standstill.hint(2.0, 13.0)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    standstill = Standstill(3.0)
+    standstill.hint(2.0, 10.0)
+    assert standstill.hint(2.0, 100.0) == Standstill.HINT
+
+
 def test_missing_packages_are_no_refusal() -> None:
     """Unexpected errors keep their traceback."""
     with pytest.raises(ModuleNotFoundError, match="rich"):

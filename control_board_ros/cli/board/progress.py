@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from typing import Any
 
+from ..line.words import Refused
 from ..text.output import console
 from .session import Session
 
@@ -75,13 +77,19 @@ class Way:
 
 
 class Standstill:
-    """Detects that the board's time has stopped, by a value that changes with it."""
+    """Detects that the board's time has stopped, by a value that changes with it.
+
+    Args:
+        limit: s of standing still after which waiting ends; a terminal, whose user sees the hint
+            and has Ctrl-C, waits on.
+    """
 
     #: s for which the value must not change.
     PATIENCE = 1.0
     HINT = "; paused? resume with: cbctl resume"
 
-    def __init__(self) -> None:
+    def __init__(self, limit: float = math.inf) -> None:
+        self._limit = math.inf if sys.stderr.isatty() else limit
         self._value = math.nan
         self._since = 0.0
 
@@ -91,7 +99,13 @@ class Standstill:
         Args:
             value: remaining time of a motion, or the stamp of a state, s; 0: it has ended.
             now: time of this process, s.
+
+        Raises:
+            Refused: it stands still for longer than the limit.
         """
         if value != self._value:
             self._value, self._since = value, now
-        return self.HINT if value and now - self._since >= self.PATIENCE else ""
+        still = now - self._since if value else 0.0
+        if still >= self._limit:
+            raise Refused(f"the board's time stands still for {still:.0f} s{self.HINT}")
+        return self.HINT if still >= self.PATIENCE else ""

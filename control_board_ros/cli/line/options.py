@@ -23,7 +23,7 @@ TIMEOUT = argument(
     type=number,
     default=5.0,
     metavar="SECONDS",
-    help="Timeout for finding the board and for each answer.",
+    help="Timeout for finding the board, for each answer, and in scripts for a paused board.",
 )
 DOMAIN = argument(
     "--domain", type=int, metavar="NUMBER", help="ROS domain; default: ROS_DOMAIN_ID."

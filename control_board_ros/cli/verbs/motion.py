@@ -40,7 +40,8 @@ def move(session: Session, words: list[str], speed: float | None, wait: bool) ->
     if not wait:
         reply = client.position_move(names, positions, speed)
         return conclude(session, reply, f"under way: {', '.join(names)}")
-    way, standstill = Way(values, {name: near(session, name) for name in names}), Standstill()
+    way = Way(values, {name: near(session, name) for name in names})
+    standstill = Standstill(session.options.timeout)
     try:
         with Bar(session, "moving") as bar:
 

@@ -117,7 +117,7 @@ def save(session: Session, name: str, words: list[str], speed: float | None) -> 
 def go(session: Session, name: str, speed: float | None) -> int:
     """Go to a pose and wait for the end; the exit code."""
     names = session.names
-    whole, standstill = 0.0, Standstill()
+    whole, standstill = 0.0, Standstill(session.options.timeout)
     try:
         with Bar(session, name) as bar:
 

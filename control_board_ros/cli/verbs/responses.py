@@ -175,7 +175,7 @@ def chirp(
         raise UsageError(str(error)) from error
 
     def run() -> None:
-        standstill = Standstill()
+        standstill = Standstill(session.options.timeout)
         with Bar(session, f"{low:g} to {high:g} Hz") as bar:
 
             def feedback(past: float) -> None:
