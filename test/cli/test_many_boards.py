@@ -10,9 +10,9 @@ from cbctl_process import Cbctl
 from waiting import until
 
 from control_board_ros.cli.app import for_several
-from control_board_ros.cli.board.boards import is_pattern, robots_among
+from control_board_ros.cli.board.boards import alone_among, is_pattern, robots_among
 from control_board_ros.cli.board.session import Session
-from control_board_ros.cli.line.options import Options
+from control_board_ros.cli.line.options import Options, read_options
 from control_board_ros.testing import board_process
 
 
@@ -24,6 +24,36 @@ def test_a_robot_is_what_its_parts_are() -> None:
     assert robots_among({"/a/board": ["x", "y"], "/b/board": ["x", "y"]}) == set()
     assert robots_among({"/a": ["x"], "/b": ["y"], "/c/all": ["x", "y"]}) == set()
     assert robots_among({"/a": ["x"], "/b": ["x"]}) == set()
+
+
+def test_a_line_that_names_no_board_takes_the_only_one() -> None:
+    """Or the own board of the only robot; of several none."""
+    icub = ["/icub/head", "/icub/robot", "/icub/torso"]
+    assert alone_among(["/lab/left"]) == "/lab/left"
+    assert alone_among(icub) == "/icub/robot"
+    for several in (["/a/board", "/b/board"], [*icub, "/lab/left"], [*icub, "/b/robot"]):
+        assert alone_among(several) == ""
+
+
+def test_the_environment_names_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line's own --board wins; the one of the environment is not repeated in the next steps."""
+    monkeypatch.setenv("CONTROL_BOARD", "/icub/robot")
+    given, _ = read_options([], [])
+    assert (given.board, given.only, given.address) == ("/icub/robot", False, "")
+    given, _ = read_options(["--board", "control_board"], [])
+    assert (given.board, given.only) == ("control_board", False)
+    monkeypatch.delenv("CONTROL_BOARD")
+    given, _ = read_options([], [])
+    assert (given.board, given.only) == ("control_board", True)
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_the_only_board_is_taken() -> None:
+    with board_process({"joints": ["lbr_iiwa_joint_1"]}, namespace="lab") as board:
+        shown = Cbctl(board.environment).run("modes")
+        assert (shown.code, shown.err) == (0, "")
+        assert "lbr_iiwa_joint_1  pos" in shown.out
 
 
 def test_patterns_and_the_verbs_that_accept_them() -> None:

@@ -18,6 +18,7 @@ from ..line.offers import Typed
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, assignments, find_joints
 from ..text.output import load_drawing
+from .boards import only_board
 
 #: Suffix of the unit of a position, by quantity.
 RATES = {"position": "", "speed": "/s", "acceleration": "/s²"}
@@ -133,7 +134,7 @@ class Session:
 
         client = ControlBoardClient(
             node,
-            self.options.board,
+            only_board(node, self.options.timeout) if self.options.only else self.options.board,
             find_timeout=self.options.timeout,
             answer_timeout=max(self.options.timeout, 1.0),
         )

@@ -3,17 +3,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from .arguments import Parser, argument, number
 from .words import UsageError
 
+#: The board of a line that names none, and the environment variable that names another.
+DEFAULT, VARIABLE = "control_board", "CONTROL_BOARD"
 BOARD = argument(
     "--board",
-    default="control_board",
+    default="",
     metavar="NAME",
-    help="Name of the board's node, or a pattern for several boards: '/icub/*'.",
+    help="Name of the board's node, or a pattern for several boards: '/icub/*'; default: that of "
+    "the environment variable CONTROL_BOARD, control_board, or the only board or robot there is.",
 )
 NAMESPACE = argument(
     "--namespace", default="", metavar="NAMESPACE", help="Namespace of the board."
@@ -43,21 +47,23 @@ class Options:
     """The common options of a line.
 
     Attributes: board (name of the node), namespace (of cbctl's own node: relative names start
+    there), only (the only board or robot there is takes the place of a default one that is not
     there), timeout (s, to find the board and for each answer), domain (ROS_DOMAIN_ID; None: of
     the environment), json, ros_arguments (the words after --ros-args).
     """
 
-    board: str = "control_board"
+    board: str = DEFAULT
     namespace: str = ""
     timeout: float = 5.0
     domain: int | None = None
     json: bool = False
+    only: bool = False
     ros_arguments: list[str] = field(default_factory=list)
 
     @property
     def board_named(self) -> bool:
         """Whether the line names a board other than the default."""
-        return bool(self.board != BOARD.settings["default"])
+        return self.board not in (DEFAULT, os.environ.get(VARIABLE))
 
     @property
     def address(self) -> str:
@@ -78,6 +84,9 @@ def read_options(words: Sequence[str], ros_arguments: list[str]) -> tuple[Option
     """
     values = Parser("cbctl", ARGUMENTS).read(words)
     version = values.pop("version")
+    if not values["board"]:
+        variable = os.environ.get(VARIABLE, "")
+        values |= {"board": variable or DEFAULT, "only": not variable}
     options = Options(**values, ros_arguments=ros_arguments)
     if not 0.0 < options.timeout <= 3600.0:
         raise UsageError(

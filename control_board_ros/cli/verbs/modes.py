@@ -22,9 +22,10 @@ from ..board.status import warn_without_power
 from ..line.arguments import JOINTS, argument, joints_then_mode, number, with_arguments
 from ..line.offers import joints_then
 from ..line.words import Refused, UsageError
-from ..text.output import DONE, conclude, show
+from ..text.output import DONE, conclude, note, show
 from ..text.tables import grid
 
+STIFF = InteractionMode.STIFF
 MODE_CODES = tuple(mode.code for mode in REQUESTABLE)
 INTERACTION_CODES = tuple(mode.code for mode in InteractionMode)
 
@@ -102,7 +103,26 @@ def impedance(
         show(session, rows, lambda: impedance_table(session, rows))
         return DONE
     reply = session.client.set_impedance(names, stiffness, damping)
-    return conclude(session, reply, f"impedance set: {', '.join(names)}")
+    if not reply:
+        return conclude(session, reply)
+    code = conclude(session, reply, impedance_text(session, read_impedance(session, names)))
+    modes = session.client.get_interaction_mode(names)
+    if stiff := [n for n, mode in zip(names, modes, strict=True) if mode is STIFF]:
+        words = "all" if len(stiff) == len(session.names) else " ".join(stiff)
+        step = session.line("interaction", words, "comp")
+        note(session, f"a STIFF joint does not feel it: {', '.join(stiff)}; {step}")
+    return code
+
+
+def impedance_text(session: Session, rows: Rows) -> str:
+    """Stiffness and damping in force, of each joint."""
+    texts = []
+    for name, row in rows.items():
+        kind = session.kind(name)
+        unit = f"{kind.force_unit}/{kind.unit}"
+        rate = f"{kind.force_unit}·s/{kind.unit}"
+        texts.append(f"{name}: {row['stiffness']:.4g} {unit}, {row['damping']:.4g} {rate}")
+    return "; ".join(texts)
 
 
 @with_arguments(

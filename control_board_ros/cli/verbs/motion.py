@@ -178,4 +178,9 @@ def speed(session: Session, words: list[str], acceleration: bool) -> int:
         reply = session.client.set_ref_acceleration(names, numbers)
     else:
         reply = session.client.set_ref_speed(names, numbers)
-    return conclude(session, reply, f"reference {kind} set: {', '.join(names)}")
+    rate = "/s²" if acceleration else "/s"
+    shown = [f"{session.position(name, values[name])}{rate}" for name in names]
+    text = f"{shown[0]} for {', '.join(names)}"
+    if len(set(shown)) > 1:
+        text = ", ".join(f"{name} {value}" for name, value in zip(names, shown, strict=True))
+    return conclude(session, reply, f"reference {kind} set: {text}")
