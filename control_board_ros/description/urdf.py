@@ -94,6 +94,8 @@ def _hang(tree: Tree, base: str, position: Array, rotation: Array) -> None:
 __all__ = ["MOVABLE", "CoupledAxes", "Mimic", "Urdf", "UrdfError", "UrdfJoint", "load", "parse"]
 
 MOVABLE = tuple(JointKind)
+#: Characters that separate names in parameters, and what stands for them in names of joints.
+SEPARATORS = str.maketrans(".,", "__")
 FLOATING = "; for a base that floats leave the joint out and set base_fixed to false"
 
 
@@ -237,6 +239,7 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     for element in list(root):
         if element.tag not in ("link", "joint", "material"):
             root.remove(element)  # gazebo, transmission, sensor: for other programs
+    renamed = _rename_joints(root, source)
     tree = Tree(root, source)
     check_numbers(root, source)
     if chain is not None:
@@ -245,8 +248,31 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     _check_mimics(joints, source)
     if all(joint.mimic for joint in joints):
         raise UrdfError(f"{source}: no joint moves; a board needs at least one")
-    warnings = _place_meshes(root, source, MeshFinder(folder)) + tree.add_masses()
+    warnings = renamed + _place_meshes(root, source, MeshFinder(folder)) + tree.add_masses()
     return of_tree(root.get("name") or Path(source).stem, tree, warnings)
+
+
+def _rename_joints(root: ET.Element, source: str) -> list[str]:
+    """Replace '.' and ',' in joint names, which separate names in parameters, by '_'."""
+    names = [element.get("name", "") for element in root.findall("joint")]
+    new = {name: name.translate(SEPARATORS) for name in names}
+    changed = [name for name in names if new[name] != name]
+    for name in changed:
+        if list(new.values()).count(new[name]) > 1:
+            raise UrdfError(
+                f"{source}: joint {name!r} is {new[name]!r} here, as another joint is; rename one"
+            )
+    for element in root.findall("joint"):
+        element.set("name", new[element.get("name", "")])
+        if (mimic := element.find("mimic")) is not None:
+            mimic.set("joint", mimic.get("joint", "").translate(SEPARATORS))
+    if not changed:
+        return []
+    count = "joint is" if len(changed) == 1 else f"{len(changed)} joints are"
+    return [
+        f"{source}: {count} renamed, as {changed[0]!r} to {new[changed[0]]!r}: '.' and ',' "
+        "separate names in parameters"
+    ]
 
 
 def of_tree(name: str, tree: Tree, warnings: Sequence[str] = ()) -> Urdf:

@@ -292,6 +292,18 @@ def test_a_package_is_found_above_the_urdf(
     assert "not found" in read(mesh_arm(name), folder).warnings[0]
 
 
+def test_names_that_parameters_separate_are_renamed() -> None:
+    """Also those that others follow; not to the name of another joint."""
+    follows = LIMIT + "<mimic joint='joint_0.0'/>"
+    parts = [link("base"), link("one"), link("two"), joint("joint_0.0", "base", "one")]
+    made = read(robot(*parts, joint("joint,1", "one", "two", follows)))
+    assert made.independent == ("joint_0_0",)
+    (line,) = made.warnings
+    assert "2 joints are renamed, as 'joint_0.0' to 'joint_0_0'" in line
+    same = robot(*parts, joint("joint_0_0", "one", "two"))
+    assert "as another joint is; rename one" in message(same)
+
+
 TREE = robot(
     link("root"), link("chest"), link("arm"), link("sensor"), link("frame", ""), link("hand"),
     link("other"), link("finger"),

@@ -172,7 +172,8 @@ def test_any_urdf_by_its_path(tmp_path: Path) -> None:
     made = load(written(tmp_path, "robot: arm.urdf"))
     limits = made.board.joints[1].limits
     assert (limits.velocity, limits.torque) == (10.0, 300.0)
-    assert len(made.warnings) == source.read_text().count("<mesh")  # they are not there
+    (line,) = made.warnings
+    assert f"{source.read_text().count('<mesh')} meshes not found" in line
     kp = [joint.position_pid.kp for joint in made.board.joints]
     moved = [joint.inertia_max for joint in made.board.joints]
     assert moved[1] > moved[3] > moved[5]
@@ -334,14 +335,18 @@ def test_the_other_end_of_a_range_is_blamed_whatever_the_joint_is_called(
         assert refusal(path).startswith(f"{path}:")
 
 
-def test_a_joint_name_with_a_dot_is_refused(tmp_path: Path) -> None:
-    """Parameters begin with the names of joints."""
+def test_a_joint_name_with_a_dot_is_renamed(tmp_path: Path) -> None:
+    """Parameters begin with the names of joints; a public URDF is not edited."""
     urdf = ARM.read_text()
     joint = load(None, {"robot": str(ARM)}).board.names[0]
     (tmp_path / "dotted.urdf").write_text(urdf.replace(f'"{joint}"', '"left.arm"'))
-    text = refusal(written(tmp_path, f"robot: {tmp_path}/dotted.urdf"))
-    assert "'left.arm'" in text
-    assert "without '.'" in text
+    path = written(tmp_path, f"robot: {tmp_path}/dotted.urdf\nleft_arm.home: 0.1")
+    found = load(path)
+    assert found.board.names[0] == "left_arm"
+    assert found.values["left_arm.home"] == 0.1
+    assert 'name="left_arm"' in found.description
+    assert "1 joint" not in found.warnings[0]
+    assert "'left.arm' to 'left_arm'" in found.warnings[0]
 
 
 @pytest.mark.parametrize(
