@@ -12,6 +12,9 @@ A comment before a block says what a test does with it:
     <!-- board -->             the line starts the board that the next blocks talk to
     <!-- board /icub/robot --> the same; the name of its node is this one
     <!-- file arm.yaml -->     the block is that file
+    <!-- loads panda -->       the block is a parameter file that a robot accepts on top of its own
+    <!-- package levers.py --> the block is the entry points of a package with that module, which
+                               is installed beside the files for what is run from then on
     <!-- not run: reason -->   it cannot be run in a test
 
 Spaces and the place in a bar do not count. A line of `...` in an output matches any lines. A
@@ -25,11 +28,13 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import subprocess
 import sys
 import time
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +45,7 @@ from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options
 from control_board_ros.cli.text import output
 from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.settings.loading import load
 from control_board_ros.testing import BoardProcess, board_process, child_environment
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -135,6 +141,7 @@ class Reader:
         self._boards = stack.enter_context(contextlib.ExitStack())
         self._board: BoardProcess | None = None
         self._session: Session | None = None
+        self.installed: dict[str, str] = {}  # environment variables of what is run
 
     def follow(self, page: Path) -> int:
         """Do all of it; the number of blocks that were run."""
@@ -144,8 +151,12 @@ class Reader:
             if block.verb == "file":
                 path = self.folder / block.mark.split(" ")[1]
                 path.write_text(block.text, encoding="utf-8")
+            elif block.verb == "loads":
+                self.load(block)
+            elif block.verb == "package":
+                self.install(block)
             elif block.verb == "board":
-                self.start(shlex.split(block.text), block.mark.partition(" ")[2])
+                self.start(shlex.split(block.text, comments=True), block.mark.partition(" ")[2])
             elif block.verb == "run" and block.language == "python":
                 follows = after if after is not None and after.verb == "output" else None
                 self.run_script(block, follows)
@@ -155,15 +166,37 @@ class Reader:
             elif block.verb == "run":
                 for command, expected in commands(block):
                     compare(block, expected, self.type(command), block.varies, command)
-            count += block.verb in ("run", "board")
+            count += block.verb in ("run", "board", "loads")
         return count
+
+    def load(self, block: Block) -> None:
+        """Load a parameter file on top of a shipped robot."""
+        path = self.folder / "part.yaml"
+        path.write_text(block.text, encoding="utf-8")
+        load(block.mark.split(" ")[1], on_top=[path])
+
+    def install(self, block: Block) -> None:
+        """Make the folder a place of Python packages, with the entry points of a block."""
+        module = Path(block.mark.split(" ")[1]).stem
+        info = self.folder / f"{module}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+        points = tomllib.loads(block.text)["project"]["entry-points"]
+        text = "".join(
+            f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in rows.items())
+            for group, rows in points.items()
+        )
+        (info / "entry_points.txt").write_text(text)
+        places = [str(self.folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+        self.installed = {"PYTHONPATH": os.pathsep.join(places)}
 
     def start(self, words: list[str], node: str = "") -> None:
         """Start another board in place of the one there is; ``node`` is a robot's own."""
         self._boards.close()
         self._session = None
         robot = node.strip("/").partition("/")[0]
-        made = board_process(command=self._program(words[0], words[1:]), robot=robot)
+        command = self._program(words[0], words[1:])
+        made = board_process(command=command, robot=robot, env=self.installed)
         self._board = self._boards.enter_context(made)
 
     @property
@@ -226,8 +259,8 @@ class Reader:
     def _environment(self, command: list[str]) -> dict[str, str]:
         """That of the board; tests start boards of their own, on domains of their own."""
         if self._board is None and MODULES["pytest"] in command:
-            return child_environment(0)
-        return self.board.environment
+            return child_environment(0) | self.installed
+        return self.board.environment | self.installed
 
     def _program(self, name: str, arguments: list[str]) -> list[str]:
         if name == "python":
