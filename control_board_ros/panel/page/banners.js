@@ -20,6 +20,8 @@ const ADVICE = {
 
 const MOST_FAULTS = 4; // that are shown at most
 
+const key = ({ board, fault }) => JSON.stringify([board.name, fault.name, fault.code, fault.text, fault.stamp]);
+
 function ago(seconds) {
   if (!(seconds >= 0)) return "";
   if (seconds < 90) return `${Math.round(seconds)} s ago`;
@@ -61,6 +63,7 @@ export class Banners {
     this.list = h("ul");
     this.more = h("li");
     this.clear = h("button", { type: "button", class: "command", onclick: () => this.clearFaults(), "aria-label": "Clear faults: the joints go to idle, without power" });
+    this.released = new Set(); // faults of a stop that is released
     this.waits = new Map(); // by joint: when its cause can be gone, ms
     this.release = h("button", { type: "button", class: "command primary", onclick: () => this.releaseStop() }, "Release stop");
     this.recover = h("button", { type: "button", class: "command primary", onclick: () => this.recoverAll(), "aria-label": "Recover: the joints go back to the modes before, where they are" }, "Recover");
@@ -93,12 +96,12 @@ export class Banners {
 
   drawFaults() {
     const faults = this.panel.model.parts.flatMap((board) => board.faults.map((fault) => ({ board, fault })));
-    const key = ({ board, fault }) => JSON.stringify([board.name, fault.name, fault.code, fault.text, fault.stamp]);
     const ages = new Map(faults.slice(0, MOST_FAULTS).map((entry) => [key(entry), this.ages.get(key(entry)) ?? this.row(entry)]));
     this.faults = faults;
     this.ages = ages;
     setText(this.headline, faults.length === 1 ? "Fault" : `${faults.length} faults`);
-    this.release.hidden = !faults.some(({ fault }) => fault.code === STOPPED);
+    for (const [name, { fault, advice }] of ages) if (fault.code === STOPPED) setText(advice, this.released.has(name) ? "Released: recover it." : ADVICE[STOPPED]);
+    this.release.hidden = !faults.some((entry) => entry.fault.code === STOPPED && !this.released.has(key(entry)));
     this.recover.classList.toggle("primary", this.release.hidden); // refused before the release
     setText(this.clear, faults.length === 1 ? "Clear fault" : "Clear faults");
     setText(this.more, `and ${faults.length - ages.size} more`);
@@ -112,8 +115,9 @@ export class Banners {
     const name = joint?.short ?? fault.name;
     const button = h("button", { type: "button", class: "small-button", "aria-expanded": "false", "aria-label": `${name}: what was around the fault`,
       onclick: () => this.showFrame(board, joint, fault, button, frame) }, "Around it");
-    return { board, fault, age, row: h("li", {}, h("strong", {}, name), " ", h("span", { class: "cause" }, fault.text), " ", age,
-      h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause."), " ", button, frame) };
+    const advice = h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause.");
+    return { board, fault, age, advice, row: h("li", {}, h("strong", {}, name), " ", h("span", { class: "cause" }, fault.text), " ", age,
+      advice, " ", button, frame) };
   }
 
   /** Show or hide the freeze frame of a fault. */
@@ -130,7 +134,11 @@ export class Banners {
   /** Release the emergency stop: every joint stays without power until recovered. */
   async releaseStop() {
     const text = "Release the emergency stop of every board? The joints stay without power until they are recovered.";
-    if (await this.panel.questions.ask(text, "Release", { safe: true })) this.panel.request("estop", { on: false });
+    const stopped = this.faults.filter(({ fault }) => fault.code === STOPPED).map(key);
+    if (!await this.panel.questions.ask(text, "Release", { safe: true })) return;
+    const answer = await this.panel.request("estop", { on: false });
+    if (answer.ok) this.released = new Set(stopped);
+    this.draw();
   }
 
   /** Recover the faulted joints of each board, all or none, to their previous modes; some must wait. */
