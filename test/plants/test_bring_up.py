@@ -25,7 +25,6 @@ from control_board_ros.plants.drives.bring_up import (
     corrections,
     write,
 )
-from control_board_ros.plants.drives.driver import only
 from control_board_ros.plants.drives.remedies import bus_error
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveLimits
@@ -216,12 +215,14 @@ def test_a_bus_that_does_not_open_has_a_remedy(number: int, remedy: str) -> None
 
 
 def test_the_hint_of_a_missing_drive_works_as_printed(
-    bench: Bench, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It has the bus that the line before it had: no usage error."""
-    with pytest.raises(ConnectionError, match="no drive answers as id 9") as missing:
-        only([], replace(bench.plant.axes[0], id=9), "virtual:nobody", "moteus")
-    hint = str(missing.value).partition("cbctl drives ")[2]
+    path = tmp_path / "robot.yaml"
+    text = ROBOT.replace("virtual/moteus", "moteus")
+    path.write_text(text.replace("[lbr_iiwa_joint_7.direction=-1]", "[bus=virtual:nobody]"))
+    assert main(["try", str(path)]) == 1
+    hint = capsys.readouterr().err.strip().partition("cbctl drives ")[2]
     assert main(hint.split()) == 1
     assert "nothing answers on virtual:nobody" in capsys.readouterr().out
 
