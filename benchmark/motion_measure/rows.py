@@ -180,6 +180,11 @@ ROWS = {
                 ),
                 Quantity("comp", "the same into COMPLIANT", "mrad", 30.0, 30.0),
                 Quantity("needs", "torque required to stop all joints in v²/(2a)", "×", 0.0, 0.0),
+                Quantity("back", "way back after that stop", "mrad", 1.0, 1.0),
+                Quantity(
+                    "rest", "its duration over that of the fastest on the line", "×", 1.5, 1.5
+                ),
+                Quantity("path", "its distance from the line", "mrad", 0.0, 0.0),
             ),
             pose=0,
             together=together_rows.halt,
@@ -203,6 +208,7 @@ ROWS = {
                 Quantity(
                     "speed", "direct full steps of all: top speed over limit", "×", 1.05, 1.05
                 ),
+                Quantity("overshoot", "their overshoot", "mrad", 5.0, 5.0),
             ),
             pose=0,
             together=together_rows.full_steps,

@@ -7,6 +7,7 @@ Some of it are C functions where the laws are compiled; here they are the same a
 from __future__ import annotations
 
 import math
+from array import array
 from typing import Any
 
 import pytest
@@ -56,7 +57,8 @@ def test_to_hold(velocity: float, followed: float) -> None:
     expected |= dict.fromkeys(("moved", "reference", "followed"), 1.25)
     speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
     expected |= dict.fromkeys(speeds, followed)
-    expected |= {"stopping": followed != 0.0, "active": followed != 0.0}
+    expected |= dict.fromkeys(("stopping", "stop_due", "active"), followed != 0.0)
+    expected |= {"stop_rate": 20.0, "stop_steps": 0}
     assert changes(one, "hold", 1.25) == expected | {"direct_age": INFINITE}
     assert (one.stream.count, one.stream.flows) == (0.0, False)
 
@@ -241,7 +243,9 @@ def test_a_law_takes_over_the_load(law: str) -> None:
         expected |= {"law": number}
     if number == LAWS.OUTPUT:  # it brakes nothing
         speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
-        expected |= dict.fromkeys(speeds, 0.0) | dict.fromkeys(("active", "stopping"), False)
+        expected |= dict.fromkeys(speeds, 0.0) | dict.fromkeys(
+            ("active", "stopping", "stop_due"), False
+        )
     assert found == expected
     assert one.position_pid.integral == 10.0 - 3.0 - 0.5 * 0.5
     assert one.torque_pid.integral == 12.0 - 0.5 * 10.0
@@ -437,11 +441,12 @@ def test_a_move_from_cycle_to_cycle(velocity: float, time: float, brake: float) 
 def test_a_stop_from_cycle_to_cycle(velocity: float) -> None:
     """M9, P3: at the acceleration limit to rest, where the joint is held; never back."""
     one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0)
-    one.velocity, one.reference = velocity, 0.3
+    one.velocity, one.position = velocity, 0.3
     one.hold(0.3)
     way, speed = 0.0, abs(velocity)
     while one.stopping:
         LAWS.advance_stop(one)
+        one.position, one.velocity = one.moved, one.moved_velocity
         speed = max(speed - 0.2, 0.0)
         way += speed * 0.01
         assert one.moved_velocity == pytest.approx(math.copysign(speed, velocity), abs=1e-12)
@@ -449,10 +454,48 @@ def test_a_stop_from_cycle_to_cycle(velocity: float) -> None:
     assert one.moved_velocity == 0.0
 
 
+def test_a_stop_by_a_plan() -> None:
+    """M9: the planned accelerations, each for its step; what is left brakes at the limit."""
+    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0, velocity=1.0, position=0.0)
+    one.hold(0.0)
+    one.brake_by(memoryview(array("d", [-5.0, 2.0, -40.0, 9.0])), 3, 0.02)
+    speeds = []
+    while one.stopping:
+        LAWS.advance_stop(one)
+        one.position, one.velocity = one.moved, one.moved_velocity
+        speeds.append(one.moved_velocity)
+    assert speeds == pytest.approx([0.95, 0.9, 0.92, 0.94, 0.54, 0.14, 0.0])
+    assert one.stop_steps == 0
+    one.hold(0.0)
+    one.brake_by(memoryview(array("d", [-5.0])), 1, 0.02)
+    one.brake(4.0)
+    LAWS.advance_stop(one)
+    assert one.moved_velocity == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "goes_on"),
+    [(0.31, 0.5, True), (0.29, -0.5, True), (0.29, 0.5, False), (0.31, 0.0059, False)],
+)
+def test_a_joint_that_runs_past_the_end_of_its_stop_is_not_driven_back(
+    position: float, velocity: float, goes_on: bool
+) -> None:
+    """M9: it lacked torque; it stops from where it is."""
+    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0, stopping=True, stop_steps=0)
+    one.moved, one.moved_velocity, one.stop_rate = 0.3, 0.0, 1.0
+    one.position, one.velocity = position, velocity
+    LAWS.advance_stop(one)
+    assert bool(one.stopping) is goes_on
+    assert one.moved == (position if goes_on else 0.3)
+    if goes_on:
+        assert (one.followed, one.followed_velocity) == (position, velocity)
+        assert (one.moved_velocity, one.stop_rate) == (velocity, 20.0)
+
+
 def test_a_stop_ends_at_a_limit() -> None:
     """P9: of a joint that is too fast to come to rest before it."""
     for velocity in (2.0, -2.0):
-        one = joint(lower=0.25, upper=0.35, ramped=0.0, velocity=velocity)
+        one = joint(lower=0.25, upper=0.35, ramped=0.0, velocity=velocity, position=0.3)
         one.hold(0.3)
         for _ in range(5):
             LAWS.advance_stop(one)

@@ -43,6 +43,9 @@ REACHED_BY = {
     "fullsteps": ("iiwa", "xarm6"),
     "slow_reversal": ("panda", "xarm6"),
 }
+#: All joints at full speed into TORQUE: furthest way beyond v²/(2a), mrad, where braking at the
+#: limits would take up to 3.2 times the torque. Of kuka 120 and of snake 10 are possible.
+STOPS = {"panda": 210.0, "franka": 210.0, "kuka": 130.0, "scara": 250.0, "snake": 30.0}
 #: The joint that overshoots most where a velocity is turned round.
 TURNED = ("snake", "home", (4,))
 #: Scenes that take no more than a second or two.
@@ -83,6 +86,19 @@ def test_a_snake_turns_round_with_little_overshoot(row: str) -> None:
     """P5: v to -v at the limit acceleration, of a joint with a heavy chain on it."""
     rig = Rig.load(ROBOTS[TURNED[0]])
     hold(rig, row, TURNED[1:])
+    rig.close()
+
+
+@pytest.mark.parametrize("robot", STOPS)
+def test_a_stop_at_full_speed_is_the_best_that_is_known(robot: str) -> None:
+    """M9, P14: all joints at once, without the torque to brake them all at their limits."""
+    rig = Rig.load(ROBOTS[robot])
+    home = next(iter(poses(ROBOTS[robot], rig.home, rig.windows).items()))
+    findings = list(measure(rig, dict([home]), ["halt"]))
+    assert rig.failures == []
+    for key in ("torq", "comp"):
+        furthest = max(found.value for found in findings if found.quantity == key)
+        assert furthest <= STOPS[robot], f"{key}: {furthest:.0f} mrad"
     rig.close()
 
 

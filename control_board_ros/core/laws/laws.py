@@ -26,6 +26,8 @@ try:
 except ImportError:
     from ... import nocython as cython
 
+from .stopping import Stops
+
 if cython.compiled:
     from cython.cimports.libc.math import ceil, fabs, floor, sqrt
 else:
@@ -645,6 +647,12 @@ class Joint:
     active = cython.declare(cython.bint, visibility="public")  # the reference moves
     moving = cython.declare(cython.bint, visibility="public")  # a position move is under way
     stopping = cython.declare(cython.bint, visibility="public")  # it brakes, and holds at rest
+    stop_due = cython.declare(cython.bint, visibility="public")  # its stop is still to be planned
+    stop_rate = cython.declare(cython.double, visibility="public")  # deceleration, rad/s²
+    stop_plan: cython.double[::1]  # accelerations, rad/s²
+    stop_steps = cython.declare(cython.int, visibility="public")  # of the plan; 0: none
+    stop_step = cython.declare(cython.double, visibility="public")  # s
+    stop_time = cython.declare(cython.double, visibility="public")  # past, s
     move_start = cython.declare(cython.double, visibility="public")
     move_target = cython.declare(cython.double, visibility="public")
     move_velocity = cython.declare(cython.double, visibility="public")  # at its start
@@ -725,6 +733,7 @@ class Joint:
         self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
         self.lower, self.upper = -INFINITE, INFINITE
         self.stream = Stream()
+        self.stop_plan = memoryview(array("d", [0.0]))
         self.kind = AS_PWM
         self.set_current = self.set_torque = self.set_velocity = 0.0
         self.set_position = self.set_stiffness = self.set_damping = 0.0
@@ -742,6 +751,8 @@ class Joint:
         self.ramped = self.ramp_velocity = self.ramp_target = 0.0
         self.driven = False
         self.stopping = self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
+        self.stop_due = self.stopping
+        self.brake(self.max_acceleration)
         self.moved_velocity = 0.0
         if self.stopping:
             self.moved_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
@@ -749,6 +760,19 @@ class Joint:
         self.followed_acceleration = self.direct_velocity = 0.0
         self.direct_age = INFINITE
         self.stream.count, self.stream.flows = 0.0, False
+
+    @cython.ccall
+    def brake(self, rate: cython.double) -> cython.void:
+        """Stop with a deceleration, rad/s²."""
+        self.stop_rate, self.stop_steps = rate, 0
+
+    @cython.ccall
+    def brake_by(
+        self, plan: cython.double[::1], steps: cython.int, step: cython.double
+    ) -> cython.void:
+        """Stop by a plan: accelerations (rad/s²) of steps (s); its rest at the limit."""
+        self.stop_plan, self.stop_steps, self.stop_step = plan, steps, step
+        self.stop_rate, self.stop_time = self.max_acceleration, 0.0
 
     @cython.ccall
     def move(
@@ -889,7 +913,7 @@ class Joint:
     def rest(self) -> cython.void:
         """No law brakes the joint: the reference is at rest where it is."""
         if self.stopping:
-            self.stopping = self.active = False
+            self.stopping = self.stop_due = self.active = False
             self.moved_velocity = self.reference_velocity = self.followed_velocity = 0.0
 
     @cython.cfunc
@@ -1207,15 +1231,40 @@ def advance_move(j: Joint) -> cython.void:
 
 @cython.cfunc
 def advance_stop(j: Joint) -> cython.void:
-    """Brake within the acceleration limit, to hold where the joint comes to rest (M9, P3)."""
-    step: cython.double = j.max_acceleration * j.period
+    """Brake as planned (``stopping``), to hold where the joint comes to rest (M9, P3)."""
+    step: cython.int = j.stop_steps
+    change: cython.double = j.stop_rate * j.period
     place: cython.double
-    j.moved_velocity = clamp(0.0, j.moved_velocity - step, j.moved_velocity + step)
+    ahead: cython.double
+    if step > 0:
+        step = cython.cast(cython.int, j.stop_time / j.stop_step + 1e-9)
+    if step < j.stop_steps:
+        j.stop_time += j.period
+        j.moved_velocity += j.stop_plan[step] * j.period
+    else:
+        j.stop_steps = 0
+        j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
     j.moved += j.moved_velocity * j.period
     place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
     if place != j.moved:  # too fast to stop before a limit
-        j.moved, j.moved_velocity = place, 0.0
-    j.stopping = j.moved_velocity != 0.0
+        j.moved, j.moved_velocity, j.stop_steps = place, 0.0, 0
+        j.stopping = False
+        return
+    j.stopping = j.moved_velocity != 0.0 or j.stop_steps > 0
+    if not j.stopping and fabs(j.velocity) > REST_SPEED * j.max_velocity:
+        ahead = j.position - j.moved - j.ramped
+        if ahead * j.velocity > 0.0:  # it runs past the end, for want of torque
+            go_on_stopping(j, j.position)
+
+
+@cython.cfunc
+def go_on_stopping(j: Joint, place: cython.double) -> cython.void:
+    """Stop from a place and the joint's speed, at the acceleration limit."""
+    j.stopping = True
+    j.brake(j.max_acceleration)
+    j.followed, j.moved = place, place - j.ramped
+    j.moved_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
+    j.followed_velocity = j.moved_velocity
 
 
 @cython.cfunc
@@ -1461,9 +1510,7 @@ def stay(j: Joint, place: cython.double) -> cython.void:
     j.followed = place
     j.followed_velocity = j.followed_acceleration = 0.0
     if j.stopping:
-        j.moved = place - j.ramped
-        j.moved_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
-        j.followed_velocity = j.moved_velocity
+        go_on_stopping(j, place)
     j.active = True
 
 
@@ -1839,6 +1886,7 @@ class Laws:
 
     joints: list[Joint]
     arm: Any
+    stops: Any
     feeds_arm: cython.bint
     modelled: cython.bint  # the arm's dynamics act
     done: cython.uchar[::1]
@@ -1872,6 +1920,7 @@ class Laws:
         handed: list[object] | None = None,
     ) -> None:
         self.joints, self.arm, self.modelled = joints, arm, False
+        self.stops = Stops(joints, arm)
         self.feeds_arm = feeds_arm
         (
             self.set_current,
@@ -1911,6 +1960,7 @@ class Laws:
         j: Joint
         changed: cython.bint = False
         settling: cython.bint = False
+        due: cython.bint = False
         for k in range(len(self.joints)):
             j = self.joints[k]
             j.current_before = j.current
@@ -1918,6 +1968,9 @@ class Laws:
             pass_time(j, elapsed)
             observe(j, self.position[k], self.velocity[k], self.age[k])
             settling = settling or j.settling
+            due = due or j.stop_due
+        if due:
+            self.stops.plan(self.modelled)
         if settling and self.modelled:
             self.sense_motion()
         for k in range(len(self.joints)):

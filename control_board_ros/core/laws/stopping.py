@@ -1,0 +1,414 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How joints that stop together come to rest (SPEC M9, P3).
+
+They keep their path: joint i comes to rest with the slowest one, after T = max |v_i|/a_i, or
+sooner, so that the path costs it no more than KEEPING beyond its own braking distance::
+
+    T_i = min(T, |v_i|/a_i + 2 KEEPING/|v_i|)
+
+Where a motor lacks the torque for that, the stop is the best of some that are predicted with the
+model of the arm. In each step of a prediction the accelerations are those nearest to full braking
+that all motors can give::
+
+    min Σ w_i (q̈_i + a_i sign q̇_i)²,  |M(q) q̈ + h(q, q̇)| ≤ SHARE τ_max,  |q̈_i| ≤ a_i
+    w_i = ω_i (|q̇_i|/a_i + EASE)² (1 + URGE z_i)²
+
+z_i: what the joint runs beyond its braking distance v²/(2a), or comes back. The further a joint
+runs, the greater its ω_i in the next prediction. The best one is that whose furthest joint runs
+least.
+
+Plain Python in Cython's pure mode, as the laws are. Units: rad, rad/s, N·m, s; m and N where
+joints slide.
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+try:
+    import cython
+except ImportError:
+    from ... import nocython as cython
+
+if cython.compiled:
+    from cython.cimports.libc.math import ceil, fabs
+else:
+    from math import ceil, fabs
+
+#: What keeping the path may cost a joint, beyond its own braking distance, rad or m.
+KEEPING = cython.declare(cython.double, 0.03)
+#: Part of the torque limits that a stop may use; the rest is for its control.
+SHARE = cython.declare(cython.double, 0.98)
+#: Steps of a prediction until the slowest joint would rest, and the most.
+STEPS = cython.declare(cython.int, 24)
+MOST_STEPS = cython.declare(cython.int, 64)
+#: Number of predictions; and when one is good enough: z of the furthest joint, rad or m.
+ROUNDS = cython.declare(cython.int, 6)
+GOOD = cython.declare(cython.double, 1e-3)
+#: Weights: of joints at rest, s; of the way beyond the braking distance, 1/rad.
+EASE = cython.declare(cython.double, 0.05)
+URGE = cython.declare(cython.double, 20.0)
+#: Factor of ω from one prediction to the next: from this, to this and 1 for the furthest joint.
+GROWTH = cython.declare(cython.double, 0.3)
+#: Sweeps of the solver at most; error of torque that ends it, as a part of the limit.
+SWEEPS = cython.declare(cython.int, 60)
+EXACT = cython.declare(cython.double, 2e-3)
+#: Torque and speed beyond the limit that a plan may have, as a part of it; more counts as z does.
+SLACK = cython.declare(cython.double, 0.03)
+#: Slower than this is at rest, as a part of what one step of braking takes away.
+STILL = cython.declare(cython.double, 1e-9)
+
+
+@cython.cfunc
+def row(count: cython.Py_ssize_t) -> Any:
+    return memoryview(array("d", [0.0] * count))
+
+
+@cython.cclass
+class Stops:
+    """Plans the stops of the joints of one arm.
+
+    Args:
+        joints: of class ``laws.Joint``, in the order of the arm's.
+        arm: their dynamics; None: torques are not known.
+
+    Attributes: rounds (predictions of the last plan; 0: torque suffices), furthest (z of its
+    furthest joint, rad or m).
+    """
+
+    rounds = cython.declare(cython.int, visibility="public")
+    furthest = cython.declare(cython.double, visibility="public")
+    joints: list[Any]
+    arm: Any
+    plans: list[Any]
+    count: cython.Py_ssize_t
+    stopping: cython.Py_ssize_t  # joints that stop: the first ones of ``chosen``
+    chosen: cython.double[::1]
+    step: cython.double  # s
+    excess: cython.double  # torque beyond the limits, as a part of them; likewise speed
+    hasty: cython.double
+    strained: cython.bint  # a motor lacked torque in the last prediction
+    steps: cython.int  # of the last prediction
+    place: cython.double[::1]
+    speed: cython.double[::1]
+    hardest: cython.double[::1]  # a_i
+    fastest: cython.double[::1]  # speed limit
+    wanted: cython.double[::1]  # deceleration
+    limit: cython.double[::1]
+    dry: cython.double[::1]
+    wet: cython.double[::1]
+    urge: cython.double[::1]  # ω
+    weight: cython.double[::1]
+    q: cython.double[::1]
+    v: cython.double[::1]
+    most: cython.double[::1]  # way so far
+    beyond: cython.double[::1]  # z
+    mass: cython.double[::1]
+    bias: cython.double[::1]
+    x: cython.double[::1]
+    y: cython.double[::1]
+    trial: cython.double[::1]
+    best: cython.double[::1]
+    arm_position: cython.double[::1]
+    arm_velocity: cython.double[::1]
+    arm_acceleration: cython.double[::1]
+    arm_torque: cython.double[::1]
+
+    def __init__(self, joints: list[Any], arm: Any) -> None:
+        n: cython.Py_ssize_t = len(joints)
+        self.joints, self.arm, self.count = joints, arm, n
+        self.rounds, self.furthest = 0, 0.0
+        self.plans = [row(MOST_STEPS) for _ in joints]
+        self.place, self.speed, self.hardest, self.wanted = row(n), row(n), row(n), row(n)
+        self.fastest = row(n)
+        self.limit, self.dry, self.wet, self.urge = row(n), row(n), row(n), row(n)
+        self.weight, self.q, self.v, self.most = row(n), row(n), row(n), row(n)
+        self.beyond, self.bias, self.x, self.chosen = row(n), row(n), row(n), row(n)
+        self.mass, self.y = row(n * n), row(2 * n)
+        self.trial, self.best = row(n * MOST_STEPS), row(n * MOST_STEPS)
+        if arm is not None:
+            self.arm_position, self.arm_velocity, self.arm_acceleration, self.arm_torque = arm.rows
+
+    def plan(self, modelled: bool) -> None:
+        """Plan the stop of all joints that are due.
+
+        Args:
+            modelled: Whether the dynamics of the arm are known.
+        """
+        k: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        step: cython.int
+        longest: cython.double = self.take_joints()
+        self.rounds = 0
+        if not self.predict_path(longest, modelled):
+            self.improve()
+        for k in range(self.stopping):
+            i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+            joint = self.joints[i]
+            if self.rounds == 0:
+                joint.brake(self.wanted[k])
+            else:
+                plan = self.plans[i]
+                for step in range(self.steps):
+                    plan[step] = self.best[step * self.count + k]
+                joint.brake_by(plan, self.steps, self.step)
+        for joint in self.joints:
+            joint.stop_due = False
+
+    @cython.cfunc
+    def take_joints(self) -> cython.double:
+        """Read the joints: those that stop first, then the others; T, s."""
+        k: cython.Py_ssize_t = 0
+        i: cython.Py_ssize_t
+        due: cython.bint
+        longest: cython.double = 0.0
+        for due in (True, False):
+            for i in range(self.count):
+                joint = self.joints[i]
+                if bool(joint.stop_due and joint.stopping) is not bool(due):
+                    continue
+                self.chosen[k] = i
+                self.place[k], self.speed[k] = joint.followed, joint.followed_velocity
+                self.hardest[k], self.limit[k] = joint.max_acceleration, SHARE * joint.max_torque
+                self.fastest[k] = joint.max_velocity
+                ahead = joint.followed_velocity >= 0.0
+                self.dry[k] = joint.coulomb if ahead else joint.coulomb_negative
+                self.wet[k] = joint.viscous if ahead else joint.viscous_negative
+                if not joint.active:
+                    self.place[k], self.speed[k] = joint.position, 0.0
+                if due:
+                    longest = max(longest, fabs(self.speed[k]) / self.hardest[k])
+                k += 1
+            if due:
+                self.stopping = k
+        return longest
+
+    @cython.cfunc
+    def predict_path(self, longest: cython.double, modelled: cython.bint) -> cython.bint:
+        """Set decelerations that keep the path; whether there is the torque for them."""
+        k: cython.Py_ssize_t
+        speed: cython.double
+        time: cython.double
+        for k in range(self.stopping):
+            speed, self.wanted[k] = fabs(self.speed[k]), self.hardest[k]
+            if speed > 0.0:
+                time = min(longest, speed / self.hardest[k] + 2.0 * KEEPING / speed)
+                joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+                if self.speed[k] > 0.0:
+                    room = joint.upper - self.place[k]
+                else:
+                    room = self.place[k] - joint.lower
+                time = min(time, 2.0 * max(room, 0.0) / speed)
+                self.wanted[k] = min(speed / max(time, 1e-9), self.hardest[k])
+        if not modelled or self.arm is None:
+            return True
+        self.step = self.joints[0].period
+        self.step *= max(ceil(longest / (STEPS * self.step)), 1.0)
+        for k in range(self.stopping):
+            self.urge[k] = 1.0
+        self.predict()
+        return not self.strained
+
+    @cython.cfunc
+    def improve(self) -> cython.void:
+        """Keep the best of several predictions of full braking in ``best``."""
+        k: cython.Py_ssize_t
+        least: cython.double = 1e300
+        steps: cython.int = 0
+        z: cython.double
+        score: cython.double
+        for k in range(self.stopping):
+            self.wanted[k] = self.hardest[k]
+        while self.rounds < ROUNDS:
+            self.rounds += 1
+            z = self.predict()
+            score = z + max(self.excess - SLACK, 0.0) + max(self.hasty - SLACK, 0.0)
+            if score < least:
+                least, steps, self.furthest = score, self.steps, z
+                self.best[:] = self.trial
+            if score < GOOD:
+                break
+            for k in range(self.stopping):
+                self.urge[k] *= GROWTH + self.beyond[k] / max(z, 1e-9)
+        self.steps = steps
+
+    @cython.cfunc
+    def predict(self) -> cython.double:
+        """Predict a stop into ``trial``; z of its furthest joint."""
+        k: cython.Py_ssize_t
+        moving: cython.bint = True
+        way: cython.double
+        change: cython.double
+        z: cython.double = 0.0
+        self.excess, self.hasty, self.strained = 0.0, 0.0, False
+        for k in range(self.count):
+            self.q[k], self.v[k] = self.place[k], self.speed[k]
+            self.most[k] = self.beyond[k] = 0.0
+            self.y[k] = self.y[self.count + k] = 0.0
+        self.steps = 0
+        while moving and self.steps < MOST_STEPS:
+            self.evaluate()
+            self.solve()
+            moving = False
+            for k in range(self.stopping):
+                change = self.step * self.x[k]
+                self.trial[self.steps * self.count + k] = self.x[k]
+                self.q[k] += self.step * (self.v[k] + 0.5 * change)
+                self.v[k] += change
+                self.hasty = max(self.hasty, fabs(self.v[k]) / self.fastest[k] - 1.0)
+                if fabs(self.v[k]) <= STILL * self.step * self.hardest[k]:
+                    self.v[k] = 0.0
+                else:
+                    moving = True
+                way = self.q[k] - self.place[k]
+                if self.speed[k] < 0.0:
+                    way = -way
+                self.most[k] = max(self.most[k], way)
+                change = self.v[k] * fabs(self.v[k])  # still to go, towards the braking distance
+                if self.speed[k] < 0.0:
+                    change = -change
+                change -= self.speed[k] * self.speed[k]
+                self.beyond[k] = way + 0.5 * change / self.hardest[k]
+            for k in range(self.stopping, self.count):
+                self.q[k] += self.step * self.v[k]
+            self.steps += 1
+        for k in range(self.stopping):
+            way = self.q[k] - self.place[k]
+            if self.speed[k] < 0.0:
+                way = -way
+            change = self.most[k] - 0.5 * self.speed[k] * self.speed[k] / self.hardest[k]
+            self.beyond[k] = max(change, 0.0) + self.most[k] - way
+            z = max(z, self.beyond[k])
+        return z
+
+    @cython.cfunc
+    def evaluate(self) -> cython.void:
+        """Mass matrix and h = c(q, q̇) + g(q) + friction of the joints that stop."""
+        k: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        c: cython.Py_ssize_t
+        for k in range(self.count):
+            i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+            self.arm_position[i], self.arm_velocity[i] = self.q[k], self.v[k]
+            self.arm_acceleration[i] = 0.0
+        self.arm.inverse(1.0)
+        for k in range(self.stopping):
+            i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+            self.bias[k] = self.arm_torque[i] + self.wet[k] * self.v[k]
+            if self.v[k] != 0.0:
+                self.bias[k] += self.dry[k] if self.v[k] > 0.0 else -self.dry[k]
+        for k in range(self.count):
+            self.arm_velocity[k] = 0.0
+        for c in range(self.stopping):
+            i = cython.cast(cython.Py_ssize_t, self.chosen[c])
+            self.arm_acceleration[i] = 1.0
+            self.arm.inverse(0.0)
+            self.arm_acceleration[i] = 0.0
+            for k in range(self.stopping):
+                i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+                self.mass[c * self.count + k] = self.arm_torque[i]
+
+    @cython.cfunc
+    def solve(self) -> cython.void:
+        """The accelerations of a step, into ``x``: dual coordinate ascent (Hildreth, 1957)."""
+        k: cython.Py_ssize_t
+        error: cython.double
+        for k in range(self.stopping):
+            error = -self.v[k] / self.step
+            self.x[k] = max(min(error, self.wanted[k]), -self.wanted[k])
+            error = fabs(self.v[k]) / self.hardest[k] + EASE
+            self.weight[k] = self.urge[k] * error * error
+            error = 1.0 + URGE * max(self.beyond[k], 0.0)
+            self.weight[k] *= error * error
+        error = self.torque_error()
+        if error <= EXACT:
+            for k in range(2 * self.count):
+                self.y[k] = 0.0
+            return
+        self.strained = True
+        self.warm()
+        for _ in range(SWEEPS):
+            for k in range(self.stopping):
+                self.bound_acceleration(k)
+            for k in range(self.stopping):
+                self.bound_torque(k)
+            error = self.torque_error()
+            if error <= EXACT:
+                break
+        self.excess = max(self.excess, error)
+
+    @cython.cfunc
+    def warm(self) -> cython.void:
+        """Start from the multipliers of the step before."""
+        k: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        pull: cython.double
+        for k in range(self.stopping):
+            pull = self.y[self.count + k]
+            for i in range(self.stopping):
+                pull += self.mass[i * self.count + k] * self.y[i]
+            self.x[k] -= pull / self.weight[k]
+
+    @cython.cfunc
+    def torque(self, k: cython.Py_ssize_t) -> cython.double:
+        i: cython.Py_ssize_t
+        torque: cython.double = self.bias[k]
+        for i in range(self.stopping):
+            torque += self.mass[k * self.count + i] * self.x[i]
+        return torque
+
+    @cython.cfunc
+    def torque_error(self) -> cython.double:
+        """The greatest torque beyond a limit, as a part of it."""
+        k: cython.Py_ssize_t
+        most: cython.double = 0.0
+        for k in range(self.stopping):
+            most = max(most, fabs(self.torque(k)) / self.limit[k] - 1.0)
+        return most
+
+    @cython.cfunc
+    def bound_acceleration(self, k: cython.Py_ssize_t) -> cython.void:
+        """No joint brakes harder than its limit, or leaves its speed limit."""
+        top: cython.double = self.hardest[k]
+        bottom: cython.double = -self.hardest[k]
+        y: cython.double
+        if self.v[k] > 0.0:
+            top = max((self.fastest[k] - self.v[k]) / self.step, 0.0)
+        if self.v[k] < 0.0:
+            bottom = min((-self.fastest[k] - self.v[k]) / self.step, 0.0)
+        y = self.multiplier(self.y[self.count + k], self.x[k], bottom, top, 1.0 / self.weight[k])
+        self.x[k] -= (y - self.y[self.count + k]) / self.weight[k]
+        self.y[self.count + k] = y
+
+    @cython.cfunc
+    def bound_torque(self, k: cython.Py_ssize_t) -> cython.void:
+        i: cython.Py_ssize_t
+        scale: cython.double = 0.0
+        y: cython.double
+        m: cython.double
+        for i in range(self.stopping):
+            m = self.mass[k * self.count + i]
+            scale += m * m / self.weight[i]
+        y = self.multiplier(self.y[k], self.torque(k), -self.limit[k], self.limit[k], scale)
+        m = y - self.y[k]
+        self.y[k] = y
+        if m != 0.0:
+            for i in range(self.stopping):
+                self.x[i] -= m * self.mass[k * self.count + i] / self.weight[i]
+
+    @cython.cfunc
+    def multiplier(
+        self,
+        y: cython.double,
+        value: cython.double,
+        low: cython.double,
+        high: cython.double,
+        scale: cython.double,
+    ) -> cython.double:
+        """The multiplier of low ≤ value ≤ high: positive at the upper, negative at the lower."""
+        above: cython.double = y + (value - high) / scale
+        below: cython.double = y + (value - low) / scale
+        if above > 0.0:
+            return above
+        return below if below < 0.0 else 0.0

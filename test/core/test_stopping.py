@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""stopping.py: how joints that stop together come to rest (SPEC M9, P3, P14)."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pure import load_python
+
+from control_board_ros.core.laws import stopping as compiled
+from control_board_ros.core.model.arm_model import ArmModel, Link
+
+PLAIN = load_python("control_board_ros.core.laws.stopping")
+KEEPING = 0.03
+#: Two rods of 1 m and 2 kg, one on the other, on horizontal axes; rotors on both.
+ROD = {"slides": False, "mass": 2.0, "moment": (1.0, 0.0, 0.0), "rotor": 0.05}
+LINKS = (
+    Link(parent=-1, rotation=(1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0), offset=(0.0, 0.0, 0.0),
+         tensor=(0.0, 0.67, 0.67, 0.0, 0.0, 0.0), **ROD),
+    Link(parent=0, rotation=(1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0), offset=(1.0, 0.0, 0.0),
+         tensor=(0.0, 0.67, 0.67, 0.0, 0.0, 0.0), **ROD),
+)  # fmt: skip
+ARM = ArmModel(links=LINKS, gravity=(0.0, 0.0, -9.81))
+
+
+def joint(velocity: float, acceleration: float = 10.0, **changes: Any) -> Any:
+    """What the planner reads of a joint, and what it orders."""
+    made = SimpleNamespace(
+        position=0.2, followed=0.2, followed_velocity=velocity, active=True, period=1e-3,
+        stop_due=True, stopping=True, max_acceleration=acceleration, max_velocity=5.0,
+        max_torque=100.0, coulomb=0.0, coulomb_negative=0.0, viscous=0.0, viscous_negative=0.0,
+        lower=-math.inf, upper=math.inf, rate=None, plan=None, step=0.0,
+    )  # fmt: skip
+    for name, value in changes.items():
+        setattr(made, name, value)
+
+    def brake(rate: float) -> None:
+        made.rate = rate
+
+    def brake_by(plan: Any, steps: int, step: float) -> None:
+        made.plan, made.step = np.array(plan)[:steps], step
+
+    made.brake, made.brake_by = brake, brake_by
+    return made
+
+
+def planned(*joints: Any, model: ArmModel | None = None, module: Any = compiled) -> Any:
+    stops = module.Stops(list(joints), None if model is None else model.arm())
+    stops.plan(model is not None)
+    return stops
+
+
+def test_joints_come_to_rest_together_on_their_path() -> None:
+    """M9: v_i/a_i differ little; all decelerations are in proportion to the speeds."""
+    slow, quick = joint(1.0, 5.0), joint(-0.2, 8.0)
+    planned(slow, quick)
+    assert (slow.rate, quick.rate) == (5.0, pytest.approx(0.2 / 0.2))
+    assert not slow.stop_due
+    assert not quick.stop_due
+
+
+@pytest.mark.parametrize("velocity", [3.0, -3.0])
+def test_the_path_costs_no_joint_more_than_30_mrad(velocity: float) -> None:
+    """P3: a joint that would have to wait long for a slow one stops before it."""
+    slow, quick = joint(1.0, 1.0), joint(velocity, 20.0)
+    planned(slow, quick)
+    assert slow.rate == 1.0
+    assert 4.5 / quick.rate == pytest.approx(4.5 / 20.0 + KEEPING)
+
+
+@pytest.mark.parametrize("velocity", [2.0, -2.0])
+def test_a_joint_stops_before_its_limit(velocity: float) -> None:
+    """P9, P14: also where its path would end beyond; never harder than it may."""
+    places = {"lower": -0.01, "upper": 0.41}
+    slow, quick = joint(1.0, 2.5), joint(velocity, 10.0, **places)
+    planned(slow, quick)
+    assert 2.0 / quick.rate == pytest.approx(0.21)
+    late = joint(velocity, 10.0, lower=0.19, upper=0.21)
+    planned(joint(1.0, 2.5), late)
+    assert late.rate == 10.0
+
+
+def test_a_joint_alone_brakes_at_its_limit() -> None:
+    """P3: what does not stop has no say, as long as there is the torque."""
+    one, other = joint(1.0, 5.0), joint(-3.0, 2.0, stop_due=False, stopping=False)
+    for model in (None, ARM):
+        planned(one, other, model=model)
+        assert (one.rate, other.rate) == (5.0, None)
+        one.stop_due = True
+
+
+@pytest.mark.parametrize("module", [compiled, PLAIN], ids=["compiled", "plain"])
+def test_where_torque_suffices_the_path_is_kept(module: Any) -> None:
+    """M9: the model only says that it does."""
+    one, other = joint(1.0, 5.0), joint(-0.5, 5.0)
+    stops = planned(one, other, model=ARM, module=module)
+    assert (one.rate, other.rate, stops.rounds) == (5.0, pytest.approx(2.5), 0)
+
+
+def run(joints: list[Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions and speeds after each step of the plans, and the torque that they take."""
+    arm = ARM.arm()
+    q, v, a, torque = (np.asarray(row) for row in arm.rows)
+    q[:] = [one.followed for one in joints]
+    v[:] = [one.followed_velocity for one in joints]
+    places, speeds, torques = [q.copy()], [v.copy()], []
+    step = joints[0].step
+    for rates in np.array([one.plan for one in joints]).T:
+        a[:] = rates
+        arm.inverse(1.0)
+        torques.append(torque.copy())
+        q += step * (v + 0.5 * step * rates)
+        v += step * rates
+        places.append(q.copy())
+        speeds.append(v.copy())
+    return np.array(places), np.array(speeds), np.array(torques)
+
+
+#: The elbow has a fifth of the torque that braking both at their limits takes.
+WEAK = {"max_torque": 14.0}
+
+
+def test_where_torque_does_not_suffice_no_motor_is_asked_for_more() -> None:
+    """M9: they come to rest within torque, acceleration and speed of each."""
+    joints = [joint(3.0, 20.0, max_torque=200.0), joint(3.0, 20.0, **WEAK)]
+    stops = planned(*joints, model=ARM)
+    assert stops.rounds > 1
+    places, speeds, torques = run(joints)
+    assert (np.abs(torques) <= 0.985 * np.array([200.0, 14.0])).all()
+    assert np.abs(speeds[-1]).max() < 1e-9
+    assert np.abs(speeds).max() <= 5.0
+    beyond = places.max(axis=0) - 0.2 - 4.5 / 20.0
+    assert stops.furthest == pytest.approx(
+        (np.maximum(beyond, 0.0) + places.max(axis=0) - places[-1]).max()
+    )
+
+
+def test_the_best_of_some_predictions_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """M9: more predictions never make it worse; here they make it better."""
+    found = []
+    for rounds in (1, 2, 4, 6):
+        monkeypatch.setattr(PLAIN, "ROUNDS", rounds)
+        joints = [joint(3.0, 20.0, max_torque=200.0), joint(3.0, 20.0, **WEAK)]
+        found.append(planned(*joints, model=ARM, module=PLAIN).furthest)
+    assert found == sorted(found, reverse=True)
+    assert found[-1] < 0.95 * found[0]
+
+
+def test_compiled_and_plain_python_plan_the_same_bits() -> None:
+    both = []
+    for module in (compiled, PLAIN):
+        joints = [joint(3.0, 20.0, max_torque=200.0, coulomb=1.0), joint(-3.0, 20.0, **WEAK)]
+        planned(*joints, model=ARM, module=module)
+        both.append([one.plan.tolist() for one in joints])
+    assert both[0] == both[1]
+
+
+def test_a_joint_that_has_just_come_to_rest_is_where_it_is_measured() -> None:
+    """The others stop as if it stayed there."""
+    rest = joint(4.0, stop_due=False, stopping=False, active=False, followed=9.0)
+    one = joint(1.0, 5.0)
+    planned(one, rest, model=ARM)
+    assert one.rate == 5.0
