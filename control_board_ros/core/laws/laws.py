@@ -1093,6 +1093,8 @@ def restart_at(j: Joint, place: cython.double) -> cython.void:
     j.followed = clamp(place, j.lower, j.upper)
     j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
     j.followed_acceleration = 0.0
+    if j.stopping:
+        go_on_stopping(j, j.followed)
     j.active = True
 
 
@@ -1233,18 +1235,20 @@ def advance_move(j: Joint) -> cython.void:
 def advance_stop(j: Joint) -> cython.void:
     """Brake as planned (``stopping``), to hold where the joint comes to rest (M9, P3)."""
     step: cython.int = j.stop_steps
-    change: cython.double = j.stop_rate * j.period
+    elapsed: cython.double = min(j.elapsed, GAP * j.period)
+    span: cython.double = min(j.span, GAP * j.period)
+    change: cython.double = j.stop_rate * span
     place: cython.double
     ahead: cython.double
     if step > 0:
         step = cython.cast(cython.int, j.stop_time / j.stop_step + 1e-9)
     if step < j.stop_steps:
-        j.stop_time += j.period
-        j.moved_velocity += j.stop_plan[step] * j.period
+        j.stop_time += elapsed
+        j.moved_velocity += j.stop_plan[step] * span
     else:
         j.stop_steps = 0
         j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
-    j.moved += j.moved_velocity * j.period
+    j.moved += j.moved_velocity * elapsed
     place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
     if place != j.moved:  # too fast to stop before a limit
         j.moved, j.moved_velocity, j.stop_steps = place, 0.0, 0
