@@ -204,7 +204,7 @@ TUNE_POSTGRESQL = [*TUNE, "psycopg[binary]>=3.2"]
 TUNE_GRPC = [*TUNE, "grpcio>=1.68", "protobuf>=5.28"]
 #: Drivers of motors, each with what its maker or its field offers.
 MOTEUS = ["moteus>=1.1", "python-can>=4.3"]
-DYNAMIXEL = ["dynamixel-sdk>=4.0"]
+DYNAMIXEL = ["dynamixel-sdk>=3.8"]  # LeRobot wants less than 3.9
 MIT_CAN = ["python-can>=4.3"]
 CIA402 = ["canopen>=2.3", "python-can>=4.3"]
 ODRIVE_CAN = ["python-can>=4.3"]
