@@ -98,17 +98,25 @@ def _icub_models(relative: str) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class NamedRobot:
-    """A named robot: location of its URDF, and the chain (base link, tip link) to keep."""
+    """A named robot: location of its URDF, and the chain (base link, tip link) to keep.
+
+    ``remark``: where the URDF differs from the real robot; for those who drive one.
+    """
 
     path: Callable[[], Path]
     chain: tuple[str, str] | None = None
+    remark: str = ""
 
 
 _ICUB = partial(_icub_models, "robots/iCubGazeboV2_7/model.urdf")
 
 ROBOTS = {
     "iiwa": NamedRobot(partial(_pybullet_data, "kuka_iiwa/model.urdf", "iiwa.urdf")),
-    "panda": NamedRobot(partial(_pybullet_data, "franka_panda/panda.urdf", "panda.urdf")),
+    "panda": NamedRobot(
+        partial(_pybullet_data, "franka_panda/panda.urdf", "panda.urdf"),
+        remark="the masses of its URDF are not those of a real Panda: gravity compensation, loads "
+        "and external torques of one need cbctl identify",
+    ),
     "icub": NamedRobot(_ICUB),
     # The rest of the robot has links without inertia.
     "icub_left_arm": NamedRobot(_ICUB, ("chest", "l_hand")),
@@ -162,6 +170,12 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     raise UrdfError(
         unknown_word("robot", robot, NAMES, "known:") + ", or the path of a URDF or xacro file"
     )
+
+
+def remark_of(robot: str) -> str:
+    """Where the URDF of a named robot, or of its pieces, differs from the real one; or empty."""
+    names = [piece.robot for piece in ASSEMBLIES.get(robot, ())] or [robot]
+    return next((ROBOTS[n].remark for n in names if n in ROBOTS and ROBOTS[n].remark), "")
 
 
 def located(robot: str, folder: Path | None = None) -> str:

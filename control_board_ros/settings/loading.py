@@ -25,7 +25,7 @@ from ..core.goals.pose import Pose
 from ..core.model.coupling import Coupling
 from ..core.terms.modes import SENSE_TORQUE
 from ..description.derive import complete
-from ..description.robots import EXTENDS, NAMES, load_robot, located
+from ..description.robots import EXTENDS, NAMES, load_robot, located, remark_of
 from ..description.urdf import Urdf, UrdfError
 from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build, stability
@@ -301,6 +301,8 @@ def _settings(
     values |= couplings_of(coupled.entries, names)
     warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
     warnings += tuple(stability.warnings(board).values())
+    if values["plant"] and not virtual and (remark := remark_of(values["robot"])):
+        warnings += (f"{values['robot']}: {remark}",)
     notes = () if values["robot"] in NAMES else assumed.notes
     return Settings(
         board, simulation, urdf, values, ros, warnings, notes, where, poses, parts, coupled

@@ -14,6 +14,7 @@ from control_board_ros.description.geometry import origin_of
 from control_board_ros.description.merge import inertial_of
 from control_board_ros.description.robots import ROBOTS, load_robot
 from control_board_ros.description.urdf import Urdf, UrdfError
+from control_board_ros.settings.loading import load
 
 
 def test_iiwa() -> None:
@@ -101,3 +102,14 @@ def test_unknown_robots(name: str, words: str) -> None:
     with pytest.raises(UrdfError, match=words) as caught:
         load_robot(name)
     assert "\n" not in str(caught.value)
+
+
+def test_who_drives_a_real_panda_is_told_of_its_masses() -> None:
+    """A simulated one has the masses of its URDF, and says nothing."""
+    real = load("panda", {"plant": "somebodys"})
+    assert any("not those of a real Panda" in line for line in real.warnings)
+    pair = load("panda_pair", {"plant": "somebodys"})
+    assert any("need cbctl identify" in line for line in pair.warnings)
+    for quiet in ({}, {"plant": "virtual/moteus"}):
+        assert not any("real Panda" in line for line in load("panda", quiet).warnings)
+    assert not any("real" in line for line in load("iiwa", {"plant": "somebodys"}).warnings)
