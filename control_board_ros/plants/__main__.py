@@ -23,6 +23,8 @@ from .entry_points import DRIVERS, make, pairs
 from .errors import PlantSettingsError
 from .offers import limit_differences
 
+#: Makes on serial buses, and the rates at which their servos usually are, bit/s.
+SERIAL, BAUDRATES = ("dynamixel", "feetech"), (1_000_000, 57_600, 115_200, 2_000_000, 500_000)
 #: Shortest period of exchanges here, s.
 PERIOD = 5e-3
 
@@ -43,6 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     scan = verbs.add_parser("scan")
     scan.add_argument("plant", choices=DRIVERS)
     scan.add_argument("--bus", required=True)
+    scan.add_argument("--baudrate", type=int, default=0)
     trial = verbs.add_parser("try")
     trial.add_argument("robot")
     trial.add_argument("--yes", action="store_true")
@@ -51,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         if given.verb == "scan":
-            return put_scan(given.plant, given.bus)
+            return put_scan(given.plant, given.bus, given.baudrate)
         return put_trial(given)
     except KeyboardInterrupt:
         print("cbctl: interrupted; all joints are without power", file=sys.stderr)
@@ -69,8 +72,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-def put_scan(plant: str, bus: str) -> int:
-    found = import_module(f".{plant}.driver", __package__).scan(bus)
+def put_scan(plant: str, bus: str, baudrate: int = 0) -> int:
+    """Print the drives that answer; on a serial bus at a baud rate, or at one of the usual."""
+    scan = import_module(f".{plant}.driver", __package__).scan
+    if plant in SERIAL:
+        for rate in (baudrate,) if baudrate else BAUDRATES:
+            if found := scan(bus, rate):
+                print(f"at {rate} bit/s: add baudrate={rate} to plant_arguments")
+                break
+    elif baudrate:
+        raise PlantSettingsError(f"--baudrate: {plant} is on no serial bus")
+    else:
+        found = scan(bus)
     if not found:
         print(f"nothing answers on {bus}; check power, wiring, bit rate and termination")
         return 1

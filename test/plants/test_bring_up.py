@@ -247,7 +247,8 @@ def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 def test_a_scan_prints_answering_drives(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.drives[1].fail(38)
-    assert main(["scan", "moteus", "--bus", bench.bus.address]) == 0
+    with bench.direct():
+        assert main(["scan", "moteus", "--bus", "direct"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == [
         "id",
@@ -286,3 +287,13 @@ def test_a_plant_that_no_driver_has_is_named_in_one_line(
     said = capsys.readouterr().err
     assert said.startswith("cbctl: argument plant: invalid choice: 'moteuss' (choose from")
     assert said.count("\n") == 1
+
+
+def test_a_scan_of_servos_tries_the_usual_baud_rates(capsys: pytest.CaptureFixture[str]) -> None:
+    """A new Dynamixel X is at 57,600 bit/s."""
+    pytest.importorskip("dynamixel_sdk")
+    with Bench("dynamixel") as made, made.direct():
+        made.baudrate = 57_600
+        assert main(["scan", "dynamixel", "--bus", "direct"]) == 0
+        assert "at 57600 bit/s: add baudrate=57600" in capsys.readouterr().out
+        assert main(["scan", "dynamixel", "--bus", "direct", "--baudrate", "1000000"]) == 1

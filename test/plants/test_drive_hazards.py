@@ -14,7 +14,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from drive_bench import LIBRARIES, Bench
+from drive_bench import LIBRARIES, PERIOD, Bench
 
 from control_board_ros.core.laws.control import PEAK_SHARE
 from control_board_ros.core.terms.drives import SetPoint
@@ -241,3 +241,98 @@ def test_the_bits_of_a_number_never_wrap() -> None:
     item = Item(0, 2)
     assert item.pack(40_000, signed=True) == struct.pack("<h", 32767)
     assert item.pack(-40_000, signed=True) == struct.pack("<h", -32768)
+
+
+def test_a_lost_torque_off_is_sent_again() -> None:
+    """S8: power is off when it is reported off; one lost packet kept it on in every fault."""
+    with bench_of("dynamixel") as bench:
+        bench.connect()
+        bench.follow(POSITION, 30)
+        off = b"\x83\x40\x00\x01\x00\x01\x00"
+        bench.bus.to_drives = wire = LoseFirst(lambda data: off in data)
+        bench.follow(OFF, 4)
+        assert wire.lost == 1
+        assert [drive.table.bytes[64] for drive in bench.drives] == [0, 0]
+
+
+def test_a_drive_that_takes_no_power_is_a_fault_that_names_it() -> None:
+    """S8: an ENABLE that is lost each time, within plant_timeout; the other works."""
+    with bench_of("mit_can") as bench:
+        bench.connect()
+        bench.bus.to_drives = lambda sent: (frame for frame in sent if frame != (2, frames.ENABLE))
+        found = bench.until(lambda found: bool(found.faults[1]), IMPEDANCE, cycles=60)
+        assert "does not take power" in str(found.faults[1])
+        assert not found.faults[0]
+
+
+def test_a_drive_that_stays_in_its_mode_is_a_fault() -> None:
+    """S8: 0x6061 is read; a drive that stayed in CSP was shown as TORQUE."""
+    with bench_of("cia402") as bench:
+        bench.connect()
+        bench.follow(POSITION, 30)
+        obey = bench.drives[1]._value
+        bench.drives[1]._value = lambda index, sub=0: 8 if index == 0x6060 else obey(index, sub)
+        found = bench.until(lambda found: bool(found.faults[1]), TORQUE, cycles=60)
+        assert "acts in mode 8, not in 10" in str(found.faults[1])
+        assert not found.faults[0]
+
+
+@pytest.mark.parametrize("driver", ["dynamixel", "feetech", "cia402"])
+def test_a_silent_drive_costs_the_others_nothing(driver: str) -> None:
+    """S10: clearing its fault waits for nobody; the other gets each of its set-points in time."""
+    with bench_of(driver) as bench:
+        bench.connect()
+        bench.follow(POSITION, 30)
+        bench.drives[0].silent = True
+        at = bench.until(lambda found: bool(found.faults[0]), POSITION, cycles=200).position[1]
+        for cycle in range(100):
+            before = bench.time
+            bench.plant.clear_fault(0)
+            found = bench.follow(POSITION, position=float(at) + 2e-3 * cycle)
+            assert bench.time - before < 2.5 * PERIOD
+            assert not found.faults[1]
+        assert bench.world.state[0, 1] - at > 0.1
+
+
+def test_cyclic_messages_of_an_odrive_are_no_second_drive() -> None:
+    """As it is delivered it sends its estimates every 10 ms."""
+    with bench_of("odrive_can") as bench:
+        bench.connect()
+        sent = [0.0]
+
+        def cyclic(answers: Iterable[Frame]) -> Iterator[Frame]:
+            yield from answers
+            if bench.time - sent[0] >= 0.01:
+                sent[0] = bench.time
+                for drive in bench.drives:
+                    yield drive.id << 5 | 0x09, drive._answer(0x09)
+
+        bench.bus.from_drives = cyclic
+        for _ in range(100):
+            assert not any(bench.follow(VELOCITY, velocity=0.4).faults)
+        assert (bench.world.state[1] > 0.2).all()
+
+
+def test_the_supply_that_returns_moves_no_moteus() -> None:
+    """S11: what the queue of the interface kept is two set-points, questions and stops."""
+    with bench_of("moteus") as bench:
+        bench.connect()
+        bench.follow(POSITION, 30)
+        kept: list[Frame] = []
+
+        def keep(sent: Iterable[Frame]) -> Iterator[Frame]:
+            kept.extend(sent)
+            yield from ()
+
+        bench.bus.to_drives = keep
+        for cycle in range(200):  # the reference goes on, at 1 rad/s
+            bench.follow(POSITION, position=PERIOD * cycle)
+        bench.bus.to_drives = iter
+        for drive in bench.drives:
+            drive.reboot()
+        before = bench.world.state[0].copy()
+        for frame in kept:
+            bench.time += 130e-6
+            bench.bus.step([frame])
+        bench.follow(OFF, 20)
+        assert np.abs(bench.world.state[0] - before).max() < 2e-3

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from typing import Any, Self
 from unittest import mock
@@ -83,6 +83,7 @@ class Bench:
         self.line = self.plant.driver.line
         self.line.connect, self.plant.clock = self._connect, self.clock
         self._next, self.timeout = self.clock.now(), TIMEOUT
+        self.baudrate = 0  # of the drives; 0: any
         self.joints: tuple[Any, ...] = (None,) * len(names)
 
     @property
@@ -102,9 +103,13 @@ class Bench:
         framer = Framer(module.HEADER, head, module.length_of, module.unpacked)
         return VirtualSerial(self.world, self.drives, framer)
 
-    def _connect(self, *_: object, **options: Any) -> Any:
-        """The end of the bus that a driver opens."""
+    def _connect(self, *where: object, **options: Any) -> Any:
+        """The end of the bus that a driver opens; at another baud rate nothing gets through."""
         if isinstance(self.bus, VirtualSerial):
+            lost = self.baudrate not in (0, where[-1])
+            self.bus.to_drives = (lambda _: iter(())) if lost else self.bus.to_drives
+            if self.baudrate and not lost:
+                self.bus.to_drives = iter
             self.wire_end: Any = DirectPort(self.bus, self.clock)
             return self.wire_end
         self.wire_end = DirectCan(self.bus, self.clock, fd=bool(options.get("fd")))
@@ -114,12 +119,18 @@ class Bench:
         """Frames that the driver receives."""
         self.wire_end.arrive(frames)
 
-    def scan(self) -> list[Found]:
-        """What a scan of the bus finds."""
+    @contextlib.contextmanager
+    def direct(self) -> Iterator[None]:
+        """Whatever opens a bus opens this one."""
         with contextlib.ExitStack() as stack:
             for module, name in ((can_line, "open_bus"), (serial_line, "open_port")):
                 stack.enter_context(mock.patch.object(module, name, self._connect))
                 stack.enter_context(mock.patch.object(module, "Clock", return_value=self.clock))
+            yield
+
+    def scan(self) -> list[Found]:
+        """What a scan of the bus finds."""
+        with self.direct():
             found: list[Found] = self.driver.scan("direct")
         return found
 

@@ -18,6 +18,7 @@ from ..line.words import UsageError
     ),
     argument("what", metavar="PLANT|ROBOT.yaml", help="scan: moteus, …; try: a parameter file."),
     argument("--bus", metavar="BUS", help="scan: as socketcan:can0 or /dev/ttyUSB0."),
+    argument("--baudrate", metavar="BIT/S", help="scan: of servos; else the usual ones."),
     argument("--joints", metavar="A,B", help="try: only these."),
     argument(
         "--turned",
@@ -31,6 +32,7 @@ def drives(
     action: str,
     what: str,
     bus: str | None,
+    baudrate: str | None,
     joints: str | None,
     turned: str | None,
     yes: bool,
@@ -45,7 +47,12 @@ def drives(
     if action == "scan" and not bus:
         raise UsageError("drives scan needs --bus, as --bus socketcan:can0")
     words = [action, what]
-    for name, value in (("--bus", bus), ("--joints", joints), ("--turned", turned)):
+    for name, value in (
+        ("--bus", bus),
+        ("--baudrate", baudrate),
+        ("--joints", joints),
+        ("--turned", turned),
+    ):
         if value:
             words += [name, value]
     if yes:

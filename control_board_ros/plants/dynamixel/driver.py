@@ -248,9 +248,9 @@ def angle(count: int) -> float:
     return (count - t.CENTRE) * t.COUNT
 
 
-def scan(device: str) -> list[Found]:
+def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """The servos that answer on a bus."""
-    with ServoBus(t.LIBRARY, device) as bus:
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
         answered, _ = bus.protocol.broadcastPing(bus.port)
         return [identity(bus, drive) for drive in sorted(answered)]
 

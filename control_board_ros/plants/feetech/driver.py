@@ -208,9 +208,9 @@ def identity(bus: ServoBus, drive: int) -> Found:
     )
 
 
-def scan(device: str) -> list[Found]:
+def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """The servos that answer on a bus."""
-    with ServoBus(t.LIBRARY, device) as bus:
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
         bus.port.wait = 5e-3
         return [identity(bus, drive) for drive in IDS if bus.models(drive, attempts=1)]
 
