@@ -32,6 +32,7 @@ from .process.console import (
 )
 
 if TYPE_CHECKING:
+    from .loop.pulse import ThreadWatch
     from .process.boards import Boards
     from .process.start import Start
 
@@ -153,6 +154,7 @@ def serve(
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
 
+    from .loop.pulse import ThreadWatch
     from .process.boards import Boards
     from .process.executor import KeptWaitSetExecutor
 
@@ -167,13 +169,15 @@ def serve(
         executor.add_node(node)
     thread = threading.Thread(target=executor.spin, name="executor", daemon=True)
     boards.start()
+    hung = ""
     try:
         thread.start()
-        unparked = attend(boards, ended, at_once)
+        watch = ThreadWatch({"executor": (thread, executor.pulse)} | boards.threads())
+        unparked, hung = attend(boards, watch, ended, at_once)
     finally:
         stopped = boards.stop()
     if not stopped:
-        complain("the control loop hangs; the process ends without it")
+        complain(f"{hung or 'the control loop hangs'}; the process ends without it")
         os._exit(1)
     executor.end()
     thread.join(timeout=0.5)
@@ -182,11 +186,16 @@ def serve(
         for node in boards.nodes:
             node.destroy_node()
         try_shutdown()
+    if hung:
+        cause = "" if executor.failure is None else f": {executor.failure}"
+        raise KnownError(1, f"{hung}{cause}; the joints are without power")
     return boards.loop.failure, unparked
 
 
-def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> str:
-    """Print the welcome, wait for the end, and park; returns as ``parked``."""
+def attend(
+    boards: Boards, watch: ThreadWatch, ended: threading.Event, at_once: threading.Event
+) -> tuple[str, str]:
+    """Print the welcome, wait for the end, and park; returns as ``parked``, and a hang (B8)."""
     from .process.lifecycle import starts_alone
 
     await_first_cycles(boards, ended)
@@ -195,8 +204,9 @@ def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> 
     waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
     by = settings.values["plant"] or settings.values["physics"]
     say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits, plant=by))
-    ended.wait()
-    return parked(boards, at_once) if parks and boards.loop.failure is None else ""
+    if hung := watch.wait(ended):
+        return "", hung
+    return parked(boards, at_once) if parks and boards.loop.failure is None else "", ""
 
 
 def parked(boards: Boards, at_once: threading.Event) -> str:

@@ -133,6 +133,37 @@ def test_an_error_beside_the_loop_ends_it_without_power(
     assert noted[0].closed
 
 
+@pytest.mark.parametrize(("method", "text"), [
+    ("_serve_once", "the executor thread ended: wait set"),
+    ("_run_tasks", "the executor thread hangs for 1 s"),
+])  # fmt: skip
+def test_a_thread_that_ends_or_hangs_ends_the_node_without_power(
+    noted: list[Noted], monkeypatch: pytest.MonkeyPatch, method: str, text: str
+) -> None:
+    """B8: an error of the middleware beside all callbacks; a callback that never returns."""
+    forever = threading.Event()
+
+    def fail(*_: Any) -> None:
+        until(lambda: noted[0].powered)
+        if method == "_run_tasks":
+            forever.wait()
+        raise RuntimeError("wait set")
+
+    monkeypatch.setattr(
+        f"control_board_ros.node.process.executor.KeptWaitSetExecutor.{method}", fail
+    )
+    with free_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        with pytest.raises(KnownError, match=text) as raised:
+            run(["--ros-args", "-p", "physics:=ideal"], threading.Event())
+        forever.set()
+        try_shutdown()
+    assert raised.value.code == 1
+    assert noted[0].drove
+    assert not noted[0].powered
+    assert noted[0].closed
+
+
 def test_a_plant_that_is_gone_has_its_own_exit_code(
     noted: list[Noted], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -30,6 +30,7 @@ from ...core.terms.measurement import (
     Plant,
     Simulation,
 )
+from .pulse import Pulse
 from .snapshots import Snapshots
 from .timing import NANOSECONDS, Divider, Pacer, Statistics, TimeBase, sharpen_timers
 
@@ -54,7 +55,7 @@ class ControlLoop:
     by ``Member.exclusive`` only), hooks (called in every cycle before the tick), exclusive_hooks
     (called at the end of each use of ``exclusive``, of any member); both are called with the lock
     held. after_lock (called by the control thread whenever it has released the lock), when_shown
-    (calls a function when all states noted by now are published).
+    (calls a function when all states noted by now are published), thread and pulse (its own).
     """
 
     def __init__(
@@ -83,7 +84,8 @@ class ControlLoop:
             shrinkage=round(0.5 * board.period * NANOSECONDS),
         )
         self.failure: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+        self.thread = threading.Thread(target=self._run, name="control", daemon=True)
+        self.pulse = Pulse()
         self._stopping = self._paused = False
         self._stepping = Stepping()
         self._states = Divider(state_rate, board.config.control_rate)
@@ -109,7 +111,7 @@ class ControlLoop:
     # -- life ---------------------------------------------------------------------------------
 
     def start(self) -> None:
-        self._thread.start()
+        self.thread.start()
 
     def stop(self, timeout: float = 1.0) -> bool:
         """End the thread: joints unpowered, the last state noted; then close the plant.
@@ -125,12 +127,12 @@ class ControlLoop:
         """
         self._stopping = True
         self._wake.set()
-        if self._thread.is_alive():
+        if self.thread.is_alive():
             brakes = [
                 one.brake.engage_time for one in self.board.config.joints if one.brake.present
             ]
-            self._thread.join(timeout + max(brakes, default=0.0))
-        ended = not self._thread.is_alive()
+            self.thread.join(timeout + max(brakes, default=0.0))
+        ended = not self.thread.is_alive()
         if ended or not isinstance(self._plant, Simulation):
             self._plant.close()
         return ended
@@ -186,7 +188,7 @@ class ControlLoop:
         return self._pacer.period <= 0.0 and not (self._paused or self._stopping)
 
     def is_control_thread(self) -> bool:
-        return threading.get_ident() == self._thread.ident
+        return threading.get_ident() == self.thread.ident
 
     def set_real_time_factor(self, factor: float) -> None:
         """Set the simulated seconds per second; 0 = as fast as possible.
@@ -277,10 +279,11 @@ class ControlLoop:
 
     def _cycle(self) -> None:
         """One control cycle, unless the loop was paused while it waited for its turn."""
-        with self.lock:
-            if not self._paused or self._stepping.left:
-                self._run_cycle()
-        self.after_lock()
+        with self.pulse:
+            with self.lock:
+                if not self._paused or self._stepping.left:
+                    self._run_cycle()
+            self.after_lock()
 
     def _run_cycle(self) -> None:
         """With the lock held; the reading of t precedes the effect of the command of t."""

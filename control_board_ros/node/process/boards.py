@@ -9,6 +9,7 @@ executor's thread, one at a time, and access the board between two control cycle
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -30,6 +31,7 @@ from ...settings.schema import BOARD, JOINT, PART_ROWS, ROBOT_ROWS
 from ...simulation import made_board
 from ...startup import resume_collection, search_modules
 from ..loop.loop import ControlLoop, Member
+from ..loop.pulse import Pulse
 from ..loop.timing import take_priority
 from ..wiring.actions import Actions
 from ..wiring.diagnostics import Diagnostics
@@ -264,6 +266,10 @@ class Boards:
         resume_collection()
         self.loop.start()
         self._states.start()
+
+    def threads(self) -> dict[str, tuple[threading.Thread, Pulse]]:
+        """The threads of the boards with their pulses, by name."""
+        return {"control": (self.loop.thread, self.loop.pulse), "state": self._states.watched}
 
     def stop(self) -> bool:
         """Joints unpowered, last state published; false if the control loop hangs."""

@@ -23,6 +23,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities
 
+from ..loop.pulse import Pulse
+
 #: Messages read from one subscription before the others and the services have their turn.
 BATCH = 10
 HANDLE = attrgetter("handle")
@@ -36,6 +38,8 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
     Args:
         on_error: called with the exception that a callback raised and the entity's name.
         context: the rclpy context; None for the default one.
+
+    Attributes: pulse (of the thread that spins), failure (what ended :meth:`spin`, if anything).
     """
 
     def __init__(
@@ -46,6 +50,8 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
     ) -> None:
         self._stale = True
         self._ended = False
+        self.pulse = Pulse()
+        self.failure: Exception | None = None
         self._on_error = on_error
         self._held = ExitStack()
         self._wait_set: Any = None
@@ -70,10 +76,12 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         super().wake()
 
     def spin(self) -> None:
-        """Serve until end() or the end of the context."""
+        """Serve until end() or the end of the context; an error beside the callbacks ends it."""
         try:
             while self._context.ok() and not self._ended:
                 self._serve_once()
+        except Exception as error:  # noqa: BLE001 - the thread's watch reports it
+            self.failure = error
         finally:
             self._held.close()
             self._wait_set = None
@@ -82,7 +90,8 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         if self._stale:
             self._stale = False
             self._gather()
-        self._run_tasks()
+        with self.pulse:
+            self._run_tasks()
         wait_set = self._wait_set
         wait_set.clear_entities()
         for add, handles in self._additions:
@@ -93,7 +102,8 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         wait_set.wait(-1)
         if self._ended or not self._context.ok():
             return
-        self._serve_ready(wait_set)
+        with self.pulse:
+            self._serve_ready(wait_set)
 
     def _gather(self) -> None:
         """Hold the handles of all entities and make a wait set of their size."""

@@ -39,6 +39,7 @@ from ...interface import (
     Endpoint,
 )
 from ..loop.loop import ControlLoop, Member
+from ..loop.pulse import Pulse
 from ..loop.timing import sharpen_timers
 from .messages import joint_faults, joint_modes, set_stamp
 from .prepared import prepared_state
@@ -179,6 +180,8 @@ class StateThread:
     Args:
         loop: of the boards.
         rounds: actions of each round; after an exception the next ones follow.
+
+    Attributes: thread, pulse (of its rounds).
     """
 
     def __init__(self, loop: ControlLoop, rounds: Sequence[Round]) -> None:
@@ -190,13 +193,18 @@ class StateThread:
         self._noted = False  # of the control thread alone
         self._publishing = threading.Lock()
         self._running = True
-        self._thread = threading.Thread(target=self._run, name="state", daemon=True)
+        self.thread = threading.Thread(target=self._run, name="state", daemon=True)
+        self.pulse = Pulse()
         loop.main.snapshots.on_change = self._note
         loop.after_lock = self._publish_what_is_noted
         loop.when_shown = self._due.append
 
+    @property
+    def watched(self) -> tuple[threading.Thread, Pulse]:
+        return self.thread, self.pulse
+
     def start(self) -> None:
-        self._thread.start()
+        self.thread.start()
         self.wake()
 
     def wake(self) -> None:
@@ -207,8 +215,8 @@ class StateThread:
         """Run a last round, and end."""
         self._running = False
         self.wake()
-        if self._thread.is_alive():
-            self._thread.join(timeout)
+        if self.thread.is_alive():
+            self.thread.join(timeout)
 
     def _note(self) -> None:
         """Request a round for a new snapshot; called by the thread that holds the loop's lock."""
@@ -236,7 +244,8 @@ class StateThread:
             self._wakes.get()
             while not self._wakes.empty():  # one round serves all requests
                 self._wakes.get()
-            self._round()
+            with self.pulse:
+                self._round()
         self._round()
 
     def _round(self) -> None:
