@@ -23,7 +23,7 @@ from control_board_ros.core.terms.measurement import Actuation, Measurement
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import timing
 from control_board_ros.node.loop.loop import ControlLoop, FairLock
-from control_board_ros.node.loop.timing import MAX_LAG, Pacer
+from control_board_ros.node.loop.timing import MAX_LAG, Pacer, Standstill
 from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.node.wiring.publishing import StateThread
 from control_board_ros.node.wiring.services import Services
@@ -163,6 +163,47 @@ def test_catching_up_is_bounded(clock: ManualClock) -> None:
     pacer.wait()
     assert (pacer.overruns, pacer.skipped) == (1, MAX_LAG + 49)
     assert pacer.take().worst == 0.5 * period
+
+
+def test_no_other_plant_is_caught_up(clock: ManualClock) -> None:
+    """B6: every whole period that is late is skipped, and counted."""
+    period = 2.0**-10
+    pacer = Pacer(period, catches_up=False)
+    pacer.restart()
+    pacer.wait()
+    for late, skipped in ((0.5, 0), (1.25, 0), (3.5, 2)):
+        before = pacer.skipped
+        clock.sleep((1.0 + late) * period)
+        pacer.wait()
+        assert pacer.late == late * period
+        assert pacer.skipped - before == skipped + (late > 1.0)
+        clock.now = pacer.due  # as if it had begun in time
+
+
+def test_what_waited_while_the_board_stood_still_is_void(clock: ManualClock) -> None:
+    """B6: from half a second on; until the loop runs again, and what is found right after it."""
+    period = 2.0**-10
+    pacer = Pacer(period, catches_up=False)
+    standstill = Standstill(pacer)
+    assert standstill.of(clock.time_ns()) == 0.0  # the loop has not begun
+    pacer.restart()
+    for stood in (0.4, 2.0):
+        pacer.wait()
+        standstill.note()
+        sent = clock.time_ns()
+        clock.sleep(stood)
+        expected = 0.0 if stood < 0.5 else stood - period
+        assert standstill.of(sent) == pytest.approx(expected)
+        pacer.wait()
+        standstill.note()
+        assert standstill.of(sent) == pytest.approx(expected)
+        assert standstill.of(clock.time_ns()) == 0.0  # sent since
+    clock.sleep(0.6)
+    pacer.restart()
+    assert standstill.of(sent) == 0.0
+    pacer.stop()
+    clock.sleep(9.0)
+    assert standstill.of(sent) == 0.0  # paused
 
 
 def test_a_delayed_thread_reads_the_same_time(clock: ManualClock) -> None:

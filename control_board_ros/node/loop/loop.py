@@ -32,7 +32,15 @@ from ...core.terms.measurement import (
 )
 from .pulse import Pulse
 from .snapshots import Snapshots
-from .timing import NANOSECONDS, Divider, Pacer, Statistics, TimeBase, sharpen_timers
+from .timing import (
+    NANOSECONDS,
+    Divider,
+    Pacer,
+    Standstill,
+    Statistics,
+    TimeBase,
+    sharpen_timers,
+)
 
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
 PAUSED_PERIOD = 0.1
@@ -75,6 +83,7 @@ class ControlLoop:
         self._wake = threading.Event()
         self._pacer = Pacer(0.0, self._wake, catches_up=isinstance(plant, Simulation))
         own = getattr(plant, "keep_within", None)
+        self.standstill = Standstill(self._pacer)
         self.hooks: list[Hook] = [] if own is None else [own]
         self.exclusive_hooks: list[Callable[[], None]] = []
         self.after_lock: Callable[[], None] = lambda: None
@@ -268,6 +277,7 @@ class ControlLoop:
                 if self._paused:
                     self._stand_still()
                 elif self._pacer.wait():
+                    self.standstill.note()
                     self._cycle()
             self._unpower()
         except Exception as error:  # noqa: BLE001 - reported by main
@@ -307,6 +317,7 @@ class ControlLoop:
 
     def _stand_still(self) -> None:
         """Run the requested steps, else wait; repeat the state every PAUSED_PERIOD."""
+        self._pacer.stop()
         while self._stepping.left and not self._stopping:
             self._cycle()
         self._wake.clear()

@@ -76,7 +76,8 @@ class Pacer:
         wake: ends a long wait before the cycle is due.
         catches_up: whether late cycles are run.
 
-    Attributes: due (when the present cycle was to begin, s of the monotonic clock).
+    Attributes: due (when the present cycle was to begin, s of the monotonic clock), late (by how
+    much it began later than it was first due, s).
     """
 
     def __init__(
@@ -90,10 +91,20 @@ class Pacer:
         self._since = time.monotonic()
         self._cycles_since = 0
         self._deadline = self.due = self._since
+        self.late = 0.0
+        self._runs = False
+
+    def lag(self, now: float) -> float:
+        """Time since the next cycle was due, s; below 0: until then; 0 where none is due."""
+        return now - self._deadline if self._runs and self.period > 0.0 else 0.0
+
+    def stop(self) -> None:
+        """No cycle is due until :meth:`restart`."""
+        self._runs = False
 
     def restart(self) -> None:
         """The next cycle is due in a period: after a start, a pause or a change of the period."""
-        self._deadline = time.monotonic() + self.period
+        self._deadline, self._runs = time.monotonic() + self.period, True
 
     def wait(self) -> bool:
         """Sleep until the next cycle is due, and note how late it starts.
@@ -114,8 +125,9 @@ class Pacer:
         self.cycles += 1
         if ahead > 0.0:
             time.sleep(ahead)
-            late = time.monotonic() - self._deadline
+            self.late = late = time.monotonic() - self._deadline
         else:
+            self.late = -ahead
             late = self._overrun(-ahead, period)
         kept = self._kept
         self._lateness[kept % KEPT] = late
@@ -159,6 +171,38 @@ class Pacer:
         rate = (cycles - self._cycles_since) / max(now - self._since, 1e-9)
         self._since, self._cycles_since = now, cycles
         return Statistics(cycles, self.overruns, self.skipped, rate, median, p99, worst)
+
+
+class Standstill:
+    """The last time that cycles began late by more than LONGEST: what waited then is void (B6).
+
+    Args:
+        pacer: Of the cycles.
+    """
+
+    #: s that a cycle may begin late, and in which what waited is found afterwards.
+    LONGEST = 0.5
+
+    def __init__(self, pacer: Pacer) -> None:
+        self._pacer = pacer
+        self._ended, self._ended_at, self._lasted = -math.inf, 0, 0.0
+
+    def note(self) -> None:
+        """In each cycle, after :meth:`Pacer.wait`."""
+        if self._pacer.late > self.LONGEST:
+            self._ended, self._ended_at = time.monotonic(), time.time_ns()
+            self._lasted = self._pacer.late
+
+    def of(self, sent: int) -> float:
+        """How long the board stood still after a message was sent, s; 0: it did not.
+
+        Args:
+            sent: System time, ns.
+        """
+        now = time.monotonic()
+        if (late := self._pacer.lag(now)) > self.LONGEST:
+            return late
+        return self._lasted if now < self._ended + self.LONGEST and sent < self._ended_at else 0.0
 
 
 class Divider:

@@ -127,7 +127,7 @@ class BoardNode:
             joint_trajectory=trajectory_callback(member, follower, reporter.warn),
             warn=reporter.warn,
         )
-        self._subscriptions = reporter.subscribe(commands.callbacks().items())
+        self._subscriptions = reporter.subscribe(commands.callbacks().items(), commands.is_void)
         if role.yarp:
             self._subscriptions += offer_yarp(
                 node,

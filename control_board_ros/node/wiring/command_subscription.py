@@ -32,10 +32,20 @@ STAMPS_KEPT = 64
 
 
 class CommandSubscription:
-    """One command topic with ``qos_overrides``; the callback gets each message once."""
+    """One command topic with ``qos_overrides``; the callback gets each message once.
 
-    def __init__(self, node: Node, topic: Endpoint, callback: Callable[[Any], None]) -> None:
-        self._node, self._topic, self._callback = node, topic, callback
+    ``is_void`` gets each message before it, and when it was sent, ns: void ones are dropped (B6).
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: Endpoint,
+        callback: Callable[[Any], None],
+        is_void: Callable[[Any, int], bool] = lambda _message, _sent: False,
+    ) -> None:
+        self._node, self._topic = node, topic
+        self._callback, self._is_void = callback, is_void
         self._best_effort: Any = None
         self._warned = self._waited = False
         self._leaving = False
@@ -106,10 +116,14 @@ class CommandSubscription:
         if self._best_effort is not None and not shared:
             return
         if not shared or self._is_new(info):
-            self._callback(message)
+            self._receive(message, info)
 
     def _on_best_effort(self, message: Any, info: dict[str, int]) -> None:
         if self._is_new(info):
+            self._receive(message, info)
+
+    def _receive(self, message: Any, info: dict[str, int]) -> None:
+        if not self._is_void(message, info["source_timestamp"]):
             self._callback(message)
 
     def _is_new(self, info: dict[str, int]) -> bool:

@@ -86,10 +86,12 @@ class Reporter:
             )
 
     def subscribe(
-        self, callbacks: Iterable[tuple[Endpoint, Callable[[Any], None]]]
+        self,
+        callbacks: Iterable[tuple[Endpoint, Callable[[Any], None]]],
+        is_void: Callable[[Any, int], bool],
     ) -> list[CommandSubscription]:
         return [
-            CommandSubscription(self._node, topic, self._guarded(topic.short, callback))
+            CommandSubscription(self._node, topic, self._guarded(topic.short, callback), is_void)
             for topic, callback in callbacks
         ]
 

@@ -16,7 +16,7 @@ import numpy as np
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
 from ...core.selection import RequestError, Selection
-from ...core.terms.reply import Reply, accepted
+from ...core.terms.reply import Reason, Reply, accepted
 from ...core.terms.vocabs import CommandKind
 from ...interface import (
     COMMAND_TOPICS,
@@ -100,6 +100,19 @@ class CommandTopics:
             HEARTBEAT: self._heartbeat,
             EXTERNAL_TORQUE_SENSOR: self._external_torque_sensor,
         }
+
+    def is_void(self, message: Any, sent: int) -> bool:
+        """Refuse what waited while the board stood still (B6); sent: at this system time, ns."""
+        stood = self._member.loop.standstill.of(sent)
+        if not stood:
+            return False
+        text = f"it waited while the board stood still for {stood:.1f} s; send it again"
+        names = getattr(message, "names", getattr(message, "name", None))
+        if names is not None:
+            with self._member.exclusive() as board:
+                board.reject(bounded(names, board.count), text, Reason.STALE)
+        self._warn(f"command ignored: {text}", "ignored")
+        return True
 
     def _joint_commands(self, message: Any) -> None:
         with self._member.exclusive() as board:

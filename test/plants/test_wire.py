@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boards behind a bad wire: each row of S1, an inertia behind it, simulated time (B6, B7)."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+from bad_wire import ROWS, WIRES, BadWire, worst
+
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.vocabs import ControlMode
+
+#: Worst measured speed on a wire: of a drive of positions each late set-point is a step.
+SPEED = {"position": 1.1}
+MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl"]
+
+
+def move(bench: BadWire, ways: list[float], distance: float = 0.8) -> np.ndarray:
+    """Start a move of each joint along its way, near its speed limit; the target, rad."""
+    target = bench.position + distance * np.array(ways)
+    assert bench.board.position_move(None, target.tolist(), (0.5 * bench.limit).tolist())
+    return target
+
+
+@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("row", ROWS)
+def test_a_move_on_a_bad_wire(row: str, wire: str) -> None:
+    """B7, P14: no fault, no reversal, no more than the speed limit, and it arrives."""
+    bench = BadWire(row, WIRES[wire])
+    bench.run(100)
+    bench.enter("pos")
+    ways = [1.0, -1.0]
+    target = move(bench, ways)
+    bench.run(1600)
+    top, back = worst(bench.speeds, ways)
+    assert not bench.faults
+    assert top <= SPEED.get(row, 1.05)
+    assert back <= 0.02
+    assert top > 0.9  # of 0.9375: as fast as asked
+    assert np.abs(bench.position - target).max() < 2e-3
+
+
+@pytest.mark.parametrize("row", ROWS)
+@pytest.mark.parametrize("silence", [0.03, 0.09])
+def test_readings_that_stay_away_reverse_no_joint(row: str, silence: float) -> None:
+    """B7: amid a move; nothing is driven against its way, nor beyond its limit, and no fault."""
+    bench = BadWire(row, {})
+    bench.run(100)
+    bench.enter("pos")
+    ways = [1.0, -1.0]
+    target = move(bench, ways)
+    bench.run(350)
+    held = None
+    read = bench.plant.read
+    count = round(silence / bench.period)
+    for k in range(count):
+        now = read()
+        if held is None:
+            held = now.values.copy()
+        late = held.copy()
+        late[[Row.ENCODER_AGE, Row.TORQUE_AGE]] += (k + 1) * bench.period
+        bench.plant.read = lambda late=late, now=now: replaced(now, late)  # type: ignore[method-assign]
+        bench.run(1)
+    bench.plant.read = read  # type: ignore[method-assign]
+    bench.run(1300)
+    top, back = worst(bench.speeds, ways)
+    assert not bench.faults
+    assert top <= 1.05
+    assert back <= 0.02
+    assert np.abs(bench.position - target).max() < 2e-3
+
+
+def replaced(reading: object, values: np.ndarray) -> object:
+    reading.values = values  # type: ignore[attr-defined]
+    return reading
+
+
+@pytest.mark.parametrize("row", ROWS)
+@pytest.mark.parametrize("cycles", [12, 40, 80])
+def test_a_loop_that_stood_still_is_not_caught_up(row: str, cycles: int) -> None:
+    """B6: set-points never move faster than the limit, over the time that passed at the drive."""
+    bench = BadWire(row, {})
+    bench.run(100)
+    bench.enter("pos")
+    ways = [1.0, -1.0]
+    move(bench, ways)
+    bench.run(350)
+    joints = bench.board.engine.controller.joints
+    before = np.array([joint.followed for joint in joints])
+    bench.stall(cycles)
+    passed = cycles * bench.period
+    for _ in range(100):
+        after = np.array([joint.followed for joint in joints])
+        assert (np.abs(after - before) <= 1.001 * bench.limit * passed).all()
+        before, passed = after, bench.period
+        bench.run(1)
+    bench.run(900)
+    top, _ = worst(bench.speeds, ways)
+    assert not bench.faults
+    assert top <= SPEED.get(row, 1.05)
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_random_modes_on_a_bad_wire_raise_no_fault(row: str) -> None:
+    """B7, F6: whatever is asked, late and lost frames are no fault of a joint."""
+    bench = BadWire(row, WIRES["all"])
+    bench.run(100)
+    rng = random.Random(row)
+    for _ in range(60):
+        joint = rng.choice(bench.board.names)
+        offered = [code for code in MODES if code in offers(bench, joint)]
+        bench.board.set_control_mode(joint, rng.choice(offered))
+        bench.board.position_move(joint, float(bench.position.mean()) + rng.uniform(-0.3, 0.3))
+        bench.board.velocity_move(joint, rng.uniform(-0.3, 0.3))
+        bench.run(rng.randrange(10, 60))
+    assert not bench.faults
+
+
+def offers(bench: BadWire, joint: str) -> set[str]:
+    modes: tuple[ControlMode, ...] = bench.board.get_available_modes(joint)[0][0]
+    return {mode.code for mode in modes} | {"fidl"}
+
+
+def test_before_the_first_reading_nothing_is_published_and_no_mode_accepted() -> None:
+    """B7, N4: NaN, not an angle of 0."""
+    bench = BadWire("torque", {"latency": 0.05})
+    bench.run(20)
+    assert np.isnan(bench.board.snapshot().position).all()
+    assert bench.board.snapshot().age[0] == pytest.approx(20 * bench.period)
+    assert not bench.board.set_control_mode(None, "pos")
+    assert not bench.faults
+    bench.run(60)
+    assert bench.board.snapshot().position == pytest.approx(bench.position, abs=1e-3)
+    assert bench.board.set_control_mode(None, "pos")
+
+
+def test_a_joint_that_is_never_read_is_in_fault() -> None:
+    """B3: after the time that its encoder may be silent."""
+    bench = BadWire("torque", {"loss": 1.0, "watchdog": 0.0})
+    bench.run(90)
+    assert not bench.faults
+    bench.run(30)
+    assert all("encoder silent" in text for text in bench.faults)
+    assert len(bench.faults) > 0

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board before simulated drives on a bad wire, in simulated time: delays, losses, stalls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.core.terms.measurement import Array
+from control_board_ros.settings import loading
+from control_board_ros.sim.plant import SimulatedPlant
+from control_board_ros.simulation import made_board
+
+#: One row of S1 each, by the drive's set-point.
+ROWS = [kind.code for kind in SetPoint if kind is not SetPoint.OFF]
+#: What a wire does; parameters of ``drive_model``.
+WIRES = {
+    "latency": {"latency": 0.01},
+    "jitter": {"jitter": 0.01},
+    "loss": {"loss": 0.1},
+    "all": {"latency": 0.005, "jitter": 0.005, "loss": 0.1},
+}
+PARAMETERS = {
+    "joints": ["lbr_iiwa_joint_1", "lbr_iiwa_joint_4"],
+    "joint_defaults.calibration.required": False,
+    "joint_defaults.timeouts.encoder": 0.1,
+    "joint_defaults.timeouts.torque_sensor": 0.1,
+    "physics": "ideal",
+}
+
+
+class BadWire:
+    """Two joints of the iiwa, each an inertia behind a drive, behind a wire.
+
+    Args:
+        row: The set-point that the drives take.
+        wire: Parameters of ``drive_model``.
+
+    Attributes: board, plant, speeds (of the joints in each cycle of the plant, in speed limits,
+    shape (k, n)), faults (texts of all that were active).
+    """
+
+    def __init__(self, row: str, wire: dict[str, float], **parameters: object) -> None:
+        values = (
+            PARAMETERS
+            | parameters
+            | {f"joint_defaults.drive_model.{name}": value for name, value in wire.items()}
+        )
+        if row != SetPoint.PWM.code:
+            values["joint_defaults.drive"] = [row]
+        made = loading.load("iiwa", values)
+        self.period = made.board.period
+        self.limit = np.array([joint.limits.velocity for joint in made.board.joints])
+        self.board = made_board(made)
+        self.plant = SimulatedPlant(made.board, replace(made.simulation, urdf=None))
+        self._speeds: list[Array] = []
+        self.faults: set[str] = set()
+
+    @property
+    def speeds(self) -> Array:
+        return np.array(self._speeds)
+
+    @property
+    def position(self) -> Array:
+        """Where the joints are in truth, rad."""
+        return self.plant._motors.position.copy()
+
+    def run(self, cycles: int) -> None:
+        """Let control cycles pass."""
+        for _ in range(cycles):
+            self._pass_on()
+
+    def stall(self, cycles: int) -> None:
+        """The control loop stands still; the drives go on with what they have."""
+        actuation = self.board.engine.tick(self.plant.read())
+        for _ in range(cycles):
+            self.plant.write(actuation)
+            self._note()
+        self._pass_on(elapsed=cycles * self.period)
+
+    def _pass_on(self, elapsed: float | None = None) -> None:
+        reading = self.plant.read()
+        reading.elapsed = elapsed
+        self.plant.write(self.board.tick(reading))
+        reading.elapsed = None
+        self._note()
+
+    def _note(self) -> None:
+        self._speeds.append(self.plant._motors.velocity / self.limit)
+        self.faults |= {fault.text for fault in self.board.get_faults(None) if fault.active}
+
+    def enter(self, mode: str, settle: int = 300) -> None:
+        """All joints in a control mode, at rest."""
+        assert self.board.set_control_mode(None, mode)
+        self.run(settle)
+        self._speeds.clear()
+
+
+def worst(speeds: Array, ways: Sequence[float]) -> tuple[float, float]:
+    """The greatest speed along the way of each joint, and against it, in speed limits."""
+    along = speeds * np.asarray(ways)
+    return float(along.max()), float(-along.min())
