@@ -82,3 +82,4 @@ def last_fault(bench: Bench) -> str:
 
 
 inside("F6", "heat fades without power", "it would have to be overloaded")
+inside("F7", "overspeed is a fault", "it would have to be driven beyond its speed limit")

@@ -1487,7 +1487,7 @@ def keep_near(j: Joint) -> cython.void:
     lead: cython.double
     if p.kp > 0.0 and not j.blind:
         lead = (j.delay + 2.0 * j.wire) * fabs(j.followed_velocity)  # either way
-        lead += LEAD * j.max_torque / p.kp
+        lead += LEAD * j.max_torque / (p.kp * j.calm)
         if fabs(j.followed - j.position) > lead:
             stay(j, clamp(j.followed, j.position - lead, j.position + lead))
         hold_back(j)
@@ -1698,7 +1698,7 @@ def ahead_of_winding(j: Joint, wanted: cython.double) -> cython.double:
     where i is the current that the last cycle wanted.
     """
     drive: cython.double = wanted
-    if not j.in_amps:
+    if not j.in_amps and j.wire == 0.0:  # late, it would only add noise
         drive += j.lead * (wanted - j.asked)
     j.asked = wanted
     return drive
@@ -1779,7 +1779,9 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
         return INFINITE
     bound = max(bound, -j.max_torque)
     drive = j.per_torque * bound + j.per_speed * way * j.velocity
-    return drive if j.in_amps else drive + j.lead * j.per_torque * (bound - torque)
+    if j.in_amps or j.wire > 0.0:
+        return drive
+    return drive + j.lead * j.per_torque * (bound - torque)
 
 
 @cython.cfunc

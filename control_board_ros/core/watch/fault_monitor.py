@@ -193,7 +193,6 @@ class FaultMonitor:
     def bound(self, j: int, *, on: bool, calibrated: bool) -> None:
         """As :meth:`arm`, without a restart of the checks: no reading is left out."""
         self.joints[j].set(self._limits[j] if on else UNLIMITED)
-        self.joints[j].armed = on
         if on and j in self._cooling:
             self.let_cool(j, self._cooling.pop(j))
         if not calibrated:

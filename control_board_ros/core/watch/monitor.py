@@ -84,7 +84,6 @@ class JointMonitor:
     live = cython.declare(cython.double, visibility="public")  # 1 with power, 0 without
     fed = cython.declare(cython.double, visibility="public")  # the same of its motor, if coupled
     switched = cython.declare(cython.bint, visibility="public")  # since the last reading
-    armed = cython.declare(cython.bint, visibility="public")  # its limits are in force
     read = cython.declare(cython.bint, visibility="public")  # there was a position
     seen = cython.declare(cython.bint, visibility="public")  # there is a last position
     last = cython.declare(cython.double, visibility="public")  # position, no offset taken off
@@ -117,7 +116,7 @@ class JointMonitor:
     def __init__(self) -> None:
         self.switched = self.strained = self.hot = False
         self.slipped = self.overran = self.overloaded = self.raced = self.seen = False
-        self.armed = self.read = False
+        self.read = False
         self.expect_anything()
 
     def set(self, values: dict[str, float]) -> None:
@@ -429,12 +428,12 @@ class Monitor:
         """The first bound that the reading of a joint exceeds; a value that is not finite does."""
         if not fabs(self.alarm[k]) <= m.max_alarm:
             return ALARM
+        if not m.read and m.age > 0.0 and self.position[k] != self.position[k]:  # B7
+            return ENCODER_AGE if m.age > m.max_encoder_age else NOTHING
         if not fabs(self.current[k]) <= m.max_current:
             return CURRENT
         if not fabs(self.encoder_age[k]) <= m.max_encoder_age:
             return ENCODER_AGE
-        if not (m.read or m.armed) and m.age > 0.0 and self.position[k] != self.position[k]:
-            return NOTHING  # it has not been read yet (B7)
         if not (m.lowest <= self.position[k] <= m.highest and fabs(self.position[k]) <= BEYOND):
             return POSITION
         if not fabs(self.velocity[k]) <= BEYOND:
