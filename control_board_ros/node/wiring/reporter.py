@@ -88,7 +88,7 @@ class Reporter:
     def subscribe(
         self,
         callbacks: Iterable[tuple[Endpoint, Callable[[Any], None]]],
-        is_void: Callable[[Any, int], bool],
+        is_void: Callable[[Any, int], bool] = lambda _message, _sent: False,
     ) -> list[CommandSubscription]:
         return [
             CommandSubscription(self._node, topic, self._guarded(topic.short, callback), is_void)
