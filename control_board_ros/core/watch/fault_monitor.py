@@ -159,7 +159,8 @@ class FaultMonitor:
                 self._cooling[j] = FaultCode.I2T
             elif before.temperature > before.max_temperature:
                 self._cooling[j] = FaultCode.OVERHEATING
-            monitor.overload, monitor.temperature = before.overload, before.temperature
+                monitor.temperature = before.temperature
+            monitor.overload = before.overload
             monitor.set(UNLIMITED)
             self.joints[j], self._warned[j] = monitor, set()
             self._configure(j)
