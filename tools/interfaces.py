@@ -276,11 +276,14 @@ def run_make(
     for name in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS"):
         environment.pop(name, None)  # of `make setup`, whose job server is not handed down
     sizes = [1 + len(list(package.definitions.glob("*/*"))) for package in packages]
+    said = -1
     command = ["make", "-s", "-f", makefile.name, f"-j{jobs}"]
     with subprocess.Popen(command, cwd=builds, env=environment) as made:
         while made.poll() is None:
             done = [p.percent() * size for p, size in zip(packages, sizes, strict=True)]
-            print(f"messages {sum(done) / sum(sizes):.0f} %", flush=True)
+            if (percent := round(sum(done) / sum(sizes))) > said:
+                print(f"messages {percent} %", flush=True)
+                said = percent
             with contextlib.suppress(subprocess.TimeoutExpired):
                 made.wait(1.0)
 
