@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..drives.interview import ATTEMPTS, Question, Questions, ask
+from ..drives.interview import ATTEMPTS, Question, Questions, ask, longer
 from ..errors import PlantSettingsError
 from . import objects as o
 
@@ -46,7 +46,7 @@ class Sdo:
 
     def text(self, index: int) -> Questions[str]:
         """An object that is a text; empty where the drive does not have it."""
-        for _ in range(ATTEMPTS):
+        for attempt in range(ATTEMPTS):
             data = yield from self._ask(struct.pack("<BHBI", 0x40, index, 0, 0), UPLOADED)
             if data is None:
                 return ""
@@ -54,8 +54,8 @@ class Sdo:
                 return _text(data[4 : 8 - (data[0] >> 2 & 3)])
             whole, toggle, last = b"", 0, False
             while not last:
-                answers = yield self._question(bytes([0x60 | toggle]).ljust(8, b"\0"),
-                                               _segment(toggle))  # fmt: skip
+                question = self._question(bytes([0x60 | toggle]).ljust(8, b"\0"), _segment(toggle))
+                answers = yield longer(question, attempt + 3)
                 if not answers or answers[0][0] >> 5 == ABORTED:
                     break  # from its beginning
                 data, toggle = answers[0], toggle ^ 0x10

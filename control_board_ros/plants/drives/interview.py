@@ -19,7 +19,7 @@ from .axes import Axis
 
 #: s after which a question without an answer counts as unanswered, twice as long each time, and
 #: how many times it is asked.
-PATIENCE, ATTEMPTS = 0.01, 5
+PATIENCE, ATTEMPTS = 0.01, 6
 Result = TypeVar("Result")
 Answers = list[Any]
 

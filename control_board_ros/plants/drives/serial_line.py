@@ -235,11 +235,17 @@ class ServoBus:
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
 
     def hold(self, drive: int, interview: Interview[Any] | None, seconds: float) -> None:
-        """Ask the question of an interview, once, and hear its answers until a timeout, s."""
+        """Ask the question of an interview, once, and hear its answers.
+
+        Args:
+            drive: The id.
+            interview: With it; None: nothing is asked.
+            seconds: Timeout, s; 0: the patience of the question, where no drive has power.
+        """
         if interview is None or not interview.asks or not interview.question.request:
             return
         request: Request = interview.question.request
-        self.port.wait = seconds
+        self.port.wait = seconds or interview.question.patience
         if request.value is None:
             data, result, error = self.protocol.readTxRx(self.port, drive, *request.item)
             if result == 0 and len(data) == request.item.length:

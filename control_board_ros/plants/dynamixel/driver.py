@@ -169,7 +169,7 @@ class DynamixelDrives:
             self._goals({k: driven[k] for k in on})
         self._read(orders)
         for k, order in orders.items():
-            self.line.hold(self._axes[k].id, order.interview, self._wait)
+            self.line.hold(self._axes[k].id, order.interview, self._wait if driven else 0.0)
 
     def _reset(self, k: int) -> None:
         """A restart clears a shutdown, a new watchdog one that tripped."""

@@ -140,7 +140,7 @@ class FeetechDrives:
         if orders:
             self.line.read(t.READ, [ids[k] for k in orders], self._take, self._wait)
         for k, order in orders.items():
-            self.line.hold(ids[k], order.interview, self._wait)
+            self.line.hold(ids[k], order.interview, self._wait if driven else 0.0)
 
     def close(self) -> None:
         self.line.close(self._axes)
