@@ -155,16 +155,17 @@ def test_where_too_many_are_missing_the_interval_is_longer() -> None:
     """More than a quarter of them after twenty samples: it is measured anew."""
 
     def lost(count: float, missing: float) -> Any:
-        made = stream(count=count, missing=missing, interval=0.01, weight=5.0)
+        made = stream(count=count, missing=missing, interval=0.01, weight=5.0, mean=0.03)
         made.sum_k = made.sum_t = made.sum_kk = made.sum_kt = 3.0
         made.clock(0.0, 0.01, PERIOD)
         return made
 
     again = lost(21.0, 0.3)
-    assert (again.missing, again.count) == (0.0, 3.0)
+    mean = 0.03 + (0.01 - 0.03) / 20.0
+    assert again.mean == pytest.approx(mean)
+    assert (again.missing, again.count) == (0.0, 8.0)
     assert again.weight == FADE + 1.0
-    assert again.interval == pytest.approx(0.01)
-    assert again.sum_kk == pytest.approx(FADE)
+    assert again.interval == pytest.approx((20.0 * mean + 0.5 * 0.01) / 20.5, rel=1e-3)
     for other in (lost(20.0, 0.3), lost(21.0, 0.25)):
         assert other.count in (20.0, 21.0)
         assert other.weight == 5.0 * FADE + 1.0
@@ -334,31 +335,15 @@ def test_near_by_its_arrival_alone_is_not_near_on_the_grid() -> None:
         assert made.knots == count
 
 
-def test_how_it_turns_is_measured_from_four_on() -> None:
-    """The first ones count the more; jitter of near samples is no turning."""
-
-    def turning(interval: float, uneven: float) -> tuple[float, float, float]:
-        made = stream(interval=interval, uneven=uneven)
-        for k in range(1, 6):
-            made.keep(math.sin(3.0 * interval * k), interval, 1.0)
-            if k == 2:
-                assert (made.grid.run, made.sent.run) == (0.0, 0.0)
-        return made.grid.run, made.grid.turning, made.sent.turning
-
-    run, grid, sent = turning(0.02, 0.0019)
-    assert grid == pytest.approx(9.0, rel=1e-3)
-    assert sent == pytest.approx(9.0, rel=1e-3)
-    speeds = [(math.sin(0.06 * k) - math.sin(0.06 * (k - 3))) / 0.06 for k in (3, 4, 5)]
-    expected = 0.0
-    for pushed, speed in zip((3.0, 4.0, 5.0), speeds, strict=True):
-        share = 1.0 / (0.5 * pushed + 1.0)
-        expected = (1.0 - share) * expected + speed**2
-    assert run == pytest.approx(expected)
-    assert turning(0.02, 0.0021)[2] == 0.0
-    assert turning(0.02, 0.0021)[1] != 0.0
-    assert turning(0.0149, 0.0021)[1:] == (0.0, 0.0)
-    assert turning(0.0151, 0.0021)[1] != 0.0
-    assert turning(0.026, 0.02)[2] != 0.0
+def test_the_first_knots_count_the_more_in_how_it_turns() -> None:
+    """1/(1 + k/2) of the k-th, a twelfth at least; a replaced one does not count again."""
+    made = stream(interval=0.1)
+    for k in range(1, 31):
+        made.keep(float(k), 0.1, 1.0)
+        assert made.share == pytest.approx(1.0 / min(0.5 * k + 1.0, 12.0))
+    made.keep(31.0, 0.01, 0.1)
+    made.keep(32.0, 0.0, 0.0)
+    assert made.share == 0.0
 
 
 # --- what is made of it --------------------------------------------------------------------------
@@ -383,8 +368,8 @@ def test_velocities_that_come_along_need_no_fit() -> None:
         (0.1, 0.0, 0.2, 0.24),  # 1.2 of the longest gap of late
         (0.002, 0.0, 0.002, 0.012),  # of 8 ms at least
         (0.1, 0.0099, 0.2, 0.24),
-        (0.1, 0.0101, 0.2, 1.1 * 0.2 + 0.1),  # uneven: until two in a row are missing
-        (0.1, 0.05, 0.2, 1.1 * 0.275 + 0.1),
+        (0.1, 0.0101, 0.2, 1.1 * 0.2 + 0.2),  # uneven: until three in a row are missing
+        (0.1, 0.05, 0.2, 1.1 * 0.275 + 0.2),
     ],
 )
 def test_patience(interval: float, uneven: float, gap: float, patience: float) -> None:
@@ -443,13 +428,15 @@ def test_positions_alone_are_fitted_on_both_readings() -> None:
         random = np.random.default_rng(5)
         for k in range(1, 9):
             d = interval * (1.0 + float(random.uniform(-0.05, 0.05)))
+            before = made.grid.turning, made.sent.turning
             taken(made, 0.1 * math.sin(2.0 * interval * k), d)
         assert made.knots == 6
-        for base, count in ((made.grid, 6), (made.sent, 5 if few else 6)):
+        bases = (made.grid, 6, before[0]), (made.sent, 5 if few else 6, before[1])
+        for base, count, turning in bases:
             alone = LAWS.TimeBase()
             alone.times[:] = array("d", base.times)
-            alone.turning = base.turning
-            alone.fit(made.values, count, WIDE)
+            alone.turning = turning
+            alone.fit(made.values, count, WIDE, 0.0)
             assert (base.x, base.v, base.a) == (alone.x, alone.v, alone.a)
 
 

@@ -119,6 +119,15 @@ def test_jitter_and_loss_are_seen_through(
     assert found[:, 1].max() < speed
 
 
+@pytest.mark.parametrize("rate", [20.0, 30.0, 50.0])
+def test_no_timing_is_bad_where_samples_are_made_when_sent(rate: float) -> None:
+    """P4: late by up to 0.8 of the interval, 3 % lost: 5 % of the way, 20 % of the speed."""
+    for seed in range(100, 125):
+        rows = fed(uneven(rate, 4.0, seed, made_late=True), 4.0)
+        position, speed = (error[2000:].max() for error in errors(rows))
+        assert (position < 0.05, speed < 0.2) == (True, True), (seed, position, speed)
+
+
 def stalled(rate: float, seconds: float, seed: int) -> Due:
     """An even stream whose program stalls at times, and sends what it missed in bursts."""
     chance, due, waiting = random.Random(seed), Due(), list[float]()

@@ -70,6 +70,8 @@ SLOW = cython.declare(cython.double, 0.025)
 #: Memory of the interval; of residuals and curvature; in samples.
 MEMORY = cython.declare(cython.double, 100.0)
 BRIEF_MEMORY = cython.declare(cython.double, 12.0)
+#: Weight of the residual against what samples tell of the curvature.
+DOUBT = cython.declare(cython.double, 1e-4)
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
 QUICKEST = cython.declare(cython.double, 60.0)
 QUICK = cython.declare(cython.double, 1.2)
@@ -197,13 +199,19 @@ class TimeBase:
     """The last samples of a stream, at the times of one hypothesis on when they were made (P4).
 
     Motion: x + v S(t) + a C(t), S = sin(ωt)/ω, C = (1 − cos ωt)/ω², t from the last sample: a
-    parabola whose acceleration turns with ω² = −jerk/velocity, fitted by least squares.
+    parabola whose acceleration turns with ω² = −jerk/velocity, fitted by least squares; ω² by a
+    step of Gauss and Newton per sample.
     """
 
     times: cython.double[::1]
-    turned = cython.declare(cython.double, visibility="public")  # Σ −jerk · velocity
-    run = cython.declare(cython.double, visibility="public")  # Σ velocity²
+    turned = cython.declare(cython.double, visibility="public")  # Σ of ω² and its weight
+    run = cython.declare(cython.double, visibility="public")  # Σ of the weights
     turning = cython.declare(cython.double, visibility="public")  # ω²
+    ss = cython.declare(cython.double, visibility="public")  # sums of the fit
+    cc = cython.declare(cython.double, visibility="public")
+    sc = cython.declare(cython.double, visibility="public")
+    s1 = cython.declare(cython.double, visibility="public")
+    c1 = cython.declare(cython.double, visibility="public")
     x = cython.declare(cython.double, visibility="public")
     v = cython.declare(cython.double, visibility="public")
     a = cython.declare(cython.double, visibility="public")
@@ -246,47 +254,27 @@ class TimeBase:
         self.a = clamp(before / sine(self.turning, time), -most, most)
 
     @cython.cfunc
-    def turn(self, x: cython.double[::1], knots: cython.int, share: cython.double) -> cython.void:
-        """ω² from four samples, with fading memory.
-
-        r = −jerk τ²/3 v = 4 sin²u/(3 − 4 sin²u) for even samples, u = ωτ/2
-        """
-        t: cython.double[::1] = self.times
-        k: cython.int = 0
-        if knots > 4 and t[0] - t[1] < 0.5 * (t[1] - t[2]):
-            k = 1  # the last interval is too short
-        tau: cython.double = (t[k] - t[k + 3]) / 3.0
-        first: cython.double = t[k] - t[k + 1]
-        second: cython.double = t[k + 1] - t[k + 2]
-        third: cython.double = t[k + 2] - t[k + 3]
-        if tau <= 0.0 or min(first, second, third) < 0.5 * tau:
-            return  # within one cycle, or too uneven
-        first = (x[k] - x[k + 1]) / first
-        second = (x[k + 1] - x[k + 2]) / second
-        third = (x[k + 2] - x[k + 3]) / third
-        jerk: cython.double = (first - second) / (t[k] - t[k + 2])
-        jerk = 2.0 * (jerk - (second - third) / (t[k + 1] - t[k + 3])) / tau
-        velocity: cython.double = (x[k] - x[k + 3]) / (3.0 * tau)
-        self.turned = (1.0 - share) * self.turned - jerk * velocity
-        self.run = (1.0 - share) * self.run + velocity * velocity
-        if self.run < 1e-12:
-            self.turning = 0.0
-            return
-        r: cython.double = clamp(self.turned / self.run * tau * tau / 3.0, 0.0, 1.5)
-        r = 3.0 * r / (4.0 * (1.0 + r))
-        self.turning = 4.0 * r * (1.0 + r * (1.0 / 3.0 + r * (8.0 / 45.0))) / (tau * tau)
-
-    @cython.cfunc
     def fit(
-        self, values: cython.double[::1], knots: cython.int, max_acceleration: cython.double
+        self,
+        values: cython.double[::1],
+        knots: cython.int,
+        max_acceleration: cython.double,
+        share: cython.double,
     ) -> cython.void:
-        """Position, velocity and acceleration at the last sample, by least squares."""
+        """Position, velocity and acceleration at the last sample, by least squares; then ω².
+
+        Args:
+            values: of the samples, rad.
+            knots: how many there are.
+            max_acceleration: rad/s².
+            share: of this fit in ω²; 0: it has been taken in already.
+        """
         k: cython.int
         t: cython.double
         y: cython.double
         s: cython.double
         c: cython.double
-        n: cython.double = 0.0
+        n: cython.double = 1.0 / knots  # about the means
         ss: cython.double = 0.0
         cc: cython.double = 0.0
         sc: cython.double = 0.0
@@ -305,7 +293,6 @@ class TimeBase:
             y = values[k] - values[0]
             s = sine(self.turning, t) * scale
             c = versine(self.turning, t) * scale * scale
-            n += 1.0
             s1 += s
             c1 += c
             y1 += y
@@ -314,7 +301,6 @@ class TimeBase:
             cc += c * c
             ys += y * s
             yc += y * c
-        n = 1.0 / n  # about the means
         ss -= s1 * s1 * n
         sc -= s1 * c1 * n
         cc -= c1 * c1 * n
@@ -331,6 +317,54 @@ class TimeBase:
         if fabs(self.a) > 1.5 * max_acceleration:  # the joint cannot move like this
             self.x, self.a = values[0], 0.0
             self.v = (values[0] - values[1]) / -self.times[1] if self.times[1] < 0.0 else 0.0
+        elif share > 0.0 and knots > 3:
+            self.ss, self.cc, self.sc, self.s1, self.c1 = ss, cc, sc, s1, c1
+            self.curve(values, knots, share, scale)
+
+    @cython.cfunc
+    def curve(
+        self,
+        values: cython.double[::1],
+        knots: cython.int,
+        share: cython.double,
+        scale: cython.double,
+    ) -> cython.void:
+        """ω² from what the fit leaves: Δω² = Σ g e / Σ g², with fading memory.
+
+        e: value less fit; g: the derivative of the motion by ω², less what the fit makes up for.
+        Where errors of predictions are large, ω² tends to 0.
+        """
+        k: cython.int
+        t: cython.double
+        z: cython.double
+        d: cython.double
+        d1: cython.double = 0.0
+        ds: cython.double = 0.0
+        dc: cython.double = 0.0
+        gg: cython.double = 0.0
+        ge: cython.double = 0.0
+        for k in range(knots):
+            t = self.times[k]
+            z = self.turning * t * t
+            d = 0.25 * self.a * t * (1.0 - z / 15.0 * (1.0 - 3.0 * z / 112.0))
+            d += self.v * (1.0 - z / 10.0 * (1.0 - z / 28.0))
+            d *= -t * t * t / 6.0
+            d1 += d
+            ds += d * sine(self.turning, t) * scale
+            dc += d * versine(self.turning, t) * scale * scale
+            gg += d * d
+            ge += d * (values[k] - self.at(t))
+        ds -= d1 * self.s1 / knots
+        dc -= d1 * self.c1 / knots
+        gg -= d1 * d1 / knots
+        z = self.ss * self.cc - self.sc * self.sc
+        gg -= (ds * ds * self.cc - 2.0 * ds * dc * self.sc + dc * dc * self.ss) / z
+        gg = max(gg, 0.0)
+        self.turned = (1.0 - share) * self.turned + ge + gg * self.turning
+        self.run = (1.0 - share) * self.run + gg
+        z = self.run + DOUBT * self.residual
+        t = 3.0 * scale
+        self.turning = clamp(self.turned / z, 0.0, t * t) if z > 0.0 else 0.0
 
 
 @cython.cfunc
@@ -379,6 +413,8 @@ class Stream:
     sum_kk = cython.declare(cython.double, visibility="public")
     sum_kt = cython.declare(cython.double, visibility="public")
     missing = cython.declare(cython.double, visibility="public")  # samples lost per sample
+    share = cython.declare(cython.double, visibility="public")  # of the last sample in ω²
+    mean = cython.declare(cython.double, visibility="public")  # time between samples, s
     on_grid = cython.declare(cython.bint, visibility="public")
     flows = cython.declare(cython.bint, visibility="public")  # fast enough
 
@@ -427,13 +463,12 @@ class Stream:
         self.count += 1.0
         m = self.clock(x, d, period)
         self.keep(x, d, m)
+        self.grid.fit(self.values, self.knots, max_acceleration, self.share)
+        if self.interval > 1.5 * period:
+            few: cython.bint = self.knots > 5 and 0.015 < self.interval < SLOW
+            self.sent.fit(self.values, 5 if few else self.knots, max_acceleration, self.share)
         if given:
             self.take_velocity(velocity, d, m, max_acceleration)
-        else:
-            self.grid.fit(self.values, self.knots, max_acceleration)
-            if self.interval > 1.5 * period:
-                few: cython.bint = self.knots > 5 and 0.015 < self.interval < SLOW
-                self.sent.fit(self.values, 5 if few else self.knots, max_acceleration)
         self.last, self.last_velocity = x, velocity
         reach = SLOWER if self.flows else SLOWEST
         reach += 0.5 * self.uneven
@@ -448,7 +483,7 @@ class Stream:
         self.sent.clear(x, velocity)
         self.last, self.last_velocity = x, velocity
         self.interval = self.early = self.late = self.uneven = self.gap = self.missing = 0.0
-        self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = 0.0
+        self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = self.mean = 0.0
         self.on_grid = True
         self.flows = given
 
@@ -459,9 +494,11 @@ class Stream:
         share: cython.double
         n: cython.double = self.count
         self.missing += 0.05 * (m - 1.0 - self.missing)
+        self.mean += (d - self.mean) / (n - 1.0 if n < 20.0 else 20.0)
         if self.missing > 0.25 and n > 20.0:  # none is lost: the interval is longer
-            self.missing = self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = 0.0
-            self.weight, self.count, n, m = 1.0, 3.0, 3.0, 1.0
+            self.missing = self.sum_k = self.sum_t = 0.0
+            self.sum_kk, self.sum_kt = 20.0, 20.0 * self.mean
+            self.weight, self.count, n, m = 1.0, 8.0, 8.0, 1.0
         fade: cython.double = 1.0 - 1.0 / MEMORY
         self.sum_kt += m * d * self.weight - d * self.sum_k - m * self.sum_t
         self.sum_kk += m * m * self.weight - 2.0 * m * self.sum_k
@@ -516,10 +553,10 @@ class Stream:
     def keep(self, x: cython.double, d: cython.double, m: cython.double) -> cython.void:
         """Store a sample; it replaces the last one where that one is close to its predecessor."""
         k: cython.int
-        share: cython.double
         first: cython.double
         grid: cython.double[::1] = self.grid.times
         sent: cython.double[::1] = self.sent.times
+        self.share = 0.0
         apart: cython.double = 0.6 * self.interval
         apart = max(apart, APART)
         for k in range(self.knots):
@@ -538,15 +575,8 @@ class Stream:
         grid[0] = sent[0] = self.numbers[0] = 0.0
         self.values[0] = x
         self.pushed += 1.0
-        if self.knots >= 4:
-            first = 0.5 * self.pushed + 1.0
-            share = 1.0 / (first if first < BRIEF_MEMORY else BRIEF_MEMORY)
-            self.grid.turn(self.values, self.knots, share)
-            self.sent.turn(self.values, self.knots, share)
-            if self.interval < SLOW and self.uneven > 0.1 * self.interval:
-                self.sent.turning = 0.0  # jitter of close samples is no curvature
-                if self.interval < 0.6 * SLOW:
-                    self.grid.turning = 0.0
+        first = 0.5 * self.pushed + 1.0
+        self.share = 1.0 / (first if first < BRIEF_MEMORY else BRIEF_MEMORY)
 
     @cython.cfunc
     def take_velocity(
@@ -566,13 +596,13 @@ class Stream:
     def patience(self) -> cython.double:
         """Time after its last sample at which a stream ends, s.
 
-        1.5 intervals of an even stream; an uneven one ends when two samples in a row are missing.
+        1.5 intervals of an even stream; an uneven one ends when three samples are missing.
         """
         least: cython.double = 1.5 * (self.interval if self.interval > BRIEF else BRIEF)
         longest: cython.double = 1.2 * self.gap
         if self.uneven > 0.1 * self.interval:
             longest = self.interval + 3.5 * self.uneven
-            longest = 1.1 * (longest if longest > self.gap else self.gap) + self.interval
+            longest = 1.1 * (longest if longest > self.gap else self.gap) + 2.0 * self.interval
         return longest if longest > least else least
 
     @cython.cfunc
