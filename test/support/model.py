@@ -70,7 +70,7 @@ class JointModel:
     @property
     def longest_stop(self) -> float:
         v, a = self.speed_limit, self.acceleration_limit
-        return v * (0.5 * v / a + self.period)
+        return v * (0.5 * v / a + self.period) + 0.03  # what keeping the path may cost
 
     # --- modes ------------------------------------------------------------------------------
 
@@ -261,7 +261,8 @@ class JointModel:
     def learn(self, reference: float, done: bool) -> None:
         """Of a move or a stop whose course the rules leave open, take over where it has come to.
 
-        A stop goes no further than the joint's braking distance from its top speed (P3).
+        A stop goes no further than the joint's braking distance from its top speed, and 30 mrad
+        with others (M9, P3).
         """
         if self.stopping:
             place = reference - self.added
