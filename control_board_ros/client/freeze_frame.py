@@ -40,6 +40,7 @@ class FreezeFrame:
         temperature: of the winding, °C.
         applied: PWM that acted, percent.
         age: of the joint's reading, s.
+        external_torque: from outside, N·m; NaN where it is not known.
         motion_done: whether no position move was active.
     """
 
@@ -56,6 +57,7 @@ class FreezeFrame:
     temperature: Floats
     applied: Floats
     age: Floats
+    external_torque: Floats
     motion_done: NDArray[np.bool_]
 
     def csv(self) -> str:

@@ -58,6 +58,8 @@ class State:
         supply_voltage: of the amplifier, V; NaN where it is not measured.
         applied: PWM that acted, percent.
         age: of the joint's reading, s.
+        external_torque: from outside, N·m; NaN where it is not known (X1).
+        contacts: reacted to since the start of the board (X2).
     """
 
     stamp: float
@@ -81,6 +83,8 @@ class State:
     supply_voltage: Floats
     applied: Floats
     age: Floats
+    external_torque: Floats
+    contacts: NDArray[np.uint64]
 
     @classmethod
     def of(cls, message: Any) -> State:
@@ -97,13 +101,14 @@ class State:
             rejected_commands=np.array(message.rejected_commands, dtype=np.uint64),
             calibrated=np.array(message.calibrated, dtype=np.bool_),
             brake=np.array(message.brake or [False] * len(message.position), dtype=np.bool_),
+            contacts=np.array(message.contacts or [0] * len(message.position), dtype=np.uint64),
             **floats,
         )
 
     def checked(self) -> State:
         """This state; raises InvalidAnswer where lengths of fields differ."""
         count = len(self.names)
-        for field in (*FLOAT_FIELDS, "motion_done", "rejected_commands", "calibrated", "brake"):
+        for field in (*FLOAT_FIELDS, *OTHER_FIELDS):
             if (found := len(getattr(self, field))) != count:
                 raise InvalidAnswer(f"a state of {count} joints has {found} values of {field}")
         return self
@@ -117,7 +122,10 @@ OPTIONAL = (
     "supply_voltage",
     "applied",
     "age",
+    "external_torque",
 )
+#: Fields that are no float arrays.
+OTHER_FIELDS = ("motion_done", "rejected_commands", "calibrated", "brake", "contacts")
 #: Fields converted to float arrays.
 FLOAT_FIELDS = [field.name for field in fields(State) if field.type == "Floats"]
 

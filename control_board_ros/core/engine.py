@@ -19,6 +19,7 @@ from .config.layout import BoardLimits, joined
 from .laws.control import Controller
 from .laws.references import References, ReferenceTimeouts
 from .machine.commands import Commands, timeout_cycles
+from .machine.contacts import Contacts
 from .machine.machine import Machine
 from .machine.motors import Feedforward, MotorAccess, mix_of
 from .machine.requests import Requests, StartUp
@@ -71,6 +72,7 @@ class Engine:
         self._actuation = Actuation(output, powered, state.kinds, state.set_points, brakes.orders)
         self.start_up = StartUp(self.machine)
         self.requests = Requests(self.machine)
+        self.contacts = Contacts(self.machine, self.requests, zones)
         self.commands = Commands(self.machine, self.limits)
         self.feedforward = Feedforward(self.machine)
         self.motors = MotorAccess(self.machine, self.limits, self.mix)
@@ -102,6 +104,7 @@ class Engine:
         if self.controller.step(measurement.elapsed or 0.0):
             machine.raise_divergence()
             machine.warn_of_limits()
+            self.contacts.react()
         self.state.cycle += 1
         self.frames.note()
         if self.mix is not None:

@@ -670,6 +670,7 @@ class JointGroup(ModeShortcuts):
             self.engine.brakes.slips[columns].copy(),
             shaft_readings(state)[:, columns],
             np.array([joint.acceleration for joint in self.engine.controller.joints[columns]]),
+            self.engine.contacts.counts[columns].copy(),
         )
 
     def take_events(self) -> list[BoardEvent]:

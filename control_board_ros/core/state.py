@@ -23,6 +23,7 @@ Indices = NDArray[np.intp]
 class Reference(IntEnum):
     """Rows of the state block below the measured ones; CURRENT and OUTPUT are neighbours,
     and so are POSITION and VELOCITY. OUTPUT is asked for, APPLIED acted (PWM, percent).
+    EXTERNAL_TORQUE is observed (X1).
     """
 
     OUTPUT = ROWS
@@ -30,6 +31,7 @@ class Reference(IntEnum):
     POSITION = ROWS + 2
     VELOCITY = ROWS + 3
     APPLIED = ROWS + 4
+    EXTERNAL_TORQUE = ROWS + 5
 
 
 BLOCK_ROWS = ROWS + len(Reference)
@@ -53,7 +55,8 @@ class Snapshot:
     unknown_commands counts the commands that name no joint of the board; brake is true where a
     joint's brake is closed, brake_slips where a closed one does not hold (Y4); motors has the
     rows of Motor, as the encoders are set to read, and acceleration is of the joints, rad/s²;
-    None: not known.
+    external_torque is what acts on a joint from outside, N·m, NaN where it is not observed (X1),
+    and contacts counts those with a reaction (X2); None: not known.
     """
 
     time: float
@@ -69,6 +72,7 @@ class Snapshot:
     brake_slips: NDArray[np.bool_] = field(default_factory=_nothing)
     motors: Array | None = None
     accelerations: Array | None = None
+    contacts: NDArray[np.uint64] | None = None
 
     @property
     def position(self) -> Array:
@@ -109,6 +113,10 @@ class Snapshot:
     @property
     def applied(self) -> Array:
         return self._row(Reference.APPLIED)
+
+    @property
+    def external_torque(self) -> Array:
+        return self._row(Reference.EXTERNAL_TORQUE)
 
     @property
     def age(self) -> Array:
@@ -178,6 +186,8 @@ class StateArrays:
         self.age: Array = self.block[Row.ENCODER_AGE]
         self.offset: Array = np.zeros(n)
         self.motors: Array = np.full((MOTOR_ROWS, n), np.nan)
+        self.external_torque: Array = self.block[Reference.EXTERNAL_TORQUE]
+        self.external_torque.fill(np.nan)
         self.motor_offset: Array = np.zeros(n)
         self.travelled: Array = np.zeros(n)
         self.powered: Array = np.zeros(n)

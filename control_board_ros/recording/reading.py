@@ -44,7 +44,7 @@ SIGNALS = (
     "temperature",
 )
 #: Likewise; NaN where a board does not report them.
-OPTIONAL = ("motor_position", "applied", "age")
+OPTIONAL = ("motor_position", "applied", "age", "external_torque")
 #: Field of a parameter's value, by rcl_interfaces/msg/ParameterType.
 VALUE_FIELDS = {
     1: "bool_value",

@@ -506,6 +506,15 @@ def test_news_of_a_joint(limit: tuple[bool, bool], strain: tuple[bool, bool], ne
     assert not LAWS.has_news(one)
 
 
+def test_a_contact_is_news_when_it_begins_and_ends() -> None:
+    """X2: once each."""
+    one = joint(strain_cycles=0, strained=False, on_limit=False, was_on_limit=False)
+    for contact in (True, False):
+        one.contact = contact
+        assert LAWS.has_news(one)
+        assert not LAWS.has_news(one)
+
+
 @pytest.mark.parametrize(
     "value", ["current", "torque", "velocity", "position", "stiffness", "damping"]
 )

@@ -47,7 +47,8 @@ def test_each_view_is_its_row_of_the_block() -> None:
 
 def test_at_first_nothing_is_known_and_nothing_has_power() -> None:
     made = state()
-    assert not made.block.any()
+    assert np.isnan(made.external_torque).all()
+    assert not made.block[: Reference.EXTERNAL_TORQUE].any()
     assert not made.powered.any()
     assert not made.calibrated.any()
     assert not made.accepts.any()

@@ -18,7 +18,8 @@ OK = "success message"
 PROMISED = {
     "msg/BoardState": "header names position velocity torque position_reference "
     "velocity_reference torque_reference output current motion_done rejected_commands calibrated "
-    "temperature motor_position motor_velocity acceleration brake supply_voltage applied age",
+    "temperature motor_position motor_velocity acceleration brake supply_voltage applied age "
+    "external_torque contacts",
     "msg/CurrentCommand": "names currents",
     "msg/FeedforwardCommand": "names outputs torques",
     "msg/JointFault": "name active code text stamp",
@@ -42,7 +43,8 @@ PROMISED = {
     "on_silence",
     "srv/GetFaults": f"names | {OK} faults",
     "srv/GetFreezeFrame": f"name | {OK} fault stamps position velocity torque position_reference "
-    "velocity_reference torque_reference output current temperature motion_done applied age",
+    "velocity_reference torque_reference output current temperature motion_done applied age "
+    "external_torque",
     "srv/GetImpedance": f"names | {OK} names stiffness damping torque_offset max_stiffness "
     "max_damping",
     "srv/GetInteractionMode": f"names | {OK} names modes vocabs",

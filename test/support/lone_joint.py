@@ -31,9 +31,8 @@ def joint(**changes: float) -> Any:
     made = LAWS.Joint()
     for k, name in enumerate(NUMBERS):
         setattr(made, name, 100.0 + k)
-    fresh = dict.fromkeys(("age", "wire", "missed", "blind", "coasts", "sampled"), 0.0) | {
-        "calm": 1.0
-    }
+    quiet = ("age", "wire", "missed", "blind", "coasts", "sampled", "contact", "had_contact")
+    fresh = dict.fromkeys(quiet, 0.0) | {"calm": 1.0}
     for name, value in (GIVEN | fresh | changes).items():
         setattr(made, name, value)
     made.elapsed = made.span = made.period

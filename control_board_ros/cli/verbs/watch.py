@@ -34,12 +34,13 @@ TITLES = (
     "its limits",
     "reference",
     "torque",
+    "external",
     "output",
     "fault",
 )
-RIGHT = ("position", "reference", "torque", "output")
+RIGHT = ("position", "reference", "torque", "external", "output")
 #: Columns dropped on a narrow terminal, in this order.
-DISPENSABLE = ("output", "reference", "its limits", "torque", "int.")
+DISPENSABLE = ("external", "output", "reference", "its limits", "torque", "int.")
 #: Maximum number of lines of faults below joints in blocks.
 MOST_FAULTS = 3
 #: Minimum width of a longer fault, characters.
@@ -241,6 +242,7 @@ def columns_of(session: Session, rows: Rows, limits: Limits) -> dict[str, list[T
             Text(scale),
             Text(kind.position(row["position_reference"])),
             Text(kind.force(row["torque"])),
+            Text(kind.force(row["external_torque"])),
             Text(f"{row['output']:z.0f} %"),
             Text(trouble, style="red"),
         )

@@ -46,6 +46,7 @@ from .parts import (
     DEGREE,
     Brake,
     Constraints,
+    Contact,
     Impedance,
     JointConstraints,
     Limits,
@@ -239,6 +240,7 @@ class JointConfig:
         run_time=True,
     )
     payload: Payload = part("Payload: ", default=Payload())
+    contact: Contact = part("Contact: ", default=Contact())
     reference_speed: float = parameter(
         "Reference speed at start",
         "rad/s or m/s",

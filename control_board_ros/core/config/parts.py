@@ -7,6 +7,7 @@ Names and meaning of the tolerances of trajectories are ros2_controllers' (SPEC 
 from __future__ import annotations
 
 import math
+from enum import StrEnum
 from typing import Any
 
 from .parameter import HUGE, ConfigError, configuration, parameter
@@ -225,6 +226,30 @@ class Payload:
         low=-100.0,
         high=100.0,
         run_time=True,
+    )
+
+
+class Reaction(StrEnum):
+    """What a joint does at a contact (SPEC X2)."""
+
+    NONE = "none"
+    REPORT = "report"
+    STOP = "stop"
+    COMPLIANT = "compliant"
+    FAULT = "fault"
+
+
+@configuration
+class Contact:
+    """When a torque from outside is a contact, and what follows (SPEC X)."""
+
+    bandwidth: float = live(
+        "Bandwidth of the external torque; 0: not observed", "Hz", default=30.0, high=1e4
+    )
+    threshold: float = live("External torque that is a contact; 0: none", "N·m or N")
+    time: float = live("Time beyond the threshold", "s", default=0.01, high=10.0)
+    reaction: Reaction = parameter(
+        "Reaction to a contact", default=Reaction.NONE, choices=Reaction, run_time=True
     )
 
 

@@ -100,7 +100,13 @@ class Controller:
         done = state.done[columns].view(np.uint8).data
         handed = [row[columns].data for row in state.set_points[1:]]
         self._laws[zone.name] = Laws(
-            joints, [row[columns].data for row in rows], done, arm, trusted, handed
+            joints,
+            [row[columns].data for row in rows],
+            done,
+            arm,
+            trusted,
+            handed,
+            None if arm is None else state.external_torque[columns].data,
         )
         self._steps = [laws.step for laws in self._laws.values()]
         self.joints[columns] = joints
@@ -375,6 +381,8 @@ def set_constants(
     joint.has_torque_sensor = own.torque_sensor
     joint.compensation = own.back_emf_compensation
     joint.compensates = own.gravity_compensation
+    joint.external_share = -math.expm1(-2.0 * math.pi * own.contact.bandwidth * period)
+    joint.contact_threshold, joint.contact_time = own.contact.threshold, own.contact.time
     joint.ohms, joint.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     winding = motor.inductance / motor.resistance

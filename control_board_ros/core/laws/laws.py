@@ -652,6 +652,10 @@ class Joint:
     lead = cython.declare(cython.double, visibility="public")  # a/(1 − a), a = exp(−T R/L)
     lag = cython.declare(cython.double, visibility="public")  # L/(T R) − a/(1 − a)
 
+    external_share = cython.declare(cython.double, visibility="public")  # of a cycle; 0: off
+    contact_threshold = cython.declare(cython.double, visibility="public")  # N·m; 0: none
+    contact_time = cython.declare(cython.double, visibility="public")  # s
+
     # --- what users and modes set -----------------------------------------------------------
     law = cython.declare(cython.int, visibility="public")
     calibrated = cython.declare(cython.bint, visibility="public")  # limits are known
@@ -730,6 +734,10 @@ class Joint:
     motion = cython.declare(cython.double, visibility="public")  # torque of the acceleration
     gravity = cython.declare(cython.double, visibility="public")  # of the arm's model, or 0
     forward = cython.declare(cython.double, visibility="public")  # feed-forward torque
+    external = cython.declare(cython.double, visibility="public")  # torque from outside
+    contact_cycles = cython.declare(cython.int, visibility="public")  # beyond its threshold
+    contact = cython.declare(cython.bint, visibility="public")  # for contact_time
+    had_contact = cython.declare(cython.bint, visibility="public")  # in the last step
     lifts = cython.declare(cython.bint, visibility="public")  # compensates, and the arm is known
     lift = cython.declare(cython.double, visibility="public")  # compensated gravity torque
     blocked = cython.declare(cython.bint, visibility="public")  # at rest against its reference
@@ -770,6 +778,7 @@ class Joint:
         self.direct_age = INFINITE
         self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
         self.calm = 1.0
+        self.contact = self.had_contact = False
 
     # --- requests ---------------------------------------------------------------------------
 
@@ -1009,6 +1018,7 @@ class Joint:
 
 
 INFINITE = cython.declare(cython.double, 1e300)
+NAN = cython.declare(cython.double, float("nan"))
 
 if not cython.compiled:  # attributes start at zero, as they do compiled
     for _kind in (Pid, TimeBase, Stream, Joint):
@@ -1152,6 +1162,34 @@ def weigh(j: Joint) -> cython.void:
         j.load = raw
     else:
         j.load += j.period / LOAD_FILTER * (raw - j.load)
+
+
+@cython.cfunc
+def observe_external(j: Joint, motion: cython.double) -> cython.double:
+    """The torque from outside: what the motion took beyond what the joint gave (X1).
+
+    r ← r + (1 − e^(−2π f T)) (M Δq̇/T + c + g + F(q̇) − τ − r)
+
+    To the first order of the period T this is the momentum observer p̂ = ∫(τ + cᵀ − g − F + r) dt,
+    r = 2π f (p − p̂), p = M q̇ (De Luca et al., IROS 2006): the velocities of the low pass telescope
+    to those of p, so that no acceleration is measured. F is in it where τ is the motor's current.
+
+    Args:
+        j: The joint.
+        motion: M Δq̇/T + c + g of the arm, N·m.
+    """
+    torque: cython.double = motion - j.torque
+    if j.missed > 0.0:  # no reading since
+        return j.external
+    if not j.has_torque_sensor:
+        torque += friction(j, j.sampled)
+    j.external += min(j.external_share * j.elapsed / j.period, 1.0) * (torque - j.external)
+    if j.contact_threshold <= 0.0 or fabs(j.external) <= j.contact_threshold:
+        j.contact_cycles = 0
+    elif j.contact_cycles < 1000000:
+        j.contact_cycles += 1
+    j.contact = j.contact_cycles > 0 and j.contact_cycles * j.period >= j.contact_time
+    return j.external
 
 
 @cython.cfunc
@@ -1918,6 +1956,8 @@ class Laws:
             gravity.
         handed: the rows of set-points except PWM, in the order of measurement.Value; None: all
             drives accept PWM.
+        external: a buffer of n doubles for the torques from outside, NaN where they are not
+            known; None: they are not observed.
     """
 
     joints: list[Joint]
@@ -1941,6 +1981,8 @@ class Laws:
     set_position: cython.double[::1]
     set_stiffness: cython.double[::1]
     set_damping: cython.double[::1]
+    observes: cython.bint
+    external: cython.double[::1]
     arm_position: cython.double[::1]
     arm_velocity: cython.double[::1]
     arm_acceleration: cython.double[::1]
@@ -1954,9 +1996,13 @@ class Laws:
         arm: Arm | None = None,
         feeds_arm: bool = True,
         handed: list[object] | None = None,
+        external: object | None = None,
     ) -> None:
         self.joints, self.arm, self.modelled = joints, arm, False
         self.stops = Stops(joints, arm)
+        self.observes = external is not None
+        if external is not None:
+            self.external = external
         self.feeds_arm = feeds_arm
         (
             self.set_current,
@@ -2013,6 +2059,7 @@ class Laws:
             weigh(self.joints[k])
         if settling:
             self.settle_joints()
+        self.sense_external()
         for k in range(len(self.joints)):
             j = self.joints[k]
             if j.active and not j.braked:
@@ -2089,6 +2136,36 @@ class Laws:
             j = self.joints[k]
             if is_number(self.arm_torque[k]):
                 j.motion = self.arm_torque[k]
+
+    @cython.cfunc
+    def sense_external(self) -> cython.void:
+        """Torques from outside; NaN without a model, or a torque that the joint gives (X1)."""
+        k: cython.Py_ssize_t
+        j: Joint
+        wanted: cython.bint = False
+        if not self.observes:
+            return
+        if self.modelled:
+            for k in range(len(self.joints)):
+                j = self.joints[k]
+                wanted = wanted or j.external_share > 0.0
+                self.arm_position[k], self.arm_velocity[k] = j.position, j.sampled
+                self.arm_acceleration[k] = j.acceleration
+            if wanted:
+                self.arm.inverse(1.0)
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            if (
+                wanted
+                and j.external_share > 0.0
+                and not (j.braked and not j.has_torque_sensor)
+                and is_number(self.arm_torque[k])
+            ):
+                self.external[k] = observe_external(j, self.arm_torque[k])
+            else:
+                self.external[k] = NAN
+                j.external = 0.0
+                j.contact_cycles, j.contact = 0, False
 
     @cython.cfunc
     def sense_gravity(self) -> cython.void:
@@ -2201,9 +2278,9 @@ def set_point_sum(j: Joint) -> cython.double:
 
 @cython.cfunc
 def has_news(j: Joint) -> cython.bint:
-    """Whether a joint came to a limit or left it: of position, or for STRAIN_TIME of torque."""
-    changed: cython.bint = j.on_limit != j.was_on_limit
+    """Whether a joint came to a limit or left it: of position, torque, or torque from outside."""
+    changed: cython.bint = j.on_limit != j.was_on_limit or j.contact != j.had_contact
     strained: cython.bint = j.strain_cycles * j.period >= STRAIN_TIME
     changed = changed or strained != j.strained
-    j.was_on_limit, j.strained = j.on_limit, strained
+    j.was_on_limit, j.strained, j.had_contact = j.on_limit, strained, j.contact
     return changed

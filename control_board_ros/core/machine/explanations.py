@@ -201,6 +201,12 @@ def explain_strain(joint: JointConfig) -> str:
     )
 
 
+def explain_contact(joint: JointConfig, torque: float) -> str:
+    """The torque from outside that a joint reacts to (X2)."""
+    force = joint.kind.force
+    return f"external torque {force(torque)}, above {force(joint.contact.threshold)}"
+
+
 #: Moves shorter than this are slower than requested without a remark: rad, m of a slider.
 WORTH_A_WORD, SLIDE_WORTH_A_WORD = 5e-4, 5e-5
 #: What makes a move slower than requested.

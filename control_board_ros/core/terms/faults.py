@@ -2,7 +2,7 @@
 """Fault codes and their record (SPEC F).
 
 Codes 0 to 18 follow the joint fault list of the iCub's motor boards; those that a simulated or
-generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 27 are ours.
+generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 28 are ours.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ class FaultCode(IntEnum):
     DRIVE = 25
     BRAKE = 26
     OVERSPEED = 27
+    CONTACT = 28
 
     @property
     def title(self) -> str:
@@ -63,6 +64,7 @@ TITLES = {
     FaultCode.DRIVE: "drive",
     FaultCode.BRAKE: "brake",
     FaultCode.OVERSPEED: "overspeed",
+    FaultCode.CONTACT: "contact",
 }
 
 

@@ -120,6 +120,7 @@ FRAME = {
     "temperature": Row.TEMPERATURE,
     "applied": Reference.APPLIED,
     "age": Row.ENCODER_AGE,
+    "external_torque": Reference.EXTERNAL_TORQUE,
 }
 
 

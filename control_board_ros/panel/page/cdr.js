@@ -5,6 +5,7 @@ const FLOATS_BEFORE = ["position", "velocity", "torque", "position_reference",
   "velocity_reference", "torque_reference", "output", "current"];
 
 const FLOATS_AFTER = ["motor_position", "motor_velocity", "acceleration"];
+const FLOATS_LAST = ["supply_voltage", "applied", "age", "external_torque"];
 
 const text = new TextDecoder();
 const MOST = 120; // characters of a name
@@ -94,8 +95,10 @@ function readState(buffer, start, length) {
   }
   const brake = reader.bools();
   state.brake = brake.length ? brake : new Array(count).fill(false);
-  const volts = reader.at < reader.view.byteLength ? reader.floats() : [];
-  state.supply_voltage = volts.length ? volts : new Float64Array(count).fill(NaN);
+  for (const field of FLOATS_LAST) {
+    const values = reader.at < reader.view.byteLength ? reader.floats() : [];
+    state[field] = values.length ? values : new Float64Array(count).fill(NaN);
+  }
   for (const values of Object.values(state)) {
     if (values.length !== undefined && values.length !== state.names.length) throw new RangeError("not one value for each joint");
   }

@@ -8,7 +8,7 @@ const TITLES = { speed: "Reference speed", acceleration: "Reference acceleration
 const GAINS = ["kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"];
 const CONTROLLERS = { position: "Position PID", direct: "Direct PID", torque: "Torque PID", current: "Current PID" };
 // Measurements of the motor, beside current, output and temperature on the card.
-const MOTOR = ["motor_position", "motor_velocity", "acceleration", "supply_voltage"];
+const MOTOR = ["motor_position", "motor_velocity", "acceleration", "supply_voltage", "external_torque"];
 const plain = (value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(6))));
 
 /** A group of numbers applied together: values in force and wanted. */

@@ -5,7 +5,7 @@ import { shortNames } from "./units.js";
 
 const SIGNALS = ["position", "velocity", "torque", "position_reference", "velocity_reference",
   "torque_reference", "output", "current", "temperature", "motor_position", "motor_velocity", "acceleration",
-  "supply_voltage"];
+  "supply_voltage", "external_torque"];
 
 const SILENT = 800; // ms without a state after which a board counts as gone
 const DRAWN = 150; // ms that a frame of the page counts for at most

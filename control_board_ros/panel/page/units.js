@@ -19,7 +19,7 @@ export function unitOf(signal, sliding) {
       return sliding ? [1000, "mm/s", 1] : degrees ? [1 / DEGREE, "°/s", 1] : [1, "rad/s", 3];
     case "acceleration":
       return sliding ? [1000, "mm/s²", 0] : degrees ? [1 / DEGREE, "°/s²", 0] : [1, "rad/s²", 2];
-    case "torque": case "torque_reference": return [1, sliding ? "N" : "N·m", 2];
+    case "torque": case "torque_reference": case "external_torque": return [1, sliding ? "N" : "N·m", 2];
     case "stiffness": return [1, sliding ? "N/m" : "N·m/rad", 1];
     case "damping": return [1, sliding ? "N·s/m" : "N·m·s/rad", 2];
     case "output": return [1, "%", 1];
@@ -36,7 +36,7 @@ export const LABELS = {
   position: "Position", velocity: "Velocity", torque: "Torque", position_reference: "Reference",
   velocity_reference: "Velocity ref.", torque_reference: "Torque ref.", output: "Output",
   current: "Current", temperature: "Temperature", motor_position: "Motor", motor_velocity: "Motor speed",
-  acceleration: "Acceleration", supply_voltage: "Supply",
+  acceleration: "Acceleration", supply_voltage: "Supply", external_torque: "External torque",
 };
 
 /** A number in its shown unit, without −0. */

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Torques from outside, and reactions to them (SPEC X), with the physics of both engines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.simulation import Simulation
+
+#: s within which a push is to be seen, and how right its torque is then.
+SEEN, RIGHT = 0.03, 0.1
+ENGINES = ["pybullet", "mujoco"]
+
+
+class Arm:
+    """An arm in POSITION, whose joints are pushed."""
+
+    def __init__(self, robot: str, physics: str, **values: Any) -> None:
+        if physics != "ideal":
+            pytest.importorskip(physics)
+        self.simulation = Simulation.load(robot, physics=physics, **values)
+        self.board, self.plant = self.simulation.board, self.simulation.plant
+        self.limits = [joint.limits for joint in self.board.config.joints]
+        while ControlMode.CALIBRATING in self.board.get_control_mode():
+            self.simulation.run(0.1)
+        self.simulation.run(0.3)
+
+    @property
+    def external(self) -> np.ndarray:
+        return self.board.snapshot().external_torque
+
+    def move_everything(self, random: np.random.Generator) -> None:
+        low = np.maximum([limit.lower for limit in self.limits], -2.0)
+        high = np.minimum([limit.upper for limit in self.limits], 2.0)
+        speeds = [limit.velocity for limit in self.limits]
+        self.board.position_move(None, random.uniform(low, high), speeds)
+
+
+@pytest.fixture(params=ENGINES)
+def iiwa(request: pytest.FixtureRequest) -> Iterator[Arm]:
+    arm = Arm("iiwa", request.param)
+    yield arm
+    arm.simulation.close()
+
+
+@pytest.mark.parametrize("robot", ["iiwa", "panda", "icub_left_arm"])
+@pytest.mark.parametrize("physics", ENGINES)
+def test_nothing_outside_is_no_torque(robot: str, physics: str) -> None:
+    """X1: in fast moves of all joints the external torque stays below a hundredth of the limit."""
+    arm = Arm(robot, physics)
+    random, share = np.random.default_rng(1), 0.0
+    torques = np.array([limit.torque for limit in arm.limits])
+    for _ in range(6):
+        arm.move_everything(random)
+        for _ in range(60):
+            arm.simulation.step(10)
+            share = max(share, float(np.max(np.abs(arm.external) / torques)))
+    arm.simulation.close()
+    assert share < 0.01
+
+
+def test_a_push_is_seen_and_right(iiwa: Arm) -> None:
+    """X1: pushed amid a move, every joint shows the torque within 30 ms and 10 %."""
+    random = np.random.default_rng(2)
+    for j in range(len(iiwa.limits)):
+        push = 0.05 * iiwa.limits[j].torque * random.choice([-1.0, 1.0])
+        iiwa.move_everything(random)
+        iiwa.simulation.run(0.2)
+        iiwa.plant.push(j, push)
+        iiwa.simulation.run(SEEN)
+        assert iiwa.external[j] == pytest.approx(push, rel=RIGHT)
+        iiwa.plant.push(j, 0.0)
+        iiwa.simulation.run(SEEN)
+
+
+def test_without_a_sensor_the_current_tells() -> None:
+    """X1: the motor's current in place of a torque sensor, its friction taken from it."""
+    sensorless = {
+        "joint_defaults__torque_sensor": False,
+        "joint_defaults__control_modes": ["pos", "idl"],
+        "joint_defaults__interaction_modes": ["stif"],
+    }
+    arm = Arm("iiwa", "pybullet", **sensorless)
+    arm.move_everything(np.random.default_rng(3))
+    arm.simulation.run(0.2)
+    push = 0.1 * arm.limits[3].torque
+    arm.plant.push(3, push)
+    arm.simulation.run(SEEN)
+    shown = arm.external[3]
+    arm.simulation.close()
+    assert shown == pytest.approx(push, rel=RIGHT)
+
+
+def test_without_a_model_it_is_not_known() -> None:
+    """X1: NaN without the masses of the arm."""
+    arm = Arm("iiwa", "ideal")
+    assert np.isnan(arm.external).all()
+    arm.simulation.close()
+
+
+@pytest.mark.parametrize("reaction", ["none", "report", "stop", "compliant", "fault"])
+def test_reactions(reaction: str) -> None:
+    """X2: beyond the threshold for its time the board reacts as configured, and counts it."""
+    name = "lbr_iiwa_joint_4"
+    values = {
+        f"{name}__contact__threshold": 10.0,
+        f"{name}__contact__time": 0.02,
+        f"{name}__contact__reaction": reaction,
+    }
+    arm = Arm("iiwa", "pybullet", **values)
+    board, j = arm.board, 3
+    board.position_move(None, [0.3] * 7, [0.5] * 7)
+    arm.simulation.run(0.2)
+    board.take_events()
+    arm.plant.push(j, 9.0)
+    arm.simulation.run(0.2)
+    assert not board.snapshot().contacts.any()
+    arm.plant.push(j, 20.0)
+    arm.simulation.run(0.015)
+    assert not board.snapshot().contacts.any()  # not for long enough
+    arm.simulation.run(0.035)
+    texts = " ".join(event.text for event in board.take_events())
+    moving = not all(board.check_motion_done())
+    counts = board.snapshot().contacts.tolist()
+    compliant = [mode is InteractionMode.COMPLIANT for mode in board.get_interaction_mode()]
+    fault = board.get_faults([j])[0]
+    arm.simulation.close()
+    assert counts == ([0] * 7 if reaction == "none" else [0, 0, 0, 1, 0, 0, 0])
+    assert moving == (reaction in ("none", "report", "fault"))
+    assert all(compliant) == any(compliant) == (reaction == "compliant")
+    assert fault.active == (reaction == "fault")
+    if reaction == "none":
+        assert "contact" not in texts
+    else:
+        assert name in texts
+        assert "above 10.00 N·m" in texts
+    if reaction == "fault":
+        assert fault.code == FaultCode.CONTACT
