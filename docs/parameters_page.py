@@ -42,6 +42,7 @@ GROUPS = {
     "current_pid": "Current control",
     "impedance": "Impedance",
     "payload": "Payload",
+    "contact": "Contact",
     "motor": "Motor",
     "brake": "Brake",
     "timeouts": "Timeouts",

@@ -53,6 +53,7 @@ def view(board: str, names: list[str], faulty: tuple[str, ...] = (), **more: Any
         "position": -2.9,
         "position_reference": -2.9,
         "torque": -125.51,
+        "external_torque": 0.3,
         "output": -100.0,
         "calibrated": True,
     }

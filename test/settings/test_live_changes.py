@@ -41,6 +41,8 @@ def values_of(row: Any, value: Any) -> Iterator[Any]:
     """Other values of a parameter, of which one is allowed."""
     if row.kind is Kind.BOOL:
         yield not value
+    elif row.kind is Kind.STRING:
+        yield from (word for word in row.choices if word != value)
     elif row.kind is Kind.DOUBLES:
         yield [x + 0.01 for x in value]
     else:
