@@ -10,19 +10,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import http.client
-import io
+import re
 import secrets
 import socket
 import threading
 from collections.abc import Callable
-from email.message import Message
 
 from control_board_ros.text import clean
 from control_board_ros.web_access import allowed_host, own_names, same_origin
 
 #: Maximum bytes of a connection's head, s to send it, maximum number of connections.
 MAX_HEAD, HEAD_TIME, MOST = 16 * 1024, 5.0, 16
+#: Maximum number of headers; one of them (RFC 9110, 5.1 and 5.5).
+MOST_HEADERS = 100
+HEADER = re.compile(r"([!#$%&'*+.^_`|~\w-]+):[ \t]*([^\x00-\x08\n-\x1f\x7f]*?)[ \t]*", re.ASCII)
 #: Origins of Foxglove's own application in a browser.
 FOXGLOVE = ("https://app.foxglove.dev",)
 
@@ -41,18 +42,31 @@ def refusal(head: bytes, names: frozenset[str], origins: frozenset[str]) -> str:
         origins: of permitted web pages, beside this server's own. Programs that are no browser
             send none.
     """
-    try:
-        headers: Message = http.client.parse_headers(io.BytesIO(head.partition(b"\r\n")[2]))
-    except http.client.HTTPException:
+    headers = headers_of(head)
+    if headers is None:
         return "its headers are invalid"
-    hosts, sent = headers.get_all("Host", []), headers.get_all("Origin", [])
-    if (headers.get("Upgrade") or "").lower() != "websocket":
+    hosts, sent = headers.get("host", []), headers.get("origin", [])
+    if [value.lower() for value in headers.get("upgrade", [])] != ["websocket"]:
         return "it is no WebSocket; open it in Foxglove"
     if len(hosts) != 1 or not allowed_host(hosts[0], names):
         return "its host name is not one of this machine; use the address"
     if sent and not (len(sent) == 1 and (sent[0] in origins or same_origin(sent[0], hosts[0]))):
         return f"the web page {sent[0]} may not connect; permit it with --origin"
     return ""
+
+
+def headers_of(head: bytes) -> dict[str, list[str]] | None:
+    """Values by name, in lower case; None if a line is no header: no other may hide behind it."""
+    lines = head.decode("iso-8859-1").removesuffix("\r\n\r\n").split("\r\n")[1:]
+    found = [HEADER.fullmatch(line) for line in lines]
+    if len(lines) > MOST_HEADERS:
+        return None
+    headers: dict[str, list[str]] = {}
+    for header in found:
+        if header is None:
+            return None
+        headers.setdefault(header[1].lower(), []).append(header[2])
+    return headers
 
 
 class Gate:

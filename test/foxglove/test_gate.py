@@ -48,6 +48,10 @@ def test_programs_and_foxglove_connect(lines: list[str]) -> None:
         (["Host: evil.example", "Host: 127.0.0.1"], "host name"),
         (["Origin: https://app.foxglove.dev"], "host name"),
         (["X: y" * 10] * 200, "invalid"),
+        (["Host: 127.0.0.1", "X y", "Origin: https://evil.example"], "invalid"),
+        (["Host: 127.0.0.1", "Origin : https://evil.example"], "invalid"),
+        (["Host: 127.0.0.1", "X: y\nOrigin: https://evil.example"], "invalid"),
+        (["Host: 127.0.0.1", " folded"], "invalid"),
     ],
 )
 def test_other_web_pages_do_not(lines: list[str], why: str) -> None:
