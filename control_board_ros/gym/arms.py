@@ -18,6 +18,7 @@ from ..core.terms.measurement import Array
 from ..core.terms.modes import STATES
 from ..core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ..protocols import Floats
+from ..settings.build import urdf_model
 from ..settings.loading import Settings
 from ..sim.config import SimulationConfig
 from ..sim.plant import Body, SimulatedPlant, make_body
@@ -74,7 +75,8 @@ class Arms:
                 or self.control.interaction not in joint.interaction_modes
             ):
                 raise ValueError(f"control {control!r}: {joint.name} does not implement its mode")
-        self.joints, self.n, self.model = one.joints, len(one.joints), one.model
+        self.joints, self.n = one.joints, len(one.joints)
+        self._links = urdf_model(settings.values, settings.urdf, one.names).links
         self.duration = cycles * one.period
         self.home = np.array([joint.home for joint in simulation.joints])
         self._config, self._simulation = one, simulation
@@ -163,15 +165,9 @@ class Arms:
         return np.array(active, dtype=np.int8).reshape(self.count, self.n)
 
     def tips(self, positions: Floats) -> Floats:
-        """Origins of the last links, m, shape (arms, 3).
-
-        Raises:
-            ValueError: the configuration has no URDF.
-        """
-        if self.model is None:
-            raise ValueError("this task needs an arm with a URDF")
+        """Origins of the last links, m, shape (arms, 3)."""
         places: dict[int, tuple[Array, Array]] = {}
-        arms, links = len(positions), self.model.links
+        arms, links = len(positions), self._links
         for j in outwards_of([link.parent for link in links]):
             link = links[j]
             turn = np.array(link.rotation).reshape(3, 3)

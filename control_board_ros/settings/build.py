@@ -97,6 +97,11 @@ def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None
     plant = bool(values["plant"])
     if not values["base_fixed"] or (values["physics"] == IDEAL and not plant):
         return None
+    return replace(urdf_model(values, urdf, names), trusted=not plant)
+
+
+def urdf_model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel:
+    """The links of some joints as the URDF has them, whether or not the joints feel them."""
     homes = {
         one.name: values[f"{one.name}.home"] for one in urdf.axes if f"{one.name}.home" in values
     }
@@ -112,7 +117,7 @@ def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None
         in_links=values["physics"] == PYBULLET,
     )
     x, y, z = values["gravity"]
-    return replace(arm_model(urdf, names, made, homes, (x, y, z)), trusted=not plant)
+    return arm_model(urdf, names, made, homes, (x, y, z))
 
 
 def board_of(
