@@ -202,7 +202,7 @@ def file_at(path: Path) -> File:
     file = File(path)
     with path.open("rb") as opened:
         if not path.stat().st_size:
-            file.missing = f"{path.name}: is empty"
+            file.missing = f"{path.name}: was not finished, and is empty"
             return file
         file.read(memoryview(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ)))
     return file
