@@ -83,3 +83,4 @@ def last_fault(bench: Bench) -> str:
 
 inside("F6", "heat fades without power", "it would have to be overloaded")
 inside("F7", "overspeed is a fault", "it would have to be driven beyond its speed limit")
+inside("F8", "what outlived a fault does not act", "a fault would have to be provoked in motion")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""P1, P5 to P7, P14: the shape of motion, from published states."""
+"""P1, P5 to P7, P14, P15: the shape of motion, from published states."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from .rules import assume, expect, inside, rule
 
 #: Permitted deviation from the profile, relative to its travel and duration.
 SHAPE, DURATION = 0.03, 0.05
+#: Repetitions of a command in a move.
+REPETITIONS = 8
 
 
 def minimum_jerk(s: Floats) -> Floats:
@@ -250,3 +252,31 @@ def torque(bench: Bench) -> str:
 
 
 inside("P14", "no faster than the speed limit", "it would have to be driven at its speed limit")
+
+
+@rule("P15", "a repeated command is no new move")
+@patiently
+def repeated(bench: Bench) -> str:
+    once, again = lasted(bench, 0), lasted(bench, REPETITIONS)
+    text = f"a move took {once:.3g} s, and {again:.3g} s where its command was repeated"
+    expect(abs(again / once - 1.0) < DURATION, text)
+    return text
+
+
+def lasted(bench: Bench, repetitions: int) -> float:
+    """Duration of a move whose command is repeated, each tenth of its time, s."""
+    bench.home()
+    target, speed = bench.range.start + bench.range.step, slow_enough(bench, bench.range.step)
+    before = bench.state()
+    start = float(before.position_reference[bench.j])
+    duration = (target - start) / speed
+    bench.client.position_move(bench.joint, target, speed)
+    for k in range(repetitions):
+        due = before.stamp + 0.1 * (k + 1) * duration
+        bench.until(lambda state: state.stamp >= due, duration)  # noqa: B023
+        in_time(not bench.reached(target)(bench.latest()), "the move ended between repetitions")
+        bench.client.position_move(bench.joint, target, speed)
+    end = bench.until(bench.reached(target), 2.0 * duration + 1.0)
+    expect(end, f"a move of {duration:.3g} s did not end within twice that")
+    times, reference = references(bench, bench.since(before.stamp))
+    return fitted(times, (reference - start) / (target - start))[1]

@@ -102,6 +102,9 @@ inside("K6", "a hard stop is met twice", "the position of the stop is not shown"
 inside(
     "K7", "a joint without the calibration it requires", "one would have to lose its calibration"
 )
+inside(
+    "K8", "a calibrator that its drive cannot serve", "it is an error of the board's configuration"
+)
 
 
 @rule("N1", "power-on is NOT_CONFIGURED, without power")

@@ -92,7 +92,7 @@ def page(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) 
         "Rule by rule, the tests that prove it, those of `test/spec` by their file alone, and how",
         "often each ran (with different modes, joints or values). From outside: the result of",
         "[`control_board_conformance`](howto/conformance.md) over ROS; it has the rules of the",
-        "source and of YARP 4, not those of this project (R, T, B, S, E, G). Written by",
+        "source and of YARP 4, not those of this project (R, T, B, S, E, G, X). Written by",
         "`make conformance`.",
         "",
         "| rule | about | result | from outside | tests |",

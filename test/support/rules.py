@@ -22,6 +22,8 @@ BEYOND = {
     "T1": "trajectories as ros2_controllers has them",
     "T2": "trajectories are followed in POSITION_DIRECT",
     "T3": "nothing of a trajectory is kept after its end",
+    "T4": "continuous joints go to the nearest turn",
+    "T5": "goals of the future preempt each other on the path",
     "B1": "the same rules whatever moves the joints",
     "B2": "no more is offered than the plant has",
     "B3": "a silent plant is a hardware fault",
@@ -37,12 +39,17 @@ BEYOND = {
     "S5": "the drives' own watchdogs",
     "S6": "faults of drives",
     "S7": "the simulated arm as a drive",
+    "S8": "a drive is what it reports",
+    "S10": "one drive costs the others nothing",
+    "S11": "what a bus kept never acts later",
     "E1": "recovery",
     "E2": "emergency stop",
     "E3": "freeze frames",
     "G1": "gravity compensation",
     "G2": "guided poses and trajectories are recorded and replayed",
     "G3": "identification",
+    "X1": "torque from outside is shown",
+    "X2": "reactions to contacts",
 }
 #: Every rule of the specification and what it is about.
 RULES = {rule.name: rule.title for rule in in_order()} | BEYOND

@@ -114,7 +114,7 @@ def moves_a_tenth_slower(old: Any, *args: Any) -> Any:
 def a_new_target_starts_from_rest(
     old: Any, self: Any, joints: Any, *args: Any, **more: Any
 ) -> Any:
-    for j in joints.tolist():
+    for j in joints[~self._repeated(joints, *args)].tolist():
         self._joints[j].moved_velocity = 0.0
     return old(self, joints, *args)
 
@@ -123,10 +123,16 @@ def a_new_target_starts_from_rest(
 def a_new_target_starts_where_the_last_move_began(
     old: Any, self: Any, joints: Any, *args: Any, **more: Any
 ) -> Any:
-    for joint in (self._joints[j] for j in joints.tolist()):
+    new = joints[~self._repeated(joints, *args)]
+    for joint in (self._joints[j] for j in new.tolist()):
         if joint.moving:
             joint.reference = joint.move_start
     return old(self, joints, *args)
+
+
+@replaces("P15", "core.laws.references:References._repeated")
+def a_repeated_command_is_a_new_move(old: Any, self: Any, joints: Any, *_: Any) -> Any:
+    return np.zeros(len(joints), dtype=np.bool_)
 
 
 @replaces("P2", "core.group:JointGroup.set_reference_speed")
