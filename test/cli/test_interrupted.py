@@ -22,7 +22,12 @@ from control_board_ros.cli.text.output import REFUSED
 from control_board_ros.cli.verbs.identifying import stiff
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.reply import Answer, Reply
-from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode, parse_control_mode
+from control_board_ros.core.terms.vocabs import (
+    HAND_TIMEOUT,
+    ControlMode,
+    InteractionMode,
+    parse_control_mode,
+)
 from control_board_ros.joint_limits import JointLimits
 
 OK = Reply(("j",), (Answer.ACCEPTED,))
@@ -121,7 +126,8 @@ class Streamed:
     def position(self, name: str, value: float) -> str:
         return f"{value:g} rad"
 
-    def send(self, names: list[str], values: list[float]) -> Reply:
+    def send(self, names: list[str], values: list[float], valid_for: float = 0.0) -> Reply:
+        assert not any(values) or valid_for == HAND_TIMEOUT  # P12: also if nothing ends it
         self.torques += values
         return OK
 
@@ -146,8 +152,8 @@ def test_ctrl_c_while_its_bar_appears_ends_a_stream(monkeypatch: pytest.MonkeyPa
 def test_whatever_ends_a_stream_the_joint_is_given_zero() -> None:
     session: Any = Streamed()
 
-    def send(names: list[str], values: list[float]) -> Reply:
-        session.send(names, values)
+    def send(names: list[str], values: list[float], valid_for: float = 0.0) -> Reply:
+        session.send(names, values, valid_for)
         if values == [0.2] and session.torques.count(0.2) > 1:
             raise RuntimeError("in the midst of it")
         return OK

@@ -65,7 +65,7 @@ def test_the_mask_agrees_with_the_verdicts(
 @pytest.mark.parametrize("kind", CommandKind)
 def test_every_kind_is_bounded_by_its_limit(kind: CommandKind) -> None:
     """P1, P9: what is in force is within the limits of the row, and the reply says so."""
-    board, row = Board(CONFIG), COMMANDS[kind]
+    board, row = ready(CONFIG).board, COMMANDS[kind]
     mode = modes_accepting(kind)[0]
     for j in range(3):
         board.engine.machine.enter([j], mode)

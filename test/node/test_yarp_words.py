@@ -273,15 +273,24 @@ def test_a_stream_of_small_steps_is_followed_without_a_word(rig: Asked) -> None:
     assert "bounded to" in rig.warnings[0]
 
 
-def test_a_repeat_in_mixed_begins_anew(rig: Asked) -> None:
-    """P6: there, a move takes what the velocity added as its starting point."""
+def test_a_repeat_in_mixed_is_a_move_once_the_velocity_led_away(rig: Asked) -> None:
+    """P15, P6: none while the move is under way, whatever a velocity adds; then it leads back."""
     board = rig.board
     board.set_control_mode(None, M.MIXED)
     rig.send("position", msg.Position(names=["a"], positions=[0.3]))
-    rig.tick(100)
+    rig.send("velocity", msg.Velocity(names=["a"], velocities=[0.1], ref_accelerations=[0.7]))
+    rig.tick(50)
     before = board.get_remaining_time("a")[0]
     rig.send("position", msg.Position(names=["a"], positions=[0.3]))
-    assert board.get_remaining_time("a")[0] > before
+    assert board.get_remaining_time("a")[0] == before > 0.0
+    while not board.check_motion_done("a")[0]:
+        rig.tick()
+    assert board.state.position_reference[0] > 0.31
+    rig.send("position", msg.Position(names=["a"], positions=[0.3]))
+    assert not board.check_motion_done("a")[0]
+    while not board.check_motion_done("a")[0]:
+        rig.tick()
+    assert board.state.position_reference[0] == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(

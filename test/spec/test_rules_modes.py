@@ -163,7 +163,7 @@ def test_rejected_commands_touch_no_state(rig: Rig) -> None:
         rig.board.set_output(None, 30.0)
         rig.board.position_move(None, [np.nan] * 3)
         one, two = rig.tick(), other.tick()
-        assert np.array_equal(one.block, two.block)
+        assert np.array_equal(one.block, two.block, equal_nan=True)
     assert one.rejected_commands.tolist() == [1000, 1000, 800]
     assert not two.rejected_commands.any()
 
@@ -215,7 +215,7 @@ def test_the_same_mode_again(mode: ControlMode) -> None:
         version = rigs[0].board.modes_version
         assert rigs[0].board.set_control_mode("left", mode)
         assert rigs[0].board.modes_version == version
-        assert np.array_equal(rigs[0].tick().block, rigs[1].tick().block)
+        assert np.array_equal(rigs[0].tick().block, rigs[1].tick().block, equal_nan=True)
 
 
 def loaded() -> Rig:

@@ -184,7 +184,7 @@ class Rig:
         return self.board.get_control_mode(None)
 
     def everything(self) -> tuple[Any, ...]:
-        """All that a rejected reference must leave alone, of all joints."""
+        """All that a rejected reference must leave alone, of all joints; NaN is None."""
         board, state = self.board, self.board.state
         return (
             [getattr(board, get)(None).tolist() for _, get, _ in COMMANDS.values()],
@@ -192,7 +192,10 @@ class Rig:
             board.get_interaction_mode(),
             board.get_ref_speed().tolist(),
             board.get_ref_acceleration().tolist(),
-            [state.position_reference.tolist(), state.torque_reference.tolist()],
+            [
+                [None if math.isnan(one) else one for one in row.tolist()]
+                for row in (state.position_reference, state.torque_reference)
+            ],
             [record.active for record in board.get_faults()],
         )
 

@@ -318,7 +318,7 @@ class HardStop(Calibrator):
             self._fail(
                 f"stalled, but the motor draws {current:.3g} A at {output:.3g} %, where a "
                 f"stall needs {stalled:.3g} A (at least {AT_TORQUE:.0%} is needed)",
-                "check the motor, its supply, and motor.resistance",
+                "check the encoder, the motor, its supply, and motor.resistance",
             )
 
     def _fail(self, why: str, step: str) -> NoReturn:
