@@ -23,6 +23,7 @@ SHOWN = (
     "torque",
     "output",
     "current",
+    "external_torque",
     "motion_done",
     "rejected_commands",
 )
