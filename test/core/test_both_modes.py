@@ -57,6 +57,7 @@ OF_NO_LAW = {
     FaultCode.EMERGENCY_STOP,
     FaultCode.BRAKE,
     FaultCode.DRIVE,
+    FaultCode.CONTACT,  # without a model of the arm
 }
 #: Whatever a joint can be in or meet.
 EVERYTHING = {*MODES, M.HW_FAULT, M.CALIBRATING, *InteractionMode, *FaultCode} - OF_NO_LAW
@@ -120,7 +121,10 @@ def script(rig: Rig) -> Iterator[str]:
                 board.set_ref_torque(None, [way * 60.0] * count)
                 board.position_move(None, [way * 9.0] * count, [3.0] * count)
                 yield f"limits {mode.name} {way}"
-    sensing = [j for j in everyone if rig.config.joints[j].torque_sensor]
+    joints = rig.config.joints  # no power cycle cools the weak ones (F6)
+    sensing = [j for j in everyone if joints[j].torque_sensor and joints[j].limits == LIMITS] or [
+        0
+    ]
     for number, kind in enumerate(KINDS):
         rig.plant.reset()
         board.power_cycle()
@@ -138,6 +142,10 @@ def script(rig: Rig) -> Iterator[str]:
     board.set_control_mode(None, M.FORCE_IDLE)
     board.calibrate([j for j in everyone if rig.config.joints[j].calibration])
     yield from ("calibration" for _ in range(8))
+    rig.plant.reset()
+    board.power_cycle()
+    rig.tick(2)
+    yield from pushed(rig, M.TORQUE, 150.0)  # faster than power can hold
     yield from pushed(rig, M.IDLE, -30.0)  # onto the hard stops
     board.set_impedance(None, [30.0] * count, [3.0] * count)
     yield from pushed(rig, M.POSITION, 55.0)  # hot

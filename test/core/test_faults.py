@@ -26,6 +26,7 @@ CODES = {
     25: "drive",
     26: "brake",
     27: "overspeed",
+    28: "contact",
 }
 
 

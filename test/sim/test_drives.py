@@ -134,12 +134,14 @@ def test_a_drive_keeps_the_limits_of_its_own() -> None:
 
 
 def test_the_pwm_that_a_drive_applies_is_shown() -> None:
-    """B2: the board's output is what acts, and the encoder is checked against it (F1)."""
+    """B2: ``applied`` is what acts, no PWM is asked for; the encoder is checked by it (F1)."""
     with arm(S.TORQUE, physics="ideal") as simulation:
         board = simulation.board
         assert board.position_move(0, 0.5, 0.5)
         simulation.run(0.3)
-        assert abs(float(board.snapshot().output[0])) > 0.1
+        shown = board.snapshot()
+        assert abs(float(shown.applied[0])) > 0.1
+        assert shown.output[0] == 0.0
         simulation.plant.inject(0, "encoder_reversed", persistent=True)
         simulation.run(1.0)
         assert board.get_control_mode(0) == [M.HW_FAULT]

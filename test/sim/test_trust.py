@@ -173,7 +173,7 @@ def test_a_sine_by_direct_positions(panda: Simulation, stride: int) -> None:
 def test_torque_entered_in_motion_comes_to_rest_and_stays(
     panda: Simulation, interaction: str
 ) -> None:
-    """M9: once it took the inertial torque over and drove the arm 3.9 rad away."""
+    """M9: both stop together, on their path; once inertial torque drove the arm 3.9 rad away."""
     board = panda.board
     board.set_interaction_mode(None, interaction)
     board.set_control_mode(0, "vel")
@@ -189,7 +189,8 @@ def test_torque_entered_in_motion_comes_to_rest_and_stays(
     panda.run(10.0)
     limits = [board.config.joints[j].limits.acceleration for j in (0, 3)]
     way = np.abs(board.get_encoder([0, 3]) - at)
-    assert np.all(way <= v**2 / (2.0 * np.array(limits)) + 0.01)
+    time = np.max(v / np.array(limits))  # of the joint that needs longest
+    assert np.all(way <= 0.5 * v * time + 0.01)
     assert np.abs(board.get_encoder_speed([0, 3])).max() < 1e-3
 
 

@@ -7,7 +7,6 @@ import math
 import re
 from typing import Any
 
-import numpy as np
 import pytest
 from rig import (
     COMMANDS,
@@ -18,6 +17,7 @@ from rig import (
     M,
     Rig,
     board_config,
+    finite,
     held,
     in_status,
     joint,
@@ -225,7 +225,7 @@ def test_limits_of_the_checks() -> None:
         shown = rig.tick()
         assert rig.modes() == [M.HW_FAULT], row
         assert rig.board.get_faults("left")[0].code == code
-        assert np.all(np.isfinite(shown.block))
+        assert finite(shown)
 
 
 def test_overrun_of_the_hard_stop() -> None:
@@ -439,7 +439,7 @@ def test_numbers_that_are_none_do_not_spread() -> None:
     for row in Row:
         rig.plant.values[row] = math.nan
         shown = rig.tick(10)
-        assert np.all(np.isfinite(shown.block))
+        assert finite(shown)
         assert rig.modes() == [M.HW_FAULT]
         rig.plant.values[:] = good
         rig.tick(20)

@@ -22,7 +22,7 @@ from control_board_ros.core.config.config import (
     Pid,
 )
 from control_board_ros.core.laws.control import Controller
-from control_board_ros.core.state import Snapshot, StateArrays
+from control_board_ros.core.state import Reference, Snapshot, StateArrays
 from control_board_ros.core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
@@ -274,6 +274,12 @@ def in_mode(mode: ControlMode, interaction: InteractionMode, *, sensed: bool = T
 def truth(rig: Rig) -> float:
     """Where the first joint of an ideal plant really is, rad or m."""
     return float(rig.plant.body._position[0])
+
+
+def finite(shown: Snapshot) -> bool:
+    """Whether all is a number but the torques from outside, which need a model of the arm (X1)."""
+    rows = np.delete(shown.block, Reference.EXTERNAL_TORQUE, axis=0)
+    return bool(np.isfinite(rows).all())
 
 
 def column(snapshots: list[Snapshot], name: str) -> Array:

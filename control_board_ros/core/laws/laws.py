@@ -1156,9 +1156,9 @@ def cross_gap(j: Joint) -> cython.void:
 
 @cython.cfunc
 def weigh(j: Joint) -> cython.void:
-    """The load: τ − torque of the acceleration, through a low pass (M9)."""
+    """The load: τ − torque of the acceleration, low-passed from its first number on (M9)."""
     raw: cython.double = j.torque - j.motion
-    if j.readings < 2 or j.period >= LOAD_FILTER:
+    if j.readings < 2 or j.period >= LOAD_FILTER or not is_number(j.load):
         j.load = raw
     else:
         j.load += j.period / LOAD_FILTER * (raw - j.load)
