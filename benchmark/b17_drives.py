@@ -82,7 +82,7 @@ def run(effort: Effort) -> list[Figure]:
 
 def _frames(plant: DrivesPlant, wanted: SetPoints) -> list[tuple[int, bytes]]:
     """The frames of one exchange."""
-    line = plant.driver._line
+    line = plant.driver.line
     sent: list[tuple[int, bytes]] = []
     send = line.send
 

@@ -65,7 +65,7 @@ def run(effort: Effort) -> list[Figure]:
         try:
             buses.connect(Setup(period=PERIOD, timeout=TIMEOUT, joints=(None,) * n))
             for plant in plants:
-                opened = plant.driver._line.bus._multicast._socket
+                opened = plant.driver.line.bus._multicast._socket
                 opened.setsockopt(socket.IPPROTO_IP, MULTICAST_ALL, 0)
             late, took, cpu, missed = _measured(buses, n, seconds)
         finally:
