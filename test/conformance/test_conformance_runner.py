@@ -126,7 +126,11 @@ def state(count: int, **others: int) -> Any:
     message = BoardState(header=Header(stamp=Time(sec=1)), names=["left", "right"])
     for name in PER_JOINT:
         kind = bool if name in ("motion_done", "calibrated") else int
-        kind = kind if name in ("motion_done", "calibrated", "rejected_commands") else float
+        kind = (
+            kind
+            if name in ("motion_done", "calibrated", "rejected_commands", "contacts")
+            else float
+        )
         setattr(message, name, [kind(0)] * others.get(name, count))
     return message
 
