@@ -173,7 +173,9 @@ def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
         block[1] = first
         done = np.arange(count) % 2 == 0
         rejected = np.arange(count, dtype=np.uint64) + np.uint64(2**63)
-        snapshot = Snapshot(1.5, 7, block, done, rejected, ~done, block[0], done, 0, ~done)
+        snapshot = Snapshot(
+            1.5, 7, block, done, rejected, ~done, block[0], done, 0, ~done, contacts=rejected
+        )
         message = deserialize_message(template.of(snapshot, 3_000_000_007), kind)
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 7)
         assert message.header.frame_id == ""

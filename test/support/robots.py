@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from rig import Rig, board_config, joint, plain
 
 from control_board_ros.core.config.config import BoardConfig, Calibration
@@ -60,16 +61,23 @@ class RobotRig(Rig):
         raise AssertionError(f"{part} never came to {code}: {self.codes()}")
 
 
+def shown_numbers(block: Any) -> list[Any]:
+    """Numbers to compare: None for NaN, which equals nothing."""
+    values: list[Any] = np.where(np.isnan(block), None, block).tolist()
+    return values
+
+
 def shown(snapshot: Snapshot) -> list[Any]:
     """All of a snapshot, to compare."""
     return [
         snapshot.time,
         snapshot.cycle,
-        snapshot.block.tolist(),
+        shown_numbers(snapshot.block),
         snapshot.motion_done.tolist(),
         snapshot.rejected_commands.tolist(),
         snapshot.calibrated.tolist(),
         snapshot.overload.tolist(),
         snapshot.torque_sensor.tolist(),
         snapshot.unknown_commands,
+        None if snapshot.contacts is None else snapshot.contacts.tolist(),
     ]
