@@ -162,7 +162,7 @@ class BoardMachine(RuleBasedStateMachine):
         extra = data.draw(EXTRAS) if extras else None
         limit = LIMITS.torque if kind == "torque" else LIMITS.output
         expected = [
-            self.byname[n].command(kind, value, extra, limit)
+            self.byname[n].command(kind, value, extra, limit, self.measured(n))
             for n, value in zip(joints, values, strict=True)
         ]
         method = getattr(self.board, COMMANDS[kind][0])
@@ -217,11 +217,16 @@ class BoardMachine(RuleBasedStateMachine):
         if really:
             return
         self.board.power_cycle()
-        kept = [(one.rejected, one.fault_kind, one.fault_count) for one in self.models]
+        before = self.models[:]
         self.models[:] = models(self.rig.period)
         self.byname = dict(zip(NAMES, self.models, strict=True))
-        for one, (rejected, kind, count) in zip(self.models, kept, strict=True):
-            one.rejected, one.fault_kind, one.fault_count = rejected, kind, count
+        for one, old in zip(self.models, before, strict=True):
+            one.rejected, one.fault_kind, one.fault_count = (
+                old.rejected,
+                old.fault_kind,
+                old.fault_count,
+            )
+            one.void, one.since, one.streamed = old.void, old.since, old.streamed
         self.read = self.configuring = False
         self.shown.clear()
 
@@ -261,10 +266,12 @@ class BoardMachine(RuleBasedStateMachine):
             self.byname[name].raise_fault("hardware", reading[name])
         real = [mode.code for mode in self.board.get_control_mode()]
         for j, (name, one) in enumerate(self.byname.items()):
+            one.since += 1
             if one.mode == CALIBRATING:  # how long it takes is not the model's to know
                 assert real[j] in (CALIBRATING, one.after_calibration[0])
                 if real[j] != CALIBRATING:
                     one.end_calibration(reading[name])
+                    one.learn(float(shot.position_reference[j]), bool(shot.motion_done[j]))
             elif one.mode != FAULT:
                 one.tick()
                 one.learn(float(shot.position_reference[j]), bool(shot.motion_done[j]))

@@ -277,6 +277,21 @@ def test_references_on_entering_a_mode(
     assert later.output[0] == pytest.approx(then.output[0], abs=1e-9)
 
 
+def test_a_torque_ends_the_stop_of_entering_torque() -> None:
+    """M9: the reference stays where a torque took over; nothing stops a joint that follows one."""
+    rig = in_mode(M.POSITION_DIRECT, STIFF)
+    assert rig.board.set_position(0, 1.5)
+    rig.tick(25)
+    assert rig.board.snapshot().velocity[0] > 1.0
+    assert rig.board.set_control_mode(0, "torq")
+    assert rig.board.set_ref_torque(0, 0.1)
+    begin = float(rig.tick().position_reference[0])
+    for _ in range(100):
+        shot = rig.tick()
+        assert (shot.position_reference[0], shot.velocity_reference[0]) == (begin, 0.0)
+    assert shot.position[0] > begin + 0.1, "it has moved on"
+
+
 def test_controllers_start_afresh() -> None:
     """M9: nothing of an earlier integral is left when a mode is entered again."""
     rig = held(joint("left", timeouts=Timeouts(velocity=0.0)))

@@ -25,7 +25,7 @@ class JointModel:
     None), calibrated and after_calibration (K3); startup (N3); mode and interaction; kept
     references; rejected (M4); fault (text of the last one) and its number; position_reference
     and how it moves; stopping (it may still brake); unasked (no reference accepted since the mode
-    was entered).
+    was entered); void (a stream of references outlived a fault, F8).
     """
 
     name: str
@@ -53,6 +53,9 @@ class JointModel:
     fault_kind: str = ""
     fault_count: int = 0
     unasked: bool = True
+    void: bool = False
+    since: int = 10**9  # the last reference, cycles ago
+    streamed: int = 0  # references without a pause
     # The position reference: a move from rest that is known exactly, or one that is not.
     move: tuple[float, float, float, int] | None = None  # from, to, duration (s), cycles done
     vague: bool = False
@@ -93,6 +96,7 @@ class JointModel:
         if self.mode in (FAULT, OFF):
             return
         self.enter(FAULT, measured)
+        self.void = True
         self.fault_kind = kind
         self.fault_count += 1
 
@@ -110,6 +114,7 @@ class JointModel:
             return "unsupported"
         if wanted != self.mode:  # M8
             self.enter(wanted, measured)
+        self.void = self.void and wanted == "idl"  # F8
         return "accepted"
 
     def request_interaction(self, wanted: str, measured: float) -> str:
@@ -170,11 +175,17 @@ class JointModel:
         }
         return kind in kinds.get(self.mode, ())
 
-    def command(self, kind: str, value: float, extra: float | None, limit: float) -> str:
+    def command(
+        self, kind: str, value: float, extra: float | None, limit: float, measured: float
+    ) -> str:
         """A reference arrives; ``limit`` bounds torques and outputs."""
         bound = self.speed_limit if kind == "position" else self.acceleration_limit
         good = math.isfinite(value) and (extra is None or 0.0 < extra <= bound)  # P2, P13
-        if not (self.takes(kind) and good):  # M4
+        good = self.takes(kind) and good  # M4
+        stale = self.stale(kind, value, measured) if good else False
+        self.streamed = self.streamed + 1 if self.since * self.period < 0.5 - 1e-9 else 1
+        self.since = 0
+        if not good or stale:
             self.rejected += 1
             return "refused" if self.mode == OFF else "ignored"  # N4
         self.unasked = False
@@ -193,8 +204,16 @@ class JointModel:
                 self.velocity_age = 0  # P12
             case _:
                 value = min(max(value, -limit), limit)
+                self.stopping = False  # nothing brakes the joint any more
         self.last[kind] = value
         return "accepted"
+
+    def stale(self, kind: str, value: float, measured: float) -> bool:
+        """F8: a stream that outlived a fault, until it meets the joint or has paused."""
+        goes_on = self.streamed >= 2 and self.since * self.period < 0.5 - 1e-9
+        meets = kind in ("position", "position direct") and abs(value - measured) <= 0.05
+        self.void = self.void and goes_on and not meets
+        return self.void
 
     def start_move(self, target: float, speed: float) -> None:
         """P1, P6: from the present reference; known exactly only from rest."""

@@ -978,6 +978,7 @@ class Joint:
         """Set the torque reference, which replaces load and hold (P7)."""
         if self.settling:
             self.take(self.known_load())
+        self.rest()
         self.holding = False
         self.torque_command = torque
 
@@ -999,6 +1000,7 @@ class Joint:
     def command_current(self, current: cython.double) -> cython.void:
         """Set the current reference, which replaces load and hold (Y2)."""
         self.settling = self.awaited = self.holding = False
+        self.rest()
         self.current_command = current
 
     @cython.ccall
