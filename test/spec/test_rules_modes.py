@@ -282,14 +282,14 @@ def test_a_torque_ends_the_stop_of_entering_torque() -> None:
     rig = in_mode(M.POSITION_DIRECT, STIFF)
     assert rig.board.set_position(0, 1.5)
     rig.tick(25)
-    assert rig.board.snapshot().velocity[0] > 1.0
+    assert rig.board.snapshot().velocity[0] > 0.9
     assert rig.board.set_control_mode(0, "torq")
     assert rig.board.set_ref_torque(0, 0.1)
     begin = float(rig.tick().position_reference[0])
     for _ in range(100):
         shot = rig.tick()
         assert (shot.position_reference[0], shot.velocity_reference[0]) == (begin, 0.0)
-    assert shot.position[0] > begin + 0.1, "it has moved on"
+    assert shot.position[0] > begin + 0.05, "it has moved on"
 
 
 def test_controllers_start_afresh() -> None:
