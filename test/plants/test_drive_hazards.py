@@ -15,6 +15,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES, PERIOD, Bench
+from explorer import law_of
 
 from control_board_ros.core.laws.control import PEAK_SHARE
 from control_board_ros.core.terms.drives import SetPoint
@@ -253,6 +254,19 @@ def test_a_lost_torque_off_is_sent_again() -> None:
         bench.follow(OFF, 4)
         assert wire.lost == 1
         assert [drive.table.bytes[64] for drive in bench.drives] == [0, 0]
+
+
+@pytest.mark.parametrize("driver", LIBRARIES)
+def test_a_drive_that_is_not_heard_loses_its_power(driver: str) -> None:
+    """S8: it may hear; power was left on where the wire from the drives was cut."""
+    with bench_of(driver) as bench:
+        bench.connect()
+        bench.follow(bench.accepts[0], 50, position=0.05)
+        assert law_of(bench.drives[0]) is bench.accepts[0]
+        bench.bus.from_drives = lambda _: iter(())
+        bench.until(lambda found: all(found.faults), bench.accepts[0], cycles=100)
+        bench.follow(OFF, 10)
+        assert [law_of(drive) for drive in bench.drives] == [OFF, OFF]
 
 
 def test_a_drive_that_takes_no_power_is_a_fault_that_names_it() -> None:

@@ -11,8 +11,18 @@ set-point is "stay where you are", three things must hold whatever the fault:
 
 from __future__ import annotations
 
+import gc
+import math
+import os
+import pickle
+import re
+import warnings
+from bisect import bisect_left
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from enum import Enum
+from types import GeneratorType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,30 +56,43 @@ class Event(NamedTuple):
 
 @dataclass
 class Wire:
-    """One way of a bus, with at most one fault; it counts its frames."""
+    """One way of a bus; it counts its frames.
 
-    event: Event | None = None
+    Attributes: faults (what becomes of a frame, by its number), shut (nothing gets through), keeps
+        (all frames are held), held, late (to be delivered before the next exchange).
+    """
+
     count: int = 0
+    faults: dict[int, str] = field(default_factory=dict)
     shut: bool = False
     keeps: bool = False
     held: list[Frame] = field(default_factory=list)
+    late: list[Frame] = field(default_factory=list)
+    behind: list[Frame] = field(default_factory=list)
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing arrives."""
+        return self.shut or self.keeps
 
     def __call__(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        event = self.event
         for frame in frames:
             self.count += 1
+            what = self.faults.pop(self.count, "")
             if self.keeps:
                 self.held.append(frame)
-            elif not self.shut:
-                mine = event is not None and event.at == self.count
-                if mine and event is not None and event.what in ("delay", "reorder"):
-                    self.held.append(frame)
-                elif not mine or (event is not None and event.what == "double"):
+            elif self.shut or what == "lose":
+                continue
+            elif what == "delay":
+                self.late.append(frame)
+            elif what == "reorder":
+                self.behind.append(frame)
+            else:
+                yield frame
+                if what == "double":
                     yield frame
-                    if mine:
-                        yield frame
-                    elif self.held and event is not None and event.what == "reorder":
-                        yield self.held.pop()
+                while self.behind:
+                    yield self.behind.pop()
 
 
 class Run:
@@ -80,56 +103,72 @@ class Run:
         options: Of the driver.
         event: The fault, or None.
 
-    Attributes: violations (in words), frames (sent, by way and exchange), cycle.
+    Attributes: violations (in words), frames (sent, by way and exchange), cycle (of the last
+        exchange), events.
     """
 
     def __init__(self, driver: str, options: dict[str, str], event: Event | None = None) -> None:
-        self.event, self.violations = event, dict[str, None]()
+        self.violations = dict[str, None]()
         self.cycle, self._wrong = 0, [0, 0]
         self.frames: list[tuple[int, int]] = []
-        self._bench = Bench(driver, options=options)
-        self._bench.timeout = TIMEOUT
-        self._latched = [False, False]
+        self.bench = Bench(driver, options=options)
+        self.bench.timeout = TIMEOUT
+        self.latched, self.phase = [False, False], (0, 0)
         self._wires = {"to": Wire(), "from": Wire()}
+        self.events: list[Event] = []
+        if event is not None:
+            self.add(event)
+
+    def add(self, event: Event) -> None:
+        """Let a fault happen."""
+        self.events.append(event)
+        if event.way:
+            self._wires[event.way].faults[event.at] = event.what
 
     def go(self) -> Run:
         """Run the script, and collect what is violated."""
-        bench, event = self._bench, self.event
-        with bench:
+        for _ in self.steps():
+            pass
+        return self
+
+    def steps(self) -> Iterator[None]:
+        """The script; each exchange follows a step."""
+        with self.bench as bench:
             bench.world.state[0] = PLACE
             bench.bus.step([])
             bench.connect()
             bench.bus.to_drives, bench.bus.from_drives = self._wires["to"], self._wires["from"]
-            if event is not None and event.way:
-                self._wires[event.way].event = event
             kinds = bench.accepts
-            for kind in (OFF, *kinds[:3], kinds[0], OFF):
-                self._phase(kind, CYCLES + 14)
-            self._recover()
-            self._phase(kinds[0], CYCLES + 14)
-            self._phase(OFF, CYCLES + GRACE)
-        return self
+            for number, kind in enumerate((OFF, *kinds[:3], kinds[0], OFF)):
+                yield from self._phase(number, kind, CYCLES + 14)
+            yield from self._recover()
+            yield from self._phase(7, kinds[0], CYCLES + 14)
+            yield from self._phase(8, OFF, CYCLES + GRACE)
 
-    def _recover(self) -> None:
-        for _ in range(4 * CYCLES):
+    def _recover(self) -> Iterator[None]:
+        for cycle in range(4 * CYCLES):
+            self.phase = 6, cycle
+            yield
             faults = self._exchange(OFF)
-            self._latched = [bool(fault) for fault in faults]
+            self.latched = [bool(fault) for fault in faults]
             if not any(faults):
                 return
             for joint, fault in enumerate(faults):
                 if fault:
-                    self._bench.plant.clear_fault(joint)
+                    self.bench.plant.clear_fault(joint)
 
-    def _phase(self, kind: SetPoint, cycles: int) -> None:
-        for _ in range(cycles):
+    def _phase(self, number: int, kind: SetPoint, cycles: int) -> Iterator[None]:
+        for cycle in range(cycles):
+            self.phase = number, cycle
+            yield
             for joint, fault in enumerate(self._exchange(kind)):
-                self._latched[joint] = self._latched[joint] or bool(fault)
+                self.latched[joint] = self.latched[joint] or bool(fault)
 
     def _exchange(self, kind: SetPoint) -> list[Any]:
-        bench = self._bench
+        bench = self.bench
         self.cycle += 1
         self._strike()
-        kinds = [OFF if latched else kind for latched in self._latched]
+        kinds = [OFF if latched else kind for latched in self.latched]
         place, stiffness, damping = np.full((3, 2), [[PLACE], [4.0], [1.0]])
         wanted = set_points(kinds, position=place, stiffness=stiffness, damping=damping)
         faults = list(bench.tick(wanted).faults)
@@ -138,54 +177,129 @@ class Run:
             asked, acts = kinds[joint], law_of(drive)
             off = asked is OFF or bool(faults[joint])
             right = acts in (OFF, None) if off else acts is asked or acts is None
-            self._wrong[joint] = 0 if right else self._wrong[joint] + 1
-            reached = self._unreached(drive)
-            if self._wrong[joint] > CYCLES + GRACE and not reached:
-                self._violate(f"asked {asked.name}, acts {acts.name if acts else acts}, "
-                              f"fault {faults[joint]}")  # fmt: skip
+            if right or self._wires["to"].closed:  # what has no watchdog goes on while it is deaf
+                self._wrong[joint] = 0
+            else:
+                self._wrong[joint] += 1
+            if self._wrong[joint] > CYCLES + GRACE:
+                fault = re.sub(r"\d+ ms", "… ms", str(faults[joint]))
+                acting = acts.name if acts else acts
+                self._violate(f"joint {joint}: asked {asked.name}, acts {acting}, fault {fault}")
         moved = float(np.abs(bench.world.state[0] - PLACE).max())
         if moved > STILL:
             self._violate(f"moved while it was {kind.name}")
         return faults
 
-    def _unreached(self, drive: Any) -> bool:
-        """Whether nothing gets to a drive now: what has no watchdog goes on."""
-        return self._wires["to"].shut and law_of(drive) is not None
-
     def _violate(self, text: str) -> None:
         self.violations.setdefault(text)
 
     def _strike(self) -> None:
-        """Faults by exchange: begin or end."""
-        event, wires = self.event, self._wires
-        for wire in wires.values():
-            if wire.held and not wire.keeps and wire.event and wire.event.what == "delay":
-                late, wire.held = wire.held, []
-                self._deliver(wire, late)
-        if event is None:
-            return
+        """What happens before an exchange: late frames arrive, faults begin or end."""
+        for wire in self._wires.values():
+            late, wire.late = wire.late, []
+            self._deliver(wire, late)
+        for event in self.events:
+            self._happen(event, self._wires["from" if event.what == "mute" else "to"])
+
+    def _happen(self, event: Event, wire: Wire) -> None:
         begins, ends = self.cycle == event.at, self.cycle == event.at + event.length
+        if event.way:
+            return
         if event.what in ("deaf", "mute"):
-            wire = wires["to" if event.what == "deaf" else "from"]
             wire.shut = (wire.shut or begins) and not ends
         elif event.what in ("hold", "hold and restart"):
-            wires["to"].keeps = (wires["to"].keeps or begins) and not ends
+            wire.keeps = (wire.keeps or begins) and not ends
             if ends:
                 if event.what == "hold and restart":
-                    self._bench.drives[0].reboot()
-                late, wires["to"].held = wires["to"].held, []
-                self._bench.bus.step(late)
+                    self.bench.drives[0].reboot()
+                late, wire.held = wire.held, []
+                self._deliver(wire, late)
         elif event.what == "restart" and begins:
-            self._bench.drives[0].reboot()
+            self.bench.drives[0].reboot()
         elif event.what == "fault" and begins:
-            self._bench.fail(0)
+            self.bench.fail(0)
 
     def _deliver(self, wire: Wire, late: list[Frame]) -> None:
-        wire.event = None
+        if not late:
+            return
         if wire is self._wires["to"]:
-            self._bench.bus.step(late)
-        else:
-            self._bench.arrive(late)
+            late = self.bench.bus.step(late)
+        self.bench.arrive(late)
+
+    @property
+    def over(self) -> bool:
+        """Whether no fault is to come, or under way."""
+        ended = all(event.way or self.cycle > event.at + event.length for event in self.events)
+        return ended and not any(
+            wire.faults or wire.late or wire.behind for wire in self._wires.values()
+        )
+
+    def state(self) -> int:
+        """All that the rest of the run depends on, as a number; times count from now."""
+        bench = self.bench
+        parts = (bench.plant, bench.drives, bench.world, bench.wire_end, self._wrong)
+        return hash((self.phase, *self.latched, ByValue(bench.clock.now()).of(parts)))
+
+
+class ByValue:
+    """The state of objects by value.
+
+    Args:
+        now: From which times count, s; they are far from all other numbers.
+    """
+
+    PLAIN = (int, bool, str, bytes, type(None))
+    #: Nothing of these changes in a run, or nothing depends on it; objects of these types, and
+    #: attributes of these names.
+    FIXED = frozenset({
+        "Axis", "Axes", "Options", "Setup", "Traits", "Controller", "ManualClock", "Found", "Wire",
+        "RLock", "function", "method", "builtin_function_or_method", "module", "type", "Struct",
+        "Protocol2PacketHandler", "protocol_packet_handler", "_UninitializedNetwork",
+        "ObjectDictionary", "ODVariable", "ODArray", "ODRecord", "SdoArray", "SdoRecord", "Limits",
+        "Condition", "Queue", "lock", "NodeScanner", "MessageListener", "NmtMaster", "LssMaster",
+        "EmcyProducer", "SyncProducer", "TimeProducer",
+    })  # fmt: skip
+    UNREAD = frozenset({"_owed", "frames", "_serial"})
+
+    def __init__(self, now: float) -> None:
+        self._now = now
+        self._seen: set[int] = set()
+
+    def of(self, thing: Any) -> Any:  # noqa: PLR0911 - one for each sort
+        kind = type(thing)
+        if kind in self.PLAIN or issubclass(kind, Enum):
+            return thing
+        if kind.__name__ in self.FIXED:
+            return kind.__name__
+        if isinstance(thing, float):
+            if math.isnan(thing):
+                return "nan"
+            return round(thing - self._now if abs(thing - self._now) < 100.0 else thing, 7)
+        if isinstance(thing, np.ndarray | np.generic):
+            return self.of(thing.tolist())
+        if isinstance(thing, list | tuple | deque):
+            return tuple([self.of(one) for one in thing])
+        if isinstance(thing, bytearray):
+            return bytes(thing)
+        if isinstance(thing, dict):
+            return tuple([(key, self.of(value)) for key, value in thing.items()])
+        if isinstance(thing, set | frozenset):
+            return frozenset(thing)
+        return self._of_object(thing)
+
+    def _of_object(self, thing: Any) -> Any:
+        name = type(thing).__name__
+        if id(thing) in self._seen:
+            return name
+        self._seen.add(id(thing))
+        if isinstance(thing, GeneratorType):
+            frame = thing.gi_frame
+            inner = self.of(thing.gi_yieldfrom)
+            return (thing.__name__, frame and (frame.f_lasti, self.of(frame.f_locals)), inner)
+        slots = [slot for kind in type(thing).__mro__ for slot in getattr(kind, "__slots__", ())]
+        values = {slot: getattr(thing, slot, None) for slot in slots}
+        values |= getattr(thing, "__dict__", {})
+        return name, self.of({key: values[key] for key in values if key not in self.UNREAD})
 
 
 def law_of(drive: Any) -> SetPoint | None:  # noqa: PLR0911 - one for each make
@@ -250,3 +364,91 @@ def single_faults(plain: Run, stride: int = 1) -> Iterator[Event]:
     events += [Event(what, at=cycle) for what in ("restart", "fault")
                for cycle in range(1, plain.cycle)]  # fmt: skip
     return iter(events[stride // 2 :: stride])
+
+
+@dataclass
+class Walk:
+    """Runs with a fault each, which share what they have in common.
+
+    A run with a fault is a fork of the run without one, just before it; it ends where its state is
+    one that was seen before.
+
+    Args:
+        driver, options: See ``Run``.
+
+    Attributes:
+        found: Violations, each with the first faults that lead to it.
+        runs, exchanges: How many there were.
+    """
+
+    driver: str
+    options: dict[str, str]
+    found: dict[str, str] = field(default_factory=dict)
+    runs: int = 0
+    exchanges: int = 0
+    _seen: set[int] = field(default_factory=set)
+
+    def go(self, stride: int = 1) -> Walk:
+        """Walk all single faults, or of each kind one of ``stride``."""
+        plain = Run(self.driver, self.options)
+        for _ in plain.steps():
+            self._seen.add(plain.state())
+        if plain.violations:
+            self.found = dict.fromkeys(plain.violations, "without a fault")
+            return self
+        due: dict[int, list[Event]] = {}
+        for event in single_faults(plain, stride):
+            place = 0 if event.way == "to" else 1
+            counts = [count[place] for count in plain.frames]
+            at = bisect_left(counts, event.at) + 1 if event.way else event.at
+            due.setdefault(at, []).append(event)
+        run = Run(self.driver, self.options)
+        steps = run.steps()
+        gc.collect()
+        gc.freeze()
+        for _ in steps:
+            for event in due.get(run.cycle + 1, ()):
+                self._fork(run, steps, event)
+        return self
+
+    def _fork(self, run: Run, steps: Iterator[None], event: Event) -> None:
+        """Go on with a fault, in a copy of this process."""
+        reads, writes = os.pipe()
+        with warnings.catch_warnings():  # other threads hold nothing that a run takes
+            warnings.simplefilter("ignore", DeprecationWarning)
+            child = os.fork()
+        if child == 0:
+            try:
+                os.close(reads)
+                gc.disable()
+                answer = pickle.dumps(self._go_on(run, steps, event))
+                with os.fdopen(writes, "wb") as pipe:
+                    pipe.write(answer)
+            finally:
+                os._exit(0)
+        os.close(writes)
+        with os.fdopen(reads, "rb") as pipe:
+            answer = pipe.read()
+        os.waitpid(child, 0)
+        if not answer:
+            raise AssertionError(f"{event}: the run ended with an error")
+        violations, seen, count = pickle.loads(answer)
+        self.runs, self.exchanges = self.runs + 1, self.exchanges + count
+        if violations:
+            for text in violations:
+                self.found.setdefault(text, f"{[*run.events, event]}")
+        else:
+            self._seen |= seen
+
+    def _go_on(
+        self, run: Run, steps: Iterator[None], event: Event
+    ) -> tuple[list[str], set[int], int]:
+        run.add(event)
+        begin, seen = run.cycle, set[int]()
+        for _ in steps:
+            if run.over and (run.cycle - begin < 10 or run.cycle % 4 == 0):
+                state = run.state()
+                if state in self._seen:
+                    break
+                seen.add(state)
+        return [*run.violations], seen, run.cycle - begin

@@ -50,6 +50,8 @@ LOST = DriveFault(0, "drive disabled itself or restarted; check that safe torque
 POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 FAULTED = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 NOTHING = Question((), lambda _: None)
+#: The control word by SDO, which needs no SYNC and no mapping.
+POWER_OFF = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
 
 
 @dataclass(slots=True)
@@ -201,6 +203,9 @@ class Cia402Drives:
             self._answers.asked[k] += 1
             if order.interview is not None and order.interview.asks:
                 yield from order.interview.question.request
+            elif order.action is Action.SET_UP and self._answers.reported[k].unheard:
+                self._answers.asked[k] += 1
+                yield o.SDO_REQUEST | self._axes[k].id, POWER_OFF  # it may hear, unheard
             if order.action not in (Action.SET_UP, Action.ASK, Action.CONFIRM):
                 yield from self._targets(k, order)
         yield o.SYNC, b""
@@ -228,10 +233,11 @@ class Cia402Drives:
 
     def close(self) -> None:
         """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""
-        off = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
         unwatched = struct.pack("<BHBI", 0x23, o.CONSUMER_HEARTBEAT, 1, 0)
         self.line.close(
-            (o.SDO_REQUEST | axis.id, data) for data in (off, unwatched) for axis in self._axes
+            (o.SDO_REQUEST | axis.id, data)
+            for data in (POWER_OFF, unwatched)
+            for axis in self._axes
         )
 
     def _take(self, message: Any) -> int | None:

@@ -20,7 +20,7 @@ class Clock:
 class ManualClock(Clock):
     """Seconds that pass only when they are told to, for a bus without real time."""
 
-    def __init__(self, start: float = 100.0) -> None:
+    def __init__(self, start: float = 1e6) -> None:
         self.time = start
 
     def now(self) -> float:

@@ -158,7 +158,8 @@ class DynamixelDrives:
         acting = (Action.GOAL, Action.POWER_ON)
         driven = {k: order for k, order in orders.items() if order.action in acting}
         off = [k for k in orders if k not in driven and orders[k].action is not Action.ASK]
-        self._sync(t.TORQUE, dict.fromkeys((k for k in off if reported[k].power), 0))
+        off = [k for k in off if reported[k].power or reported[k].lost]  # it may hear, unheard
+        self._sync(t.TORQUE, dict.fromkeys(off, 0))
         for k, order in orders.items():
             if order.action is Action.RESET:
                 self._reset(k)

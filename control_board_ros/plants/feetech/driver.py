@@ -127,8 +127,12 @@ class FeetechDrives:
         acting = (Action.GOAL, Action.POWER_ON)
         driven = {k: order for k, order in orders.items() if order.action in acting}
         rest = [k for k in orders if k not in driven and orders[k].action is not Action.ASK]
-        # Torque off resets a shutdown, too.
-        off = [k for k in rest if reported[k].power or orders[k].action is Action.RESET]
+        # Torque off resets a shutdown, too; a servo that is not heard may hear it.
+        off = [
+            k
+            for k in rest
+            if reported[k].power or reported[k].lost or orders[k].action is Action.RESET
+        ]
         self.line.sync(t.TORQUE, {ids[k]: bytes(1) for k in off})
         targets = {ids[k]: self._goals(k, order) for k, order in driven.items()}
         self.line.sync(t.GOALS, targets)
