@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line of an identification from a recording; ``cbctl identify`` starts it."""
+"""The command line of an identification from recorded motions; ``cbctl identify`` starts it."""
 
 from __future__ import annotations
 
@@ -17,18 +17,23 @@ DONE, REFUSED = 0, 1
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify and write the result; returns the exit code."""
     parser = argparse.ArgumentParser(prog="cbctl identify", allow_abbrev=False)
-    parser.add_argument("data", type=Path)
+    parser.add_argument("data", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--no-payload", action="store_true")
+    parser.add_argument("--robot")
+    parser.add_argument("--columns", type=Path)
+    parser.add_argument("--column", action="append", default=[])
+    parser.add_argument("--joint", action="append", default=[])
+    parser.add_argument("--alarms", type=float)
     given = parser.parse_args(arguments)
     try:
-        return write(given.data, given.output, payload=not given.no_payload)
+        return write(given)
     except (IdentificationError, RecordingError) as error:
         print(f"cbctl: {error}", file=sys.stderr)
         return REFUSED
 
 
-def write(data: Path, output: Path, *, payload: bool) -> int:
+def write(given: argparse.Namespace) -> int:
     """Identify recorded motions, and write parameters and report.
 
     Raises:
@@ -39,16 +44,30 @@ def write(data: Path, output: Path, *, payload: bool) -> int:
         from .files import summary, write_parameters, write_report
         from .outcome import identify
         from .recorded import recorded
+        from .tables import read_robot, words_of
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "scipy":
             raise
         raise IdentificationError(
             "scipy is not installed; install it with: pip install 'control_board_ros[identify]'"
         ) from error
-    robot, records, joints, missing = recorded(data)
+    output: Path = given.output
+    words = words_of(given.columns, given.column)
+    missing: list[str] = []
+    if words and not given.robot:
+        raise IdentificationError("a log does not say of which robot it is: give --robot")
+    if words:
+        robot, records, joints = read_robot(given.data, given.robot, words)
+    elif len(given.data) > 1:
+        raise IdentificationError("several recordings: give one, or tables with --column")
+    else:
+        robot, records, joints, missing = recorded(given.data[0])
     for line in missing:
         print(f"note: {line}")
-    outcome = identify(robot, records, joints, payload=payload)
+    chosen = [joint for joint in joints if joint in (given.joint or joints)]
+    if absent := [joint for joint in given.joint if joint not in chosen]:
+        raise IdentificationError(f"{absent[0]} did not move; there moved {', '.join(joints)}")
+    outcome = identify(robot, records, chosen, payload=not given.no_payload, alarms=given.alarms)
     report = output.with_suffix(".html")
     write_report(report, outcome, output.stem)
     for line in summary(outcome):

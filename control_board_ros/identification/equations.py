@@ -37,6 +37,8 @@ LEAST_MASS = 1e-3
 #: Prior distance of a payload's centre from the link's origin, m: separates, with a wide interval,
 #: masses from rotors.
 LIKELY = 0.3
+#: Prior factor of a torque constant that only weight shows, of the configured one.
+FACTOR = 10.0
 #: Prior radius of gyration of a payload about its centre, m.
 GYRATION = 0.05
 
@@ -73,6 +75,7 @@ class Problem:
         handed = np.array([robot.hands_voltage(name) for name in joints])
         measured = np.isfinite(self._voltage).reshape(-1, len(joints), 3)
         handed = handed & measured.all(axis=(0, 2)) & drawn
+        self._by_weight = drawn & ~self.senses & ~handed
         self.uses = {
             SENSOR: still & self.senses,
             MOTOR: (self._moving | (self._start != 0.0)) & drawn,
@@ -150,6 +153,18 @@ class Problem:
             ),
         }
 
+    def differences(self, x: Floats) -> dict[str, Floats]:
+        """Measured − model of every equation, shape (m, k).
+
+        Without a torque sensor the noise of MOTOR is the current's, and the difference is one of
+        currents, in the torque of the configured constant: one that shrinks with the constant
+        would be least for a motor without torque.
+        """
+        found = {name: measured - model for name, (measured, model) in self.sides(x).items()}
+        constant = self.spread(x)[0][KT]
+        found[MOTOR] *= np.where(self.senses, 1.0, self._starts[KT] / constant)
+        return found
+
     def friction(self, x: Floats) -> tuple[Floats, Floats]:
         """Torque of the motors beyond the load, and its model, shape (m, k)."""
         given, whole = self.sides(x)[MOTOR]
@@ -165,14 +180,20 @@ class Problem:
     def residuals(self, x: Floats, weights: dict[str, Floats]) -> Floats:
         """All residuals, weighted, equation after equation."""
         rows = [
-            ((measured - model) * weights[name])[self.uses[name]]
-            for name, (measured, model) in self.sides(x).items()
+            (rest * weights[name])[self.uses[name]] for name, rest in self.differences(x).items()
         ]
+        return np.concatenate([*rows, *self.priors(x)])
+
+    def priors(self, x: Floats) -> list[Floats]:
+        """What is likely of constants that only weight shows, and of a payload; weighted."""
+        unknown, payload = self.spread(x)
+        ratio = np.abs(unknown[KT] / self._starts[KT])[self._by_weight]
+        rows = [np.log(np.maximum(ratio, 1e-9)) / math.log(FACTOR)]
         if self.with_payload:
-            mass, *moment, spin = self.spread(x)[1].tolist()
+            mass, *moment, spin = payload.tolist()
             weighed = np.array([*moment, spin]) / heavy(mass)
             rows.append(weighed / [LIKELY, LIKELY, LIKELY, GYRATION**2])
-        return np.concatenate(rows)
+        return rows
 
     def weights(self, rest: dict[str, Floats]) -> dict[str, Floats]:
         """1/RMS of each joint's used values of an equation, shape (k,); 1 without any."""
@@ -183,8 +204,8 @@ class Problem:
         """Number of the second of each residual."""
         whole = np.broadcast_to(self.samples.block[:, None], self.torque.shape)
         found = [whole[self.uses[name]] for name in self.uses]
-        if self.with_payload:
-            found.append(np.full(4, int(self.samples.block.max()) + 1))
+        last = int(self.samples.block.max()) + 1
+        found += [np.full(row.size, last) for row in self.priors(self.start)]
         return np.concatenate(found)
 
 

@@ -12,11 +12,12 @@ import yaml
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
 from ..description.robots import NAMES
+from ..protocols import Floats
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, document, table, write_page
 from .equations import FRICTION, MOTOR, SENSOR, WINDING
 from .fit import Traced
-from .outcome import QUANTITIES, Finding, Outcome
+from .outcome import QUANTITIES, THRESHOLD, Finding, Outcome
 
 #: Names of the quantities.
 TITLES = {name: quantity.title for name, quantity in QUANTITIES.items()}
@@ -80,6 +81,9 @@ def shown(finding: Finding, kind: JointKind) -> str:
     if finding.quantity in ("delay", "center"):
         unit, factor = f"m{unit}", 1e3
     unit = f" {unit}" if unit else ""
+    unit += f" ({finding.remark})" if finding.remark else ""
+    if finding.quantity == THRESHOLD:
+        return f"{finding.value[0]:.3g}{unit}"
     pairs = zip(finding.value, finding.sure, strict=True)
     values = ", ".join(interval(factor * value, factor * sure) for value, sure in pairs)
     before = finding.before
@@ -137,7 +141,25 @@ def section(outcome: Outcome, joint: str) -> str:
     ]
     assert fitted is not None
     traces = {name: traced for (own, name), traced in fitted.traces.items() if own == joint}
-    return chart_section(joint, facts, charts(traces, kind))
+    drawn = charts(traces, kind)
+    if outcome.external:
+        drawn.append(external_chart(outcome, joint, kind))
+    return chart_section(joint, facts, drawn)
+
+
+def external_chart(outcome: Outcome, joint: str, kind: JointKind) -> Chart:
+    """The torque from outside that a board would show, with the threshold."""
+    column, since = outcome.robot.names.index(joint), 0.0
+    times: list[Floats] = []
+    for one in outcome.external:
+        times.append(since + one.time - one.time[0])
+        since = float(times[-1][-1]) + GAP
+    torque = np.concatenate([one.torque[:, column] for one in outcome.external])
+    found = [f for f in outcome.written if f.joint == joint and f.quantity == THRESHOLD]
+    limits = tuple(sign * one.value[0] for one in found for sign in (-1.0, 1.0))
+    trace = Trace("external torque", np.concatenate(times), torque, "error")
+    title = f"{kind.choose('Torque', 'Force')} from outside, and threshold"
+    return Chart(title, kind.force_unit, [trace], limits=limits, show_limits=True)
 
 
 def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:

@@ -101,8 +101,7 @@ def solve(problem: Problem) -> tuple[Floats, Floats, Floats]:
 
     for _ in range(3):
         x = least_squares(residuals, x / scale, method="trf", x_scale="jac").x * scale
-        rest = {name: measured - model for name, (measured, model) in problem.sides(x).items()}
-        weights = problem.weights(rest)
+        weights = problem.weights(problem.differences(x))
     last = least_squares(residuals, x / scale, max_nfev=1)
     covariance, freedom = uncertainty(last.jac, residuals(x / scale), problem.blocks)
     widths = stdtrit(freedom, 0.5 + 0.5 * LEVEL) * np.sqrt(np.diag(covariance))

@@ -19,8 +19,10 @@ from .equations import (
     OF_JOINT,
     RESISTANCE,
     ROTOR,
+    SENSOR,
     VISCOUS,
 )
+from .external import External, Threshold, external, threshold
 from .fit import NO_MASS, Estimate, Fitted, fit
 from .robot import Robot
 from .samples import Record, samples_of
@@ -48,6 +50,7 @@ class Quantity:
     helps: str = ""
 
 
+THRESHOLD = "threshold"
 QUANTITIES = {
     KT: Quantity(
         "torque constant", "motor.torque_constant", "N·m/A", "N·m/A", 0.05, "further and faster"
@@ -88,6 +91,9 @@ QUANTITIES = {
         "together with joints that lift it, further (--range)",
     ),
     CENTER: Quantity("payload's centre", "payload.center", "m", "m"),
+    THRESHOLD: Quantity(
+        "contact threshold", "contact.threshold", "N·m", "N", 0.35, "longer, as fast as it will"
+    ),
 }
 #: Negligible values: friction as a share of the torque limit, rotors as one of the least inertia,
 #: delays in cycles. Greatest half width of the interval of a payload's centre, m.
@@ -95,6 +101,9 @@ LITTLE_FRICTION, LITTLE_ROTOR, LITTLE_DELAY = 5e-4, 0.01, 0.25
 SURE_CENTER = 0.01
 #: Relative deviation of k_t N from the configured one beyond any motor's tolerance.
 WRONG = 0.25
+#: Found as torques, where no sensor measures one: as sure as the torque constant.
+OF_TORQUE = (COULOMB, VISCOUS, BREAKAWAY, ROTOR)
+NO_CONSTANT = "not shown: its torque constant is not, and no sensor measures the torque"
 LOOKS_ALIKE = "not shown: inertia of the payload looks the same; identify it without one"
 
 
@@ -104,7 +113,7 @@ class Finding:
 
     Attributes: joint, quantity, value and sure (half width of the interval; three of each for a
     centre), before (as configured; None without a parameter), why (reason not to write it; empty:
-    written).
+    written), remark (for people).
     """
 
     joint: str
@@ -113,6 +122,7 @@ class Finding:
     sure: tuple[float, ...]
     before: tuple[float, ...] | None
     why: str = ""
+    remark: str = ""
 
     @property
     def parameter(self) -> str:
@@ -128,13 +138,14 @@ class Outcome:
     """Result of an identification.
 
     Attributes: robot, findings, troubles (by joint; nothing is found of these), fitted (None:
-    every joint has trouble).
+    every joint has trouble), external (torques from outside, where thresholds were asked for).
     """
 
     robot: Robot
     findings: Sequence[Finding]
     troubles: dict[str, str]
     fitted: Fitted | None
+    external: Sequence[External] = ()
 
     @property
     def written(self) -> list[Finding]:
@@ -143,11 +154,17 @@ class Outcome:
 
 
 def identify(
-    robot: Robot, records: Sequence[Record], joints: Sequence[str], *, payload: bool = True
+    robot: Robot,
+    records: Sequence[Record],
+    joints: Sequence[str],
+    *,
+    payload: bool = True,
+    alarms: float | None = None,
 ) -> Outcome:
     """Identify joints from the records of their motions.
 
-    Without ``payload``, the robot carries exactly what its URDF has.
+    Without ``payload``, the robot carries exactly what its URDF has. With ``alarms``, per hour,
+    thresholds of contacts that give as many false ones are found, too: nothing may touch the arm.
 
     Raises:
         IdentificationError: the data is too short, or the robot's masses are unknown.
@@ -168,7 +185,47 @@ def identify(
         raise IdentificationError(str(error)) from error
     fitted = fit(robot, good, samples, payload=payload)
     findings, wrong = judge(robot, fitted)
-    return Outcome(robot, findings, troubles | wrong, fitted)
+    outcome = Outcome(robot, findings, troubles | wrong, fitted)
+    return outcome if alarms is None else with_thresholds(outcome, whole, alarms)
+
+
+def with_thresholds(outcome: Outcome, records: Sequence[Record], alarms: float) -> Outcome:
+    """The outcome, with thresholds of contacts for a board that has its values."""
+    robot = outcome.robot.with_values(
+        {
+            one.parameter: one.value if len(one.value) > 1 else one.value[0]
+            for one in outcome.written
+        }
+    )
+    torques = external(robot, records)
+    findings, fitted = list(outcome.findings), outcome.fitted
+    assert fitted is not None
+    for joint in fitted.joints:
+        if joint in outcome.troubles:
+            continue
+        before = configured(robot, joint, THRESHOLD)
+        if without_constant(fitted, findings, joint):
+            findings.append(Finding(joint, THRESHOLD, (0.0,), (0.0,), before, NO_CONSTANT))
+            continue
+        lasting = robot.number(joint, "contact.time")
+        found = threshold(torques, robot.names.index(joint), lasting, alarms)
+        findings.append(of_threshold(joint, found, before, alarms))
+    return replace(outcome, findings=findings, external=torques)
+
+
+def of_threshold(
+    joint: str, found: Threshold | None, before: tuple[float, ...] | None, alarms: float
+) -> Finding:
+    """A threshold, with what it is in units of the residual."""
+    if found is None:
+        return Finding(joint, THRESHOLD, (0.0,), (0.0,), before, "not shown: less than a minute")
+    value = Estimate(found.value, found.sure)
+    why = unsure(value, THRESHOLD) if value.relative > QUANTITIES[THRESHOLD].sure else ""
+    remark = (
+        f"{found.value / found.rms:.1f} × the residual, {alarms:g} false alarms an hour; "
+        f"the greatest was {found.worst:.3g}"
+    )
+    return Finding(joint, THRESHOLD, (value.value,), (value.sure,), before, why, remark)
 
 
 def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
@@ -184,13 +241,30 @@ def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
                 if one.why and quantity == ROTOR and joint == fitted.carrier and fitted.carries:
                     one = replace(one, why=LOOKS_ALIKE)
                 findings.append(one)
+        if without_constant(fitted, findings, joint):
+            findings = [without_torque(one) if one.joint == joint else one for one in findings]
     return [*findings, *of_payload(robot, fitted)], wrong
+
+
+def without_constant(fitted: Fitted, findings: Sequence[Finding], joint: str) -> bool:
+    """Whether a current is all that tells the torque of a joint, and its constant is not shown."""
+    sensed = (joint, SENSOR) in fitted.traces
+    return not sensed and any(
+        one.joint == joint and one.quantity == KT and one.why for one in findings
+    )
+
+
+def without_torque(finding: Finding) -> Finding:
+    """A finding of a joint whose torque is not known: what is a torque is not written."""
+    if finding.quantity not in OF_TORQUE:
+        return finding
+    return replace(finding, why=finding.why or NO_CONSTANT)
 
 
 def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
     """Why motor constants are beyond a motor's tolerance; empty: within it."""
     found, key = fitted.estimates.get((joint, KT)), "motor.torque_constant"
-    if found is None or found.relative > WRONG:
+    if found is None or found.relative > WRONG or joint in robot.derived:
         return ""
     factor = found.value / robot.number(joint, key)
     if abs(factor - 1.0) <= WRONG:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions of a board recorded by ``cbctl identify``: a recording with its plan.
+"""Recordings of a board: with the plan of ``cbctl identify``, or of any motion.
 
 The plan has of each motion its kind, joints with their speeds, begin and end (s, board's time),
 and the reason of an early end.
@@ -19,13 +19,41 @@ from . import IdentificationError
 from .robot import Robot
 from .samples import SIGNALS, Record
 from .shares import MOTIONS
+from .tables import moved, stretches
+
+Recorded = tuple[Robot, list[Record], list[str], list[str]]
 
 
-def recorded(folder: Path) -> tuple[Robot, list[Record], list[str], list[str]]:
+def recorded(path: Path) -> Recorded:
     """The robot, the records of its motions, the joints that moved, and what is missing.
 
     Raises:
-        IdentificationError: the folder has no motions of cbctl identify.
+        IdentificationError: it is no recording of one board, or nothing moved.
+        RecordingError: it cannot be read.
+    """
+    return planned(path) if (path / MOTIONS).is_file() else of_any_motion(path)
+
+
+def of_any_motion(path: Path) -> Recorded:
+    """A recording without plan: all stretches without gaps."""
+    (recording, *others) = read(path)
+    if others:
+        boards = ", ".join(one.board for one in (recording, *others))
+        raise IdentificationError(f"{path} has several boards: {boards}; record one alone")
+    robot = robot_of(recording)
+    signals = {name: recording.signals[name] for name in SIGNALS}
+    records = stretches(recording.time, signals, recording.names)
+    joints = moved(records, recording.names, [robot.kind(name) for name in recording.names])
+    if not joints:
+        raise IdentificationError(f"{path}: no joint moved")
+    return robot, records, joints, recording.missing
+
+
+def planned(folder: Path) -> Recorded:
+    """The motions of cbctl identify.
+
+    Raises:
+        IdentificationError: the folder has none.
     """
     try:
         plan = json.loads((folder / MOTIONS).read_text("utf-8"))

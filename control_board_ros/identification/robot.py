@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ from ..core.terms.joint_kind import JointKind
 from ..description.arm_model import Motors, arm_model
 from ..description.urdf import Urdf
 from ..protocols import Floats
-from ..settings.loading import Settings
-from ..sim.config import IDEAL, PYBULLET
+from ..settings.loading import Settings, SettingsError, load
+from ..sim.config import IDEAL, MUJOCO, PYBULLET
 from . import IdentificationError
 
 
@@ -29,17 +30,39 @@ class Robot:
         values: Parameters by full name.
         urdf: The description.
         name: The shipped configuration, or the path of the URDF.
+        derived: Joints whose torque constant nobody gave: it is derived from their limits.
     """
 
     names: tuple[str, ...]
     values: Mapping[str, Any]
     urdf: Urdf
     name: str
+    derived: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, settings: Settings) -> Robot:
         names, values = settings.board.names, settings.values
-        return cls(names, values, settings.urdf, str(values["robot"]))
+        derived = [n for n in names if f"{n}.motor.torque_constant" not in settings.where]
+        return cls(names, values, settings.urdf, str(values["robot"]), frozenset(derived))
+
+    @classmethod
+    def of_metal(cls, name: str) -> Robot:
+        """A real robot by a shipped name, a parameter file, or its URDF.
+
+        Raises:
+            IdentificationError: there is none of that name, or it is not valid.
+        """
+        urdf = name.endswith((".urdf", ".xacro"))
+        # rotors turn their own joint only, as in this engine
+        values = {"physics": MUJOCO} | ({"robot": str(Path(name).absolute())} if urdf else {})
+        try:
+            return cls.of(load(None if urdf else name, values))
+        except SettingsError as error:
+            raise IdentificationError(str(error)) from error
+
+    def with_values(self, values: Mapping[str, Any]) -> Robot:
+        """The robot with other values of some parameters."""
+        return replace(self, values={**self.values, **values})
 
     def number(self, joint: str, key: str) -> float:
         """A numeric parameter of a joint.
@@ -100,6 +123,19 @@ class Robot:
         rotors = dict(zip(others, (inertias * ratios**2).tolist(), strict=True))
         motors = Motors(rotors=rotors, coulomb={}, viscous={}, in_links=self.rotors_in_links)
         return arm_model(self.urdf, self.names, motors, homes, (x, y, z))
+
+    def loaded_model(self) -> ArmModel:
+        """The arm's masses with all rotors and payloads, without friction.
+
+        Raises:
+            IdentificationError: as ``model``.
+        """
+        bare = self.model([])
+        links = []
+        for name, link in zip(self.names, bare.links, strict=True):
+            x, y, z = self.values.get(f"{name}.payload.center") or (0.0, 0.0, 0.0)
+            links.append(link.with_payload(self.number(name, "payload.mass"), (x, y, z)))
+        return replace(bare, links=tuple(links))
 
     def payload_joint(self) -> str:
         """The joint whose link carries the payload: the last one that turns."""

@@ -33,8 +33,8 @@ SIGNALS = (
     "position_reference",
     "motor_position",
 )
-#: Standard deviation of the low pass, s.
-WIDTH = 0.02
+#: Standard deviation of the low pass, s, and at least this many readings.
+WIDTH, READINGS = 0.02, 2.0
 #: Cut at both ends, and around reversals, in standard deviations.
 TAIL = 4.0
 #: Minimum duration of a used record, s.
@@ -118,15 +118,15 @@ def samples_of(
             continue
         if np.ptp(record.time) > MOST_EVEN * record.time.size * np.median(np.diff(record.time)):
             continue  # mostly a gap, or a step of the clock
-        step, whole = smoothed(record, supply)
+        step, width, whole = smoothed(record, supply)
         time: Floats = step * np.arange(len(whole["position"]), dtype=np.float64)
-        cut = int(np.ceil(TAIL * WIDTH / step))
+        cut = int(np.ceil(TAIL * width / step))
         whole["moving"] = steady(whole["velocity"], record.speeds, names, cut)
         whole["commanded"] = np.zeros_like(whole["velocity"])
         whole["commanded"][:, [list(names).index(joint) for joint in record.speeds]] = 1.0
         whole["start"] = np.zeros_like(whole["velocity"])
-        rows = np.arange(cut, time.size - cut, max(round(WIDTH / step), 1))
-        rows = rows[~near_gaps(record.time - record.time[0], time[rows])]
+        rows = np.arange(cut, time.size - cut, max(round(width / step), 1))
+        rows = rows[~near_gaps(record.time - record.time[0], time[rows], width)]
         if not rows.size:
             continue
         part = {name: values[rows] for name, values in whole.items()} | {"time": time[rows]}
@@ -134,12 +134,12 @@ def samples_of(
             (joint, speed), *_ = record.speeds.items()
             column = list(names).index(joint)
             begins = np.array(starts(whole, step, column, float(gain[column]), SLOW * speed), int)
-            begins = begins[~near_gaps(record.time - record.time[0], time[begins])]
+            begins = begins[~near_gaps(record.time - record.time[0], time[begins], width)]
             part = joined([part, of_starts(whole, begins, column, time)])
         part["block"] = blocks + np.floor(part["time"])
         blocks = int(part["block"].max()) + 1
         part["time"] = part["time"] + since
-        since = float(part["time"].max()) + WIDTH
+        since = float(part["time"].max()) + width
         parts.append(part)
     if not parts:
         raise ValueError(
@@ -156,39 +156,44 @@ def joined(parts: Sequence[dict[str, Floats]]) -> dict[str, Floats]:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def smoothed(record: Record, supply: Floats) -> tuple[float, Signals]:
-    """Filtered signals on an even grid of time, shape (m, n), and its step, s."""
+def smoothed(record: Record, supply: Floats) -> tuple[float, float, Signals]:
+    """The step of an even grid of time, s, the low pass, s, and signals on it, shape (m, n)."""
     raw = record.time - record.time[0]
     step = float(np.median(np.diff(raw)))
+    width = max(WIDTH, READINGS * step)
     time = step * np.arange(round(raw[-1] / step) + 1)
 
     def even(values: Floats, order: int = 0) -> Floats:
         rows = np.column_stack([np.interp(time, raw, column) for column in values.T])
-        made = gaussian_filter1d(rows, WIDTH / step, axis=0, order=order, mode="nearest")
+        made = gaussian_filter1d(rows, width / step, axis=0, order=order, mode="nearest")
         found: Floats = made / step**order
         return found
 
     signals = record.signals
     volts = 0.01 * signals["output"] * supply
-    return step, {
-        "position": even(signals["position"]),
-        "velocity": even(signals["velocity"]),
-        "acceleration": even(signals["velocity"], 1),
-        "torque": even(signals["torque"]),
-        "current": even(signals["current"]),
-        "change": even(signals["current"], 1),
-        "rise": even(signals["torque"], 1),
-        "voltage": np.stack([even(volts, order) for order in range(3)], axis=-1),
-        "reference": even(signals["position_reference"], 1),
-    }
+    return (
+        step,
+        width,
+        {
+            "position": even(signals["position"]),
+            "velocity": even(signals["velocity"]),
+            "acceleration": even(signals["velocity"], 1),
+            "torque": even(signals["torque"]),
+            "current": even(signals["current"]),
+            "change": even(signals["current"], 1),
+            "rise": even(signals["torque"], 1),
+            "voltage": np.stack([even(volts, order) for order in range(3)], axis=-1),
+            "reference": even(signals["position_reference"], 1),
+        },
+    )
 
 
-def near_gaps(readings: Floats, time: Floats) -> Bools:
+def near_gaps(readings: Floats, time: Floats, width: float) -> Bools:
     """Whether times, s, are so near to a gap of readings that the low pass lacks data."""
-    gaps = np.flatnonzero(np.diff(readings) > WIDTH)
+    gaps = np.flatnonzero(np.diff(readings) > width)
     found = np.zeros(time.size, dtype=np.bool_)
     for begin, end in zip(readings[gaps], readings[gaps + 1], strict=True):
-        found |= (time > begin - TAIL * WIDTH) & (time < end + TAIL * WIDTH)
+        found |= (time > begin - TAIL * width) & (time < end + TAIL * width)
     return found
 
 

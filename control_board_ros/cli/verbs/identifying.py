@@ -62,7 +62,29 @@ PROGRAM = "control_board_ros.identification"
     ),
     argument("--no-payload", action="store_true", help="No payload beyond the URDF."),
     argument("--keep", metavar="FOLDER", help="Keep the recording of the motions."),
-    argument("--data", metavar="FOLDER", help="Use a kept recording, without motion."),
+    argument(
+        "--from",
+        "--data",
+        dest="data",
+        action="append",
+        metavar="FILE",
+        help="Use recorded motions: a kept or any other recording, or anybody's tables or bags.",
+    ),
+    argument("--robot", help="The robot of a table or bag: a name, parameter file or URDF."),
+    argument("--columns", metavar="FILE.yaml", help="The columns of a table or bag."),
+    argument(
+        "--column",
+        action="append",
+        default=[],
+        metavar="SIGNAL=COLUMNS:UNIT",
+        help="Those of a signal, e.g. position=q{0}:rad.",
+    ),
+    argument(
+        "--alarms",
+        type=float,
+        metavar="RATE",
+        help="Find thresholds of contacts, too, with this many false alarms an hour.",
+    ),
     argument("--yes", action="store_true", help="Move without confirmation."),
 )
 def identify(
@@ -75,7 +97,11 @@ def identify(
     torque: float,
     no_payload: bool,
     keep: str | None,
-    data: str | None,
+    data: list[str] | None,
+    robot: str | None,
+    columns: str | None,
+    column: list[str],
+    alarms: float | None,
     yes: bool,
 ) -> int:
     """Identify friction, rotor inertia, motor constants, delay and payload from motions.
@@ -88,9 +114,16 @@ def identify(
 
     if not Path(output).absolute().parent.is_dir():
         raise UsageError(f"{Path(output).parent} is no folder; make it first")
+    if alarms is not None and not alarms > 0.0:
+        raise UsageError(f"--alarms {alarms:g} is not valid; give a rate above 0, per hour")
     words = ["-o", output] + (["--no-payload"] if no_payload else [])
+    words += ["--alarms", str(alarms)] if alarms is not None else []
     if data is not None:
-        return run_program(session, PROGRAM, [data, *words])
+        words += ["--robot", robot] if robot else []
+        words += ["--columns", columns] if columns else []
+        words += [word for one in column for word in ("--column", one)]
+        words += [word for one in joints for word in ("--joint", one)]
+        return run_program(session, PROGRAM, [*data, *words])
     shares = {"speed": speed, "acceleration": acceleration, "torque": torque}
     for name, share in shares.items():
         if not 0.0 < share <= 1.0:

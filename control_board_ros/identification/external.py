@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The torque from outside that a board would show over recorded motions (SPEC X1), and thresholds.
+
+It is the observer of ``core.laws``, with the parameters as they were identified. Where nothing
+touches the arm, it shows what the model does not explain: a threshold lies above it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from ..core.laws.control import SLIP
+from ..core.model.arm_model import ArmModel
+from ..protocols import Floats
+from .robot import Robot
+from .samples import Record
+
+#: s at the start of a record in which the observer settles.
+SETTLING = 0.3
+#: Length of a block, s: peaks in several are independent. Minimum number of blocks with motion.
+BLOCK, FEWEST = 1.0, 60
+#: Share of the blocks with the greatest peaks, by which the tail is estimated.
+TAIL = 0.1
+HOUR = 3600.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class External:
+    """Torques from outside over a record: time (s, shape (m,)), torque (N·m, shape (m, n))."""
+
+    time: Floats
+    torque: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Threshold:
+    """Of a joint, N·m: the upper end of its 95 % interval, half the width of that, the residual's
+    rms, and its worst.
+    """
+
+    value: float
+    sure: float
+    rms: float
+    worst: float
+
+
+def external(robot: Robot, records: Sequence[Record]) -> list[External]:
+    """The torques from outside over records, with the robot's parameters.
+
+    Raises:
+        IdentificationError: the URDF's masses have no effect on the joints.
+    """
+    model = robot.loaded_model()
+    gain = (
+        robot.numbers("motor.torque_constant")
+        * robot.numbers("motor.gear_ratio")
+        * robot.numbers("motor.efficiency")
+    )
+    dry, wet = robot.numbers("motor.coulomb"), robot.numbers("motor.viscous")
+    slip = SLIP * robot.numbers("limits.velocity")
+    rate = 2.0 * math.pi * robot.numbers("contact.bandwidth")
+    found = []
+    for record in records:
+        velocity, torque = record.signals["velocity"], record.signals["torque"]
+        senses = np.isfinite(torque).all(axis=0)
+        friction = dry * np.clip(velocity / slip, -1.0, 1.0) + wet * velocity
+        given = np.where(senses, torque, gain * record.signals["current"] - friction)
+        left = motion(model, record)[1:] - given[1:]
+        share = np.minimum(np.diff(record.time)[:, None] * rate, -np.expm1(-rate * period(record)))
+        torques, now = np.empty_like(left), np.zeros(left.shape[1])
+        for k, (value, part) in enumerate(zip(left, share, strict=True)):
+            now = now + part * (value - now)
+            torques[k] = now
+        time = record.time[1:]
+        settled = time >= record.time[0] + SETTLING
+        found.append(External(time[settled], torques[settled]))
+    return found
+
+
+def period(record: Record) -> float:
+    """From reading to reading, s."""
+    return float(np.median(np.diff(record.time)))
+
+
+def motion(model: ArmModel, record: Record) -> Floats:
+    """M Δq̇/T + c + g at each reading, shape (m, n); 0 at the first one."""
+    arm = model.arm()
+    position, velocity, acceleration, torque = (np.asarray(row) for row in arm.rows)
+    rates = np.diff(record.signals["velocity"], axis=0) / np.diff(record.time)[:, None]
+    found = np.zeros_like(record.signals["position"])
+    for k in range(1, len(found)):
+        position[:] = record.signals["position"][k]
+        velocity[:] = record.signals["velocity"][k]
+        acceleration[:] = rates[k - 1]
+        arm.inverse(1.0)
+        found[k] = torque
+    return found
+
+
+def threshold(
+    torques: Sequence[External], column: int, lasting: float, alarms: float
+) -> Threshold | None:
+    """The threshold of a joint; None: too short, or not known.
+
+    Peaks of each second beyond the highest tenth of them are taken as exponentially distributed.
+
+    Args:
+        torques: From outside, where nothing touches the arm.
+        column: The joint.
+        lasting: ``contact.time``, s.
+        alarms: False ones per hour that are permitted.
+    """
+    peaks, squares, count = [], 0.0, 0
+    for one in torques:
+        if one.time.size < 2:
+            continue
+        size = np.abs(one.torque[:, column])
+        squares, count = squares + float((size**2).sum()), count + size.size
+        step = float(np.median(np.diff(one.time)))
+        held = minimum_filter1d(size, max(round(lasting / step), 1))
+        blocks = np.floor((one.time - one.time[0]) / BLOCK).astype(np.intp)
+        best = np.zeros(int(blocks[-1]) + 1)
+        np.maximum.at(best, blocks, held)
+        peaks += best.tolist()
+    row = np.array(peaks)
+    if row.size < FEWEST or not np.isfinite(row).all():
+        return None
+    start = float(np.quantile(row, 1.0 - TAIL))
+    above = row[row > start] - start
+    if not above.size:
+        return None
+    often = above.size / row.size * HOUR / BLOCK / alarms
+    way = math.log(max(often, 1.0))
+    mean = float(above.mean())
+    sure = 1.96 * way * mean / math.sqrt(above.size)
+    worst = float(row.max())
+    value = max(start + way * mean + sure, worst)
+    return Threshold(value, sure, math.sqrt(squares / count), worst)
