@@ -3,17 +3,18 @@
 
 A bus that is late for an exchange continues with it: its joints keep their last reading, with its
 age, and the late answer is used in the next exchange. The bus then receives the present
-set-points, never those that it missed.
+set-points, never those that it missed. One that raises faults its own joints, and is connected
+again by itself (S10).
 """
 
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import fields, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,23 +24,36 @@ from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings,
 
 #: Share of the period for which an exchange waits for all buses.
 PATIENCE = 0.6
-#: Timeouts of letting go and of the first answer, s.
-LEAVING, FIRST = 1.0, 5.0
+#: Timeouts of letting go and of the first answer, s; s until a bus is connected again.
+LEAVING, FIRST, RETRY = 1.0, 5.0, 0.2
 
 
 class Bus:
-    """A plant in a thread of its own, and its last answer."""
+    """A plant in a thread of its own, and its last answer.
+
+    A bus that raises is connected again, every RETRY seconds, with all its joints without power;
+    the others do not notice (S10).
+
+    Attributes: error (why it has no answer; empty: it has), last, started (s).
+    """
 
     def __init__(self, plant: DrivePlant, columns: slice) -> None:
         self.plant, self.columns = plant, columns
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="bus")
         self._pending: Future[Readings] | None = None
-        self.started = 0.0  # s
+        self._resets: list[int] = []
+        self._ending = threading.Event()
+        self.started, self.error = 0.0, ""
         self.last: Readings | None = None
 
     def do(self, task: Callable[[], Any]) -> Future[Any]:
         """Run a task in its thread, after those before it."""
         return self._thread.submit(task)
+
+    def connect(self, setup: Setup) -> Future[Any]:
+        self._setup = setup
+        self._pending, self.last, self.error = None, None, ""
+        return self.do(lambda: self.plant.connect(setup))
 
     def exchange(self, wanted: SetPoints) -> Future[Readings]:
         """Start an exchange, unless one is pending."""
@@ -48,28 +62,46 @@ class Bus:
             mine = SetPoints(
                 wanted.kinds[own].copy(), wanted.values[:, own].copy(), wanted.released[own].copy()
             )
+            resets, self._resets = self._resets, []
             self.started = time.monotonic()
-            self._pending = self.do(lambda: self.plant.exchange(mine))
+            self._pending = self.do(lambda: self._exchange(mine, resets))
         return self._pending
 
-    def finish(self) -> bool:
-        """Store the answer of a finished exchange; false while it is pending.
+    def clear_fault(self, joint: int) -> None:
+        """Reset the fault of a drive with the next exchange."""
+        self._resets.append(joint)
 
-        Raises:
-            Exception: from the exchange.
-        """
+    def finish(self) -> bool:
+        """Store the answer of a finished exchange; false while it is pending."""
         if self._pending is None or not self._pending.done():
             return False
         done, self._pending = self._pending, None
-        self.last = done.result()
+        if (error := done.exception()) is None:
+            self.last, self.error = done.result(), ""
+        else:
+            self.fail(error)
         return True
 
-    def forget(self) -> None:
-        """Drop a pending exchange and the last answer."""
-        self._pending = self.last = None
+    def fail(self, error: BaseException) -> None:
+        """Report an error, and connect again."""
+        self.error = f"{type(error).__name__}: {error}"
+        self._pending = self.do(self._again)
+
+    def _exchange(self, wanted: SetPoints, resets: Sequence[int]) -> Readings:
+        for joint in resets:
+            self.plant.clear_fault(joint)
+        return self.plant.exchange(wanted)
+
+    def _again(self) -> Readings:
+        with contextlib.suppress(Exception):  # the error before it is reported
+            self.plant.let_go()
+        self._ending.wait(RETRY)
+        self.plant.connect(self._setup)
+        return self.plant.exchange(SetPoints.off(len(self._setup.joints)))
 
     def end(self) -> None:
         """End its thread, unless it hangs."""
+        self._ending.set()
         self._thread.shutdown(wait=False, cancel_futures=True)
 
 
@@ -90,6 +122,7 @@ class Buses:
             for plant, begin, end in zip(plants, ends[:-1], ends[1:], strict=True)
         ]
         self._count, self._period = ends[-1], 2e-3
+        self._first = True
         self.late = [0] * len(plants)
 
     def describe(self) -> Description:
@@ -99,40 +132,40 @@ class Buses:
         return Description(joints=joints, rate=min(rates, default=None))
 
     def connect(self, setup: Setup) -> None:
-        """Open all buses together."""
-        self._period = setup.period
-        tasks = []
-        for bus in self._buses:
-            bus.forget()
-            own = replace(setup, joints=setup.joints[bus.columns])
-            tasks.append(bus.do(partial(bus.plant.connect, own)))
-        for task in tasks:
-            task.result()
-
-    def exchange(self, wanted: SetPoints) -> Readings:
-        """Exchange with all buses in parallel; only a first reading is waited for.
+        """Open all buses together.
 
         Raises:
-            TimeoutError: a bus has never answered.
-            Exception: from the exchange of a bus.
+            Exception: none could be opened; of the first.
         """
-        pending = [bus.exchange(wanted) for bus in self._buses]
-        first = any(bus.last is None for bus in self._buses)
-        wait(pending, FIRST if first else PATIENCE * self._period)
+        self._period, self._first = setup.period, True
+        tasks = [
+            bus.connect(replace(setup, joints=setup.joints[bus.columns])) for bus in self._buses
+        ]
+        errors = [task.exception() for task in tasks]
+        if all(errors):
+            tasks[0].result()
+        for bus, error in zip(self._buses, errors, strict=True):
+            if error is not None:
+                bus.fail(error)
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        """Exchange with all buses in parallel; only the first readings are waited for."""
+        pending = [bus.exchange(wanted) for bus in self._buses if not bus.error]
+        wait(pending, FIRST if self._first else PATIENCE * self._period)
+        self._first = False
         ages = np.zeros(self._count)
         for k, bus in enumerate(self._buses):
-            if not bus.finish():
+            if not bus.finish() or bus.error:
                 self.late[k] += 1
-                if bus.last is None:
-                    raise TimeoutError(f"bus {k + 1} of {len(self._buses)} does not answer")
                 ages[bus.columns] = time.monotonic() - bus.started + self._period
-        return self._joined([bus.last for bus in self._buses if bus.last is not None], ages)
+        return self._joined(ages)
 
-    def _joined(self, found: Sequence[Readings], ages: Array) -> Readings:
+    def _joined(self, ages: Array) -> Readings:
         """Readings of all joints.
 
         Where a bus has none of a motor quantity, its joints have NaN; any other is None for all.
         """
+        found = [bus.last or unread(bus.columns) for bus in self._buses]
         rows: dict[str, Any] = {}
         for name in [field.name for field in fields(Readings) if field.name != "faults"]:
             parts = [getattr(one, name) for one in found]
@@ -144,14 +177,16 @@ class Buses:
         own = rows.get("ages")
         rows["ages"] = ages if own is None else np.maximum(own, ages)
         faults: list[str | DriveFault | None] = []
-        for bus, one in zip(self._buses, found, strict=True):
-            faults += one.faults or [None] * (bus.columns.stop - bus.columns.start)
+        for k, (bus, one) in enumerate(zip(self._buses, found, strict=True), start=1):
+            silent = f"bus {k} of {len(self._buses)} does not answer" if bus.last is None else ""
+            everybody = [bus.error or silent or None] * (bus.columns.stop - bus.columns.start)
+            faults += everybody if everybody[0] else one.faults or everybody
         return Readings(**rows, faults=faults)
 
     def clear_fault(self, joint: int) -> None:
         for bus in self._buses:
             if bus.columns.start <= joint < bus.columns.stop:
-                bus.do(partial(bus.plant.clear_fault, joint - bus.columns.start)).result()
+                bus.clear_fault(joint - bus.columns.start)
 
     def let_go(self) -> None:
         """Release all buses in parallel, where they still respond."""
@@ -163,3 +198,10 @@ class Buses:
             wait([bus.do(bus.plant.close) for bus in self._buses], LEAVING)
         for bus in self._buses:
             bus.end()
+
+
+def unread(columns: slice) -> Readings:
+    """Readings of joints that were never read."""
+    nothing = np.full(columns.stop - columns.start, np.nan)
+    rows: dict[str, Any] = dict.fromkeys((field.name for field in fields(Readings)), nothing)
+    return Readings(**rows | {"ages": np.zeros_like(nothing), "faults": ()})

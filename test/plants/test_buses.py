@@ -129,20 +129,71 @@ def test_faults_belong_to_the_joints_of_their_bus(three) -> None:
         found = buses.exchange(at(*[0.0] * 6))
     assert [str(fault or "") for fault in found.faults] == ["", "", "33 over-voltage", "", "", ""]
     buses.clear_fault(4)
+    until(buses, lambda _: servos[2].cleared == 1)
     assert (servos[0].cleared, servos[1].cleared, servos[2].cleared) == (-1, -1, 1)
 
 
-def test_exceptions_of_a_bus_propagate_and_release_all_drives(three) -> None:
-    """B3, B5."""
+def until(buses: Buses, reached) -> Readings:
+    """Exchange until something is so."""
+    for _ in range(10_000):
+        if reached(found := buses.exchange(at(*[0.5] * 6))):
+            return found
+    raise AssertionError(found)
+
+
+def test_a_bus_that_raises_takes_no_other_down(three) -> None:
+    """S10, B3: its joints have the reason; it is connected again, without power, by itself."""
     servos, buses = three
+    until(buses, lambda found: not any(found.faults))
     servos[0].trouble = OSError("bus off")
+    found = until(buses, lambda found: any(found.faults))
+    assert found.faults == ["OSError: bus off"] * 2 + [None] * 4
+    before = len(servos[1].asked)
+    for _ in range(50):
+        assert buses.exchange(at(*[0.5] * 6)).faults[2:] == [None] * 4
+    assert len(servos[1].asked) > before
+    assert servos[0].went == 0
+    asked = len(servos[0].asked)
+    servos[0].trouble = None
+    found = until(buses, lambda found: not any(found.faults))
+    assert servos[0].asked[asked] == [0.0, 0.0]
 
-    def go_on() -> None:
-        for _ in range(1000):
-            buses.exchange(at(*[0.0] * 6))
 
-    with pytest.raises(OSError, match="bus off"):
-        go_on()
+def test_a_bus_that_cannot_be_opened_leaves_the_others(three) -> None:
+    """S10: at the start, too; all of them: the reason."""
+    servos, buses = three
+    setup = Setup(period=2e-3, timeout=0.1, joints=(None,) * 6)
+    connect = servos[1].connect
+    servos[1].connect = lambda _: (_ for _ in ()).throw(OSError("no such bus"))
+    buses.connect(setup)
+    found = buses.exchange(at(*[0.5] * 6))
+    assert found.faults == [None] * 2 + ["OSError: no such bus"] + [None] * 3
+    assert np.isnan(found.position).tolist() == [False] * 2 + [True] + [False] * 3
+    servos[1].connect = connect
+    until(buses, lambda found: not any(found.faults))
+    for one in servos:
+        one.connect = lambda _: (_ for _ in ()).throw(OSError("no such bus"))
+    with pytest.raises(OSError, match="no such bus"):
+        buses.connect(setup)
+
+
+def test_clearing_a_fault_waits_for_no_bus(three) -> None:
+    """S10: one that hangs."""
+    servos, buses = three
+    until(buses, lambda found: not any(found.faults))
+    servos[1].gate.clear()
+    buses.exchange(at(*[0.5] * 6))
+    buses.clear_fault(2)
+    before = len(servos[2].asked)
+    until(buses, lambda _: len(servos[2].asked) > before + 5)
+    assert servos[1].cleared == -1
+    servos[1].gate.set()
+    until(buses, lambda _: servos[1].cleared == 0)
+
+
+def test_all_buses_are_let_go(three) -> None:
+    """B5."""
+    servos, buses = three
     buses.let_go()
     assert [one.went for one in servos] == [0, 0, 0]
 

@@ -350,3 +350,26 @@ def test_the_supply_that_returns_moves_no_moteus() -> None:
             bench.bus.step([frame])
         bench.follow(OFF, 20)
         assert np.abs(bench.world.state[0] - before).max() < 2e-3
+
+
+def test_power_from_a_queue_is_taken_back() -> None:
+    """S11: an ENABLE that the queue kept over a restart finds a Damiao without its MIT mode."""
+    with bench_of("mit_can") as bench:
+        bench.connect()
+        bench.follow(OFF, 5)
+        kept: list[Frame] = []
+
+        def keep(sent: Iterable[Frame]) -> Iterator[Frame]:
+            kept.extend(sent)
+            yield from ()
+
+        bench.bus.to_drives = keep
+        bench.follow(IMPEDANCE, 10)
+        bench.bus.to_drives = iter
+        for drive in bench.drives:
+            drive.reboot()
+        bench.arrive(bench.bus.step(kept))
+        assert [drive.state for drive in bench.drives] == [1, 1]
+        found = bench.follow(IMPEDANCE, 40)
+        for joint, fault in enumerate(found.faults):
+            assert fault or law_of(bench.drives[joint]) is IMPEDANCE

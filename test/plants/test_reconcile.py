@@ -23,10 +23,10 @@ FAULT = DriveFault(1, "fault")
 DESIRED = [Desired(law, live, reset) for law, live, reset in
            product((None, "a", "b"), (True, False), (True, False))]  # fmt: skip
 REPORTED = [
-    Reported(power, law, fault, lost, confirmed, unheard)
-    for power, law, fault, lost, confirmed, unheard in product(
+    Reported(power, law, fault, lost, confirmed, unheard, stale)
+    for power, law, fault, lost, confirmed, unheard, stale in product(
         (True, False), (None, "a", "b"), (None, FAULT), (True, False), (True, False),
-        (0, 1, UNHEARD, 1000),
+        (0, 1, UNHEARD, 1000), (True, False),
     )
 ]  # fmt: skip
 EVERY = list(product(DESIRED, REPORTED))
@@ -51,6 +51,7 @@ def test_power_comes_only_to_a_healthy_confirmed_drive_that_answers() -> None:
             assert reported.fault is None
             assert reported.unheard < UNHEARD
             assert reported.power or reported.confirmed
+            assert not (reported.power and reported.stale)
             assert desired.live or reported.law == desired.law
         if action is Action.POWER_ON:
             assert not reported.power
@@ -74,6 +75,7 @@ def test_each_action_leads_on_to_the_goal() -> None:
         if desired.law is None:
             continue
         state = Reported(reported.power, reported.law, None, reported.lost, reported.confirmed)
+        state.stale = reported.power and reported.stale
         for _ in range(8):
             action = step(desired, state)
             if action is Action.SET_UP:
@@ -81,7 +83,7 @@ def test_each_action_leads_on_to_the_goal() -> None:
             elif action is Action.CONFIRM:
                 state.confirmed = True
             elif action is Action.OFF:
-                state.power = False
+                state.power = state.stale = False
             elif action is Action.SET_LAW:
                 state.law = desired.law
             elif action in GIVING:
@@ -94,6 +96,7 @@ def test_each_action_leads_on_to_the_goal() -> None:
 def test_what_is_not_confirmed_is_said() -> None:
     assert "power" in unconfirmed(Desired(None), Reported(power=True))
     assert "power" in unconfirmed(Desired("a"), Reported())
+    assert "not heard" in unconfirmed(Desired("a"), Reported(power=True, law="a", stale=True))
     assert unconfirmed(Desired("a"), Reported(power=True, law="b")) == "acts in mode b, not in a"
 
 

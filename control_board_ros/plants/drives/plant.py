@@ -24,7 +24,7 @@ from .clock import Clock
 from .driver import NONE, Answers, Driver, Found, Order
 from .faults import RESTARTED, UNCONFIRMED
 from .interview import Interview, Questions
-from .reconcile import ASKING, Action, Desired, done, step, unconfirmed
+from .reconcile import ASKING, UNHEARD, Action, Desired, done, step, unconfirmed
 
 #: Longest period of exchanges while the bus is connected, s.
 PACE = 5e-3
@@ -138,6 +138,7 @@ class DrivesPlant:
         for k, raw in enumerate(answers.raw):
             raw.clear()
             answers.asked[k] = 0
+        before = [reported.power for reported in answers.reported]
         self.driver.exchange(orders)
         for k, order in orders.items():
             self._actions[k] = order.action
@@ -145,6 +146,8 @@ class DrivesPlant:
                 order.interview.asks = False
             reported = answers.reported[k]
             heard = answers.times[k] >= begin or bool(answers.raw[k])
+            unseen = reported.stale or (not before[k] and reported.unheard >= UNHEARD)
+            reported.stale = reported.power and unseen
             reported.unheard = 0 if heard else reported.unheard + 1
             off = order.action in (Action.OFF, Action.RESET)
             if reported.power or off:

@@ -61,6 +61,8 @@ class Reported:
         lost: Its set-up is lost, or was never made.
         confirmed: What a restart forgets was read back since power was last wanted off, or there.
         unheard: Exchanges in a row without an answer.
+        stale: It took power while it was unheard, from what its bus had kept, perhaps after a
+            restart (S11).
     """
 
     power: bool = False
@@ -69,6 +71,7 @@ class Reported:
     lost: bool = True
     confirmed: bool = False
     unheard: int = 0
+    stale: bool = False
 
 
 def step(desired: Desired, reported: Reported) -> Action:  # noqa: PLR0911 - a table
@@ -83,7 +86,7 @@ def step(desired: Desired, reported: Reported) -> Action:  # noqa: PLR0911 - a t
         return Action.OFF
     right = desired.live or reported.law == desired.law
     if reported.power:
-        return Action.GOAL if right else Action.OFF
+        return Action.GOAL if right and not reported.stale else Action.OFF
     if not reported.confirmed:
         return Action.CONFIRM
     return Action.POWER_ON if right else Action.SET_LAW
@@ -93,7 +96,7 @@ def done(desired: Desired, reported: Reported) -> bool:
     """Whether the drive reports what is desired: no power, or its law with power."""
     if desired.law is None:
         return not reported.power
-    return reported.power and reported.law == desired.law
+    return reported.power and reported.law == desired.law and not reported.stale
 
 
 def unconfirmed(desired: Desired, reported: Reported) -> str:
@@ -102,4 +105,6 @@ def unconfirmed(desired: Desired, reported: Reported) -> str:
         return "keeps its power, although switched off"
     if not reported.power:
         return "does not take power"
+    if reported.stale:
+        return "took power while it was not heard, and keeps it"
     return f"acts in mode {reported.law}, not in {desired.law}"
