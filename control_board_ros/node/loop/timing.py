@@ -176,11 +176,13 @@ class Pacer:
 class Standstill:
     """The last time that cycles began late by more than LONGEST: what waited then is void (B6).
 
+    It is found within as long again, also where a sender's clock differs.
+
     Args:
         pacer: Of the cycles.
     """
 
-    #: s that a cycle may begin late, and in which what waited is found afterwards.
+    #: s that a cycle may begin late.
     LONGEST = 0.5
 
     def __init__(self, pacer: Pacer) -> None:
@@ -202,7 +204,14 @@ class Standstill:
         now = time.monotonic()
         if (late := self._pacer.lag(now)) > self.LONGEST:
             return late
-        return self._lasted if now < self._ended + self.LONGEST and sent < self._ended_at else 0.0
+        waited = sent < self._ended_at and now < self._ended + self._lasted
+        return self._lasted if waited else 0.0
+
+    def voids(self, sent: int) -> str:
+        """Why a command that was sent then (system time, ns) is void; empty: it is not."""
+        stood = self.of(sent)
+        text = f"it waited while the board stood still for {stood:.1f} s; send it again"
+        return text if stood else ""
 
 
 class Divider:

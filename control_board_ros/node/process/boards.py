@@ -42,10 +42,11 @@ from ..wiring.publishing import StatePublisher, StateThread, publisher
 from ..wiring.reporter import PERIOD, Reporter
 from ..wiring.request_log import RequestLog
 from ..wiring.services import Services
-from ..wiring.topics import CommandTopics
+from ..wiring.topics import CommandTopics, refusing_stale
 from ..wiring.trajectories import FollowTrajectory, followed, trajectory_callback
 from ..wiring.transforms import offer_transforms
 from ..wiring.yarp import offer_yarp
+from .executor import KeptWaitSetExecutor
 from .lifecycle import make_node, manage
 from .start import Start
 
@@ -117,7 +118,13 @@ class BoardNode:
         )
         stop = partial(follower.stop, member.board)
         services = Services(
-            member, injection, self._later, stop, role.for_all, settings.values["pwm_name"]
+            member,
+            injection,
+            self._later,
+            stop,
+            role.for_all,
+            settings.values["pwm_name"],
+            self._void,
         )
         poses = Poses(member, settings.poses, UserPoses(settings.urdf.name))
         reporter.offer_services(requests, services, poses)
@@ -127,7 +134,9 @@ class BoardNode:
             joint_trajectory=trajectory_callback(member, follower, reporter.warn),
             warn=reporter.warn,
         )
-        self._subscriptions = reporter.subscribe(commands.callbacks().items(), commands.is_void)
+        self._subscriptions = reporter.subscribe(
+            commands.callbacks().items(), refusing_stale(member, reporter.warn)
+        )
         if role.yarp:
             self._subscriptions += offer_yarp(
                 node,
@@ -163,6 +172,12 @@ class BoardNode:
         with self.member.exclusive() as board:
             board.reconfigure(settings.board)
         self.on_reconfigured(changes)
+
+    def _void(self) -> str:
+        """Why the request that is served now is void (B6); empty: it is not."""
+        executor = self.node.executor
+        assert isinstance(executor, KeptWaitSetExecutor)
+        return self.member.loop.standstill.voids(executor.sent)
 
     def _later(self, function: Callable[[], None]) -> None:
         executor = self.node.executor

@@ -39,7 +39,8 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         on_error: called with the exception that a callback raised and the entity's name.
         context: the rclpy context; None for the default one.
 
-    Attributes: pulse (of the thread that spins), failure (what ended :meth:`spin`, if anything).
+    Attributes: pulse (of the thread that spins), failure (what ended :meth:`spin`, if anything),
+    sent (when the last request was, ns of system time).
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
     ) -> None:
         self._stale = True
         self._ended = False
+        self.sent = 0
         self.pulse = Pulse()
         self.failure: Exception | None = None
         self._on_error = on_error
@@ -180,6 +182,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         request, header = service.handle.service_take_request(service.srv_type.Request)
         if header is None:
             return
+        self.sent = header.source_timestamp
         response = service.callback(request, service.srv_type.Response())
         if inspect.iscoroutine(response):
             self.create_task(self._answer_later, service, header, response)

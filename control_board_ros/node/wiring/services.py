@@ -20,7 +20,7 @@ from ...core.machine.commands import COMMANDS
 from ...core.selection import RequestError
 from ...core.terms.measurement import Simulation
 from ...core.terms.motors import TERMS
-from ...core.terms.reply import Reply
+from ...core.terms.reply import Reason, Reply
 from ...core.terms.vocabs import ControlMode, encode
 from ...joint_limits import FIELDS
 from ...text import unknown_word
@@ -49,6 +49,7 @@ class Services:
         stop: stops the motion of joints, trajectories as well; called with the lock held.
         for_all: faults that reach all joints, whichever are named.
         pwm_name: of OPENLOOP in answers of ~/get_control_mode.
+        void: why the request that is served now is void (B6); empty: it is not.
     """
 
     def __init__(
@@ -59,11 +60,12 @@ class Services:
         stop: Callable[[Sequence[str]], Reply],
         for_all: Collection[str] = (),
         pwm_name: str = ControlMode.OPENLOOP.code,
+        void: Callable[[], str] = lambda: "",
     ) -> None:
         self._pwm = pwm_name, encode(pwm_name)
         self._member, self._loop = member, member.loop
         self._injection = injection
-        self._later, self._stop, self._for_all = later, stop, for_all
+        self._later, self._stop, self._for_all, self._void = later, stop, for_all, void
 
     # -- modes --------------------------------------------------------------------------------
 
@@ -135,15 +137,19 @@ class Services:
 
     def send_reference(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
-            reply = send_reference(
-                board,
-                request.kind,
-                bounded(request.names, board.count),
-                optional(request.values),
-                optional(request.along),
-                together=request.together,
-                valid_for=request.valid_for,
-            )
+            joints = bounded(request.names, board.count)
+            if void := self._void():
+                reply = board.reject(joints, void, Reason.STALE)
+            else:
+                reply = send_reference(
+                    board,
+                    request.kind,
+                    joints,
+                    optional(request.values),
+                    optional(request.along),
+                    together=request.together,
+                    valid_for=request.valid_for,
+                )
         response.values = doubles(reply.values or [math.nan] * len(reply.joints))
         return answered(response, reply)
 

@@ -67,6 +67,26 @@ def references(member: Member, topic: Endpoint, send: Send, warn: Warn) -> Callb
     return on_message
 
 
+def refusing_stale(member: Member, warn: Warn) -> Callable[[Any, int], bool]:
+    """Refuses a message that waited while the board stood still (B6), and says whether it did.
+
+    It gets the message and when it was sent, ns of system time.
+    """
+
+    def refused(message: Any, sent: int) -> bool:
+        text = member.loop.standstill.voids(sent)
+        if not text:
+            return False
+        names = getattr(message, "names", getattr(message, "name", None))
+        if names is not None:
+            with member.exclusive() as board:
+                board.reject(bounded(names, board.count), text, Reason.STALE)
+        warn(f"command ignored: {text}", "ignored")
+        return True
+
+    return refused
+
+
 def warn_of(reply: Reply, warn: Warn) -> None:
     """Log ignored references, and accepted ones that were bounded."""
     if reply.message:
@@ -100,19 +120,6 @@ class CommandTopics:
             HEARTBEAT: self._heartbeat,
             EXTERNAL_TORQUE_SENSOR: self._external_torque_sensor,
         }
-
-    def is_void(self, message: Any, sent: int) -> bool:
-        """Refuse what waited while the board stood still (B6); sent: at this system time, ns."""
-        stood = self._member.loop.standstill.of(sent)
-        if not stood:
-            return False
-        text = f"it waited while the board stood still for {stood:.1f} s; send it again"
-        names = getattr(message, "names", getattr(message, "name", None))
-        if names is not None:
-            with self._member.exclusive() as board:
-                board.reject(bounded(names, board.count), text, Reason.STALE)
-        self._warn(f"command ignored: {text}", "ignored")
-        return True
 
     def _joint_commands(self, message: Any) -> None:
         with self._member.exclusive() as board:

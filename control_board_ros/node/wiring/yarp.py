@@ -33,7 +33,7 @@ from .messages import bounded, doubles
 from .publishing import StatePublisher, publisher
 from .reporter import Reporter
 from .request_log import RequestLog, left_out
-from .topics import Callback, Warn, references, stream
+from .topics import Callback, Warn, references, refusing_stale, stream
 
 M = ControlMode
 COMPLIANT = InteractionMode.COMPLIANT
@@ -125,7 +125,8 @@ def offer_yarp(
             answer = offered.answering(row)
             node.create_service(row.load(), row.name, answer, qos_profile=row.qos.profile())
     return reporter.subscribe(
-        [(row, offered.reference(row)) for row in free if row.kind == "command"]
+        [(row, offered.reference(row)) for row in free if row.kind == "command"],
+        refusing_stale(member, reporter.warn),
     )
 
 

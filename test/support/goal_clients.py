@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Action clients that send short goals, several at a time, and cancel some of them at random."""
+
+from __future__ import annotations
+
+import random
+import threading
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.qos import QoSProfile
+from waiting import GUARD
+
+from control_board_ros.testing import BoardProcess, ros_node
+
+ENDS = {
+    GoalStatus.STATUS_SUCCEEDED: "succeeded",
+    GoalStatus.STATUS_CANCELED: "canceled",
+    GoalStatus.STATUS_ABORTED: "aborted",
+}
+#: Goals of one client that run at a time, and the part of all that is cancelled.
+AT_A_TIME, CANCELLED = 8, 0.4
+#: s after which a goal is cancelled, at most.
+LATEST = 0.02
+
+
+class GoalClient:
+    """Sends goals until ``count`` of them have ended.
+
+    Attributes: results (numbers of results by goal), ends (numbers of goals by their end).
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        kind: Any,
+        action: str,
+        goal: Callable[[float], Any],
+        count: int,
+        seed: int,
+    ) -> None:
+        self._node, self._goal, self._left, self.count = node, goal, count, count
+        self._random = random.Random(seed)
+        deep = QoSProfile(depth=1000)  # each receives the answers to all clients
+        self._client = ActionClient(
+            node,
+            kind,
+            action,
+            goal_service_qos_profile=deep,
+            result_service_qos_profile=deep,
+            cancel_service_qos_profile=deep,
+        )
+        self.results: Counter[bytes] = Counter()
+        self.ends: Counter[str] = Counter()
+        self._ended = threading.Event()
+
+    def start(self) -> None:
+        assert self._client.wait_for_server(GUARD)
+        for _ in range(AT_A_TIME):
+            self._node.executor.create_task(self._send)  # so no answer comes before it is awaited
+
+    def wait(self, timeout: float) -> None:
+        assert self._ended.wait(timeout), (
+            f"{self.results.total()} of {self.count} goals have ended"
+        )
+
+    def _send(self) -> None:
+        if self._left:
+            self._left -= 1
+            sent = self._client.send_goal_async(self._goal(self._random.random()))
+            sent.add_done_callback(lambda future: self._on_accepted(future.result()))
+
+    def _on_accepted(self, handle: Any) -> None:
+        assert handle.accepted
+        goal = bytes(handle.goal_id.uuid)
+        handle.get_result_async().add_done_callback(lambda f: self._on_end(goal, f.result()))
+        if self._random.random() < CANCELLED:
+            self._cancel_later(handle)
+
+    def _cancel_later(self, handle: Any) -> None:
+        def cancel() -> None:
+            timer.cancel()
+            self._node.destroy_timer(timer)
+            handle.cancel_goal_async()
+
+        timer = self._node.create_timer(self._random.uniform(0.0, LATEST), cancel)
+
+    def _on_end(self, goal: bytes, answer: Any) -> None:
+        self.results[goal] += 1
+        self.ends[ENDS.get(answer.status, str(answer.status))] += 1
+        self._send()
+        if self.results.total() >= self.count:
+            self._ended.set()
+
+
+def ends_of_goals(
+    board: BoardProcess,
+    kind: Any,
+    action: str,
+    goal: Callable[[float], Any],
+    *,
+    count: int,
+    clients: int = 4,
+    timeout: float,
+) -> Counter[str]:
+    """Let clients, each in a node of its own, send ``count`` goals; how they ended.
+
+    ``goal`` makes one from a number of 0 to 1; the last has ended within ``timeout`` (s).
+
+    Raises:
+        AssertionError: a goal has no result, or several.
+    """
+    with ExitStack() as stack:
+        nodes = [stack.enter_context(ros_node(board.domain, f"goals_{k}")) for k in range(clients)]
+        all_of = [
+            GoalClient(node, kind, f"{board.name}/{action}", goal, count // clients, seed)
+            for seed, node in enumerate(nodes)
+        ]
+        for one in all_of:
+            one.start()
+        for one in all_of:
+            one.wait(timeout)
+    ends: Counter[str] = Counter()
+    for one in all_of:
+        assert set(one.results.values()) == {1}
+        assert len(one.results) == one.count
+        ends += one.ends
+    return ends
