@@ -200,7 +200,7 @@ class RobStride:
             self._faults.reset()
             yield number, f.CLEAR
             yield number, f.DISABLE
-        elif order.interview is None:
+        elif order.interview is None or answers.reported[k].unheard:  # it may hear, unheard
             yield number, f.DISABLE
 
     def take(self, data: bytes, answers: Answers, k: int) -> bool:
