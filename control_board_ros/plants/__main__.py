@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -16,11 +18,14 @@ from ..core.terms.joint_kind import JointKind
 from ..settings.loading import Settings, load
 from ..settings.params_file import SettingsError
 from ..text import unknown_word
+from .apart import ApartError, PlantApart
 from .drives.axes import Axis
 from .drives.bring_up import Moved, Trial, corrections, write
 from .drives.plant import DrivesPlant
 from .entry_points import DRIVERS, make, pairs
 from .errors import PlantSettingsError
+from .guarded import patience
+from .interface import DrivePlant
 from .offers import limit_differences
 
 #: Makes on serial buses, and the rates at which their servos usually are, bit/s.
@@ -52,6 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     trial.add_argument("--joints", default="")
     trial.add_argument("--turned", action="append", default=[], metavar="JOINT=WAY")
     given = parser.parse_args(arguments)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if given.verb == "scan":
             return put_scan(given.plant, given.bus, given.baudrate)
@@ -63,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("cbctl: nobody answers here; all joints are without power; in a script: --yes, with "
               "--turned JOINT=WAY for what a person saw", file=sys.stderr)  # fmt: skip
         return 1
-    except (PlantSettingsError, SettingsError, ConfigError, OSError) as error:
+    except (PlantSettingsError, SettingsError, ConfigError, OSError, ApartError) as error:
         print(f"cbctl: {error}", file=sys.stderr)
         return 1
     except ImportError as error:
@@ -105,11 +112,11 @@ def put_trial(given: argparse.Namespace) -> int:
         )
     kinds = {joint.name: joint.kind for joint in settings.board.joints}
     seen = {name: moved_by(kinds[name], words) for name, words in turned.items()}
-    plant = made(settings)
+    period = max(settings.board.period, PERIOD)
+    plant, axes = made(settings, period)
     try:
-        period = max(settings.board.period, PERIOD)
         trial = Trial(plant, settings.board.joints, period, settings.values["plant_timeout"])
-        put_joints(trial, plant.axes)
+        put_joints(trial, axes)
         if not given.yes and not agreed(
             "Give power to one joint after the other, and move each by 2° or 2 mm?"
         ):
@@ -123,29 +130,34 @@ def put_trial(given: argparse.Namespace) -> int:
             print(report(moved))
             wrong += not moved.follows
             way = seen.get(name, moved.read if given.yes else looked(moved))
-            changed |= corrections(plant.axes[joint], moved, way)
+            changed |= corrections(axes[joint], moved, way)
     finally:
         plant.close()
+        if isinstance(plant, PlantApart):
+            plant.process.wait()  # until then a joint may have power
     return max(put_corrections(given.robot, changed), int(wrong > 0))
 
 
-def made(settings: Settings) -> DrivesPlant:
-    """The drives of a robot.
+def made(settings: Settings, period: float) -> tuple[DrivePlant, Sequence[Axis]]:
+    """The drives of a robot, in a process of their own, which ends their power with this one.
 
     Raises:
         PlantSettingsError: its plant is none of the drivers in the box.
     """
     name, arguments = settings.values["plant"], settings.values["plant_arguments"]
+    joints = settings.board.names
     if name.startswith("virtual/"):
         from .virtual.plant import make_virtual
 
-        return make_virtual(name, settings, arguments)
-    plant = make(name, settings.board.names, arguments) if name else None
+        virtual = make_virtual(name, settings, arguments)
+        return virtual, virtual.axes
+    plant = make(name, joints, arguments) if name else None
     if not isinstance(plant, DrivesPlant):
         raise PlantSettingsError(
             f"plant: {name!r} is no driver in the box; known: {', '.join(DRIVERS)}"
         )
-    return plant
+    silence = patience(settings.values["plant_timeout"], period)
+    return PlantApart(name, joints, arguments, silence), plant.axes
 
 
 def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:

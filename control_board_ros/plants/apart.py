@@ -22,6 +22,10 @@ from .interface import Description, Readings, Setup
 LEAVING = 1.0
 
 
+class ApartError(RuntimeError):
+    """What a plant raised in its process; a subclass of it has the name of the plant's class."""
+
+
 class PlantApart:
     """A DrivePlant whose methods run in a process of its own, which ``connect`` restarts.
 
@@ -106,14 +110,14 @@ class PlantApart:
         """The return value of the plant.
 
         Raises:
-            Exception: the plant raised; of the same name and text.
+            ApartError: the plant raised; of the same name and text.
         """
         try:
             kind, found = self._connection.recv()
         except (EOFError, OSError):
             raise self._gone() from None
         if kind:
-            raise type(kind, (RuntimeError,), {})(found)
+            raise type(kind, (ApartError,), {})(found)
         return found
 
     def _gone(self) -> ConnectionError:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import re
 import struct
 import sys
@@ -331,6 +332,42 @@ def test_cyclic_messages_of_an_odrive_are_no_second_drive() -> None:
         for _ in range(100):
             assert not any(bench.follow(VELOCITY, velocity=0.4).faults)
         assert (bench.world.state[1] > 0.2).all()
+
+
+def test_the_mode_of_an_odrive_is_read_back(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """S8: where its endpoint is known; a mode that is not taken is a fault, one packet is none."""
+    pytest.importorskip("can")
+    from control_board_ros.plants.odrive_can import frames as o
+    from control_board_ros.plants.odrive_can import virtual
+
+    known = {**o.KNOWN["0.6.11", "4.4"], o.LAW: o.Endpoint(77, "<B")}
+    monkeypatch.setattr(virtual, "PARAMETERS", known)
+    forms = {form: name for name, form in o.FORMS.items()}
+    entries = {name: {"id": one.id, "type": forms[one.form]} for name, one in known.items()}
+    file = tmp_path / "flat_endpoints.json"
+    content = {"fw_version": "0.6.11-1", "hw_version": "4.4.58", "endpoints": entries}
+    file.write_text(json.dumps(content), encoding="utf-8")
+    with bench_of("odrive_can", endpoints=str(file)) as bench:
+        bench.connect()
+        bench.follow(POSITION, 20)
+        lost = [1]
+
+        def lose(sent: Iterable[Frame]) -> Iterator[Frame]:
+            for frame in sent:
+                if frame[0] == 2 << 5 | o.MODE and lost[0]:
+                    lost[0] -= 1
+                else:
+                    yield frame
+
+        bench.bus.to_drives = lose
+        assert not any(bench.follow(VELOCITY, 40).faults)
+        assert [law_of(drive) for drive in bench.drives] == [VELOCITY, VELOCITY]
+        lost[0] = 10_000
+        found = bench.until(lambda found: bool(found.faults[1]), TORQUE, cycles=80)
+        assert "acts in mode 2, not in 1" in str(found.faults[1])
+        assert not found.faults[0]
 
 
 def test_the_supply_that_returns_moves_no_moteus() -> None:

@@ -241,3 +241,26 @@ def test_dynamixels_on_a_pseudo_terminal_hold_still() -> None:
             end.until("torque")
     finally:
         end.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_trial_that_is_killed_leaves_no_power(number: int, tmp_path: Path) -> None:
+    """Its drives are in a process of their own: a Feetech has no watchdog, and would hold."""
+    pytest.importorskip("scservo_sdk")
+    end = FarEnd("feetech", "")
+    robot = tmp_path / "robot.yaml"
+    robot.write_text(
+        "/**:\n  ros__parameters:\n    robot: iiwa\n    plant: feetech\n"
+        f"    plant_timeout: {TIMEOUT}\n    plant_arguments: [{end.bus}]\n"
+    )
+    line = [sys.executable, "-m", "control_board_ros.plants", "try", str(robot), "--yes"]
+    trial = subprocess.Popen([*line, "--joints", JOINT], stdout=subprocess.PIPE)
+    try:
+        end.until("torque")
+        trial.send_signal(number)
+        end.until("free")
+        assert trial.wait(30.0) in (1, -signal.SIGKILL)
+    finally:
+        trial.kill()
+        trial.communicate()
+        end.close()

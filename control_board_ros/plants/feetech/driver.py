@@ -18,7 +18,7 @@ from ..drives.axes import Options
 from ..drives.can_line import budget
 from ..drives.driver import Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, flagged
-from ..drives.interview import Question, Questions, find
+from ..drives.interview import PAUSE, Question, Questions, find, longer
 from ..drives.plant import maker
 from ..drives.reconcile import Action
 from ..drives.serial_line import Item, Request, ServoBus, get, put
@@ -73,7 +73,11 @@ class FeetechDrives:
                 + ", ".join(t.MODELS.values())
             )
         for item, mask, right, name in t.READINGS:
-            if (value := (yield from get(drive, item))) & mask != right:
+            for pause in (PAUSE, longer(PAUSE, 3)):  # before it is refused it is read again
+                if (value := (yield from get(drive, item))) & mask == right:
+                    break
+                yield pause
+            else:
                 raise PlantSettingsError(
                     f"{axis.name}: {name} (address {item.address}) of id {drive} is {value}: its "
                     f"positions are not those of one turn; set its bits {mask:#x} to {right:#x} "

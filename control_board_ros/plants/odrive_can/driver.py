@@ -3,7 +3,7 @@
 
 An exchange requests position and velocity of each drive, and in turn its state with errors, and
 its torque. A kind of set-point is a control mode; with it come its first values. CAN Simple does
-not acknowledge it: it is repeated.
+not acknowledge it: it is repeated, and read back where the number of its endpoint is known.
 """
 
 from __future__ import annotations
@@ -50,14 +50,16 @@ class Drive:
     """One drive since it was set up.
 
     Attributes: parameters (by name; empty without a watchdog), scales (counts of Set_Input_Pos),
-        sent (exchanges with the present law), law (as sent), awaited (answers of this exchange),
-        estimates (of this exchange: rev, rev/s).
+        sent (exchanges with the present law), law (as sent), read (as read back, where its
+        endpoint is known), awaited (answers of this exchange), estimates (of this exchange: rev,
+        rev/s).
     """
 
     parameters: Mapping[str, f.Endpoint] = field(default_factory=dict)
     scales: tuple[float, float] = (f.FEED_FORWARD, f.FEED_FORWARD)
     sent: int = 0
     law: int = 0
+    read: int | None = None
     awaited: set[int] = field(default_factory=set)
     estimates: tuple[float, float] | None = None
 
@@ -184,10 +186,14 @@ class OdriveDrives:
         number, drive, law = self._axes[k].id, self._drives[k], MODES[order.kind]
         yield self._set_point(k, order.kind, order.values)
         if law != drive.law:
-            drive.law, drive.sent = law, 0
+            drive.law, drive.sent, drive.read = law, 0, None
         drive.sent += 1
-        if drive.sent <= REPEATED or drive.sent % SELDOM == 0:
+        known, again = f.LAW in drive.parameters, drive.sent % SELDOM == 0
+        if again or (drive.read != law if known else drive.sent <= REPEATED):
             yield frame(number, f.MODE), f.mode(law)
+        if known and (again or drive.read != law):
+            question = struct.pack("<BHB", f.READ, drive.parameters[f.LAW].id, 0)
+            yield frame(number, f.RX_SDO), question
         if order.action is Action.POWER_ON:
             yield frame(number, f.STATE), struct.pack("<I", f.CLOSED_LOOP)
 
@@ -213,6 +219,9 @@ class OdriveDrives:
         order = self._orders.get(k)
         if order is not None and order.interview is not None:
             order.interview.hear(command, data)
+        elif command == f.TX_SDO and f.LAW in self._drives[k].parameters:
+            law = parameter(self._drives[k].parameters[f.LAW], command, data)
+            self._drives[k].read = self._drives[k].read if law is None else int(law)
         form, drive, reported = FORMATS.get(command), self._drives[k], answers.reported[k]
         if form is None or len(data) != 8:
             return None
@@ -227,7 +236,7 @@ class OdriveDrives:
         else:
             reported.power = found[1] == f.CLOSED_LOOP
             reported.fault = flagged(found[0], f.ERRORS)
-        reported.law = drive.law or None
+        reported.law = drive.read if f.LAW in drive.parameters else drive.law or None
         drive.awaited.discard(command)
         return None if drive.awaited else k
 
@@ -272,9 +281,7 @@ def got(number: int, drive: Drive, name: str) -> Questions[float]:
     endpoint = drive.parameters[name]
 
     def pick(command: int, data: bytes) -> float | None:
-        if command != f.TX_SDO or len(data) < 5 or data[1] | data[2] << 8 != endpoint.id:
-            return None
-        return float(struct.unpack_from(endpoint.form, data[4:].ljust(4, b"\0"))[0])
+        return parameter(endpoint, command, data)
 
     question = struct.pack("<BHB", f.READ, endpoint.id, 0)
     request = [(frame(number, f.RX_SDO), question)]
@@ -282,6 +289,13 @@ def got(number: int, drive: Drive, name: str) -> Questions[float]:
         Question(request, pick), f"id {number} does not answer for {name}"
     )
     return value
+
+
+def parameter(endpoint: f.Endpoint, command: int, data: bytes) -> float | None:
+    """The value of a parameter in an answer; None: it is another's."""
+    if command != f.TX_SDO or len(data) < 5 or data[1] | data[2] << 8 != endpoint.id:
+        return None
+    return float(struct.unpack_from(endpoint.form, data[4:].ljust(4, b"\0"))[0])
 
 
 def scan(bus: str) -> list[Found]:

@@ -99,7 +99,8 @@ class VirtualOdrive:
                 self._quiet = 0.0
                 return
             kind = float if endpoint.form == "<f" else int
-            value = struct.pack(endpoint.form, kind(self.conf[name]))
+            now = self._control if name == f.LAW else self.conf[name]
+            value = struct.pack(endpoint.form, kind(now))
             yield self.id << 5 | f.TX_SDO, struct.pack("<BHB", 0, number, 0) + value
 
     def _obey(self, command: int, data: bytes) -> None:
