@@ -76,6 +76,9 @@ class Problem:
         measured = np.isfinite(self._voltage).reshape(-1, len(joints), 3)
         handed = handed & measured.all(axis=(0, 2)) & drawn
         self._by_weight = drawn & ~self.senses & ~handed
+        # a payload and a constant look alike to a current: a given constant is kept
+        derived = np.array([joint in robot.derived for joint in joints])
+        self._kept = self._by_weight & ~derived if with_payload else np.zeros_like(derived)
         self.uses = {
             SENSOR: still & self.senses,
             MOTOR: (self._moving | (self._start != 0.0)) & drawn,
@@ -95,7 +98,7 @@ class Problem:
         rotor = 0.3 * robot.numbers("inertia_min", joints)
         loose = (self.uses[MOTOR] & (self._start != 0.0)).any(axis=0)
         table = {  # start, scale, free
-            KT: (constant, constant, drawn),
+            KT: (constant, constant, drawn & ~self._kept),
             EFFICIENCY: (efficiency, efficiency, handed & self.senses),
             RESISTANCE: (resistance, resistance, handed),
             DELAY: (still, cycle, handed),
@@ -187,8 +190,8 @@ class Problem:
     def priors(self, x: Floats) -> list[Floats]:
         """What is likely of constants that only weight shows, and of a payload; weighted."""
         unknown, payload = self.spread(x)
-        ratio = np.abs(unknown[KT] / self._starts[KT])[self._by_weight]
-        rows = [np.log(np.maximum(ratio, 1e-9)) / math.log(FACTOR)]
+        ratio = np.maximum(np.abs(unknown[KT] / self._starts[KT]), 1e-9)
+        rows = [np.log(ratio[self._by_weight]) / math.log(FACTOR)]
         if self.with_payload:
             mass, *moment, spin = payload.tolist()
             weighed = np.array([*moment, spin]) / heavy(mass)

@@ -22,6 +22,8 @@ from .samples import Record
 
 #: s at the start of a record in which the observer settles.
 SETTLING = 0.3
+#: Readings in the time of an observer's bandwidth: with fewer, each step of velocity is a torque.
+READINGS = 20.0
 #: Length of a block, s: peaks in several are independent. Minimum number of blocks with motion.
 BLOCK, FEWEST = 1.0, 60
 #: Share of the blocks with the greatest peaks, by which the tail is estimated.
@@ -63,7 +65,7 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
     )
     dry, wet = robot.numbers("motor.coulomb"), robot.numbers("motor.viscous")
     slip = SLIP * robot.numbers("limits.velocity")
-    rate = 2.0 * math.pi * robot.numbers("contact.bandwidth")
+    wanted = robot.numbers("contact.bandwidth")
     found = []
     for record in records:
         velocity, torque = record.signals["velocity"], record.signals["torque"]
@@ -71,7 +73,8 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
         friction = dry * np.clip(velocity / slip, -1.0, 1.0) + wet * velocity
         given = np.where(senses, torque, gain * record.signals["current"] - friction)
         left = motion(model, record)[1:] - given[1:]
-        share = np.minimum(np.diff(record.time)[:, None] * rate, -np.expm1(-rate * period(record)))
+        rate = 2.0 * math.pi * np.minimum(wanted, bandwidth(record))
+        share = -np.expm1(-rate * np.diff(record.time)[:, None])
         torques, now = np.empty_like(left), np.zeros(left.shape[1])
         for k, (value, part) in enumerate(zip(left, share, strict=True)):
             now = now + part * (value - now)
@@ -82,9 +85,9 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
     return found
 
 
-def period(record: Record) -> float:
-    """From reading to reading, s."""
-    return float(np.median(np.diff(record.time)))
+def bandwidth(record: Record) -> float:
+    """Greatest bandwidth of an observer that its readings show, Hz."""
+    return float(1.0 / (READINGS * np.median(np.diff(record.time))))
 
 
 def motion(model: ArmModel, record: Record) -> Floats:

@@ -22,7 +22,7 @@ from .equations import (
     SENSOR,
     VISCOUS,
 )
-from .external import External, Threshold, external, threshold
+from .external import External, Threshold, bandwidth, external, threshold
 from .fit import NO_MASS, Estimate, Fitted, fit
 from .robot import Robot
 from .samples import Record, samples_of
@@ -50,7 +50,7 @@ class Quantity:
     helps: str = ""
 
 
-THRESHOLD = "threshold"
+THRESHOLD, BANDWIDTH = "threshold", "bandwidth"
 QUANTITIES = {
     KT: Quantity(
         "torque constant", "motor.torque_constant", "N·m/A", "N·m/A", 0.05, "further and faster"
@@ -91,6 +91,7 @@ QUANTITIES = {
         "together with joints that lift it, further (--range)",
     ),
     CENTER: Quantity("payload's centre", "payload.center", "m", "m"),
+    BANDWIDTH: Quantity("bandwidth of the external torque", "contact.bandwidth", "Hz", "Hz"),
     THRESHOLD: Quantity(
         "contact threshold", "contact.threshold", "N·m", "N", 0.35, "longer, as fast as it will"
     ),
@@ -191,25 +192,27 @@ def identify(
 
 def with_thresholds(outcome: Outcome, records: Sequence[Record], alarms: float) -> Outcome:
     """The outcome, with thresholds of contacts for a board that has its values."""
-    robot = outcome.robot.with_values(
-        {
-            one.parameter: one.value if len(one.value) > 1 else one.value[0]
-            for one in outcome.written
-        }
-    )
-    torques = external(robot, records)
+    robot = outcome.robot
+    values = {
+        one.parameter: one.value if len(one.value) > 1 else one.value[0] for one in outcome.written
+    }
+    torques = external(robot.with_values(values), records)
     findings, fitted = list(outcome.findings), outcome.fitted
     assert fitted is not None
     for joint in fitted.joints:
         if joint in outcome.troubles:
             continue
         before = configured(robot, joint, THRESHOLD)
-        if without_constant(fitted, findings, joint):
+        if without_constant(robot, fitted, findings, joint):
             findings.append(Finding(joint, THRESHOLD, (0.0,), (0.0,), before, NO_CONSTANT))
             continue
         lasting = robot.number(joint, "contact.time")
         found = threshold(torques, robot.names.index(joint), lasting, alarms)
         findings.append(of_threshold(joint, found, before, alarms))
+        configured_to = robot.number(joint, "contact.bandwidth")
+        if (slow := min(bandwidth(record) for record in records)) < configured_to:
+            slower = Finding(joint, BANDWIDTH, (slow,), (0.0,), (configured_to,))
+            findings.append(replace(slower, why=findings[-1].why))
     return replace(outcome, findings=findings, external=torques)
 
 
@@ -241,15 +244,17 @@ def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
                 if one.why and quantity == ROTOR and joint == fitted.carrier and fitted.carries:
                     one = replace(one, why=LOOKS_ALIKE)
                 findings.append(one)
-        if without_constant(fitted, findings, joint):
+        if without_constant(robot, fitted, findings, joint):
             findings = [without_torque(one) if one.joint == joint else one for one in findings]
     return [*findings, *of_payload(robot, fitted)], wrong
 
 
-def without_constant(fitted: Fitted, findings: Sequence[Finding], joint: str) -> bool:
-    """Whether a current is all that tells the torque of a joint, and its constant is not shown."""
-    sensed = (joint, SENSOR) in fitted.traces
-    return not sensed and any(
+def without_constant(
+    robot: Robot, fitted: Fitted, findings: Sequence[Finding], joint: str
+) -> bool:
+    """Whether a current is all that tells the torque of a joint, and its constant is unknown."""
+    told = (joint, SENSOR) in fitted.traces or joint not in robot.derived
+    return not told and any(
         one.joint == joint and one.quantity == KT and one.why for one in findings
     )
 

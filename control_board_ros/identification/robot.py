@@ -62,7 +62,8 @@ class Robot:
 
     def with_values(self, values: Mapping[str, Any]) -> Robot:
         """The robot with other values of some parameters."""
-        return replace(self, values={**self.values, **values})
+        given = {name for name in self.names if f"{name}.motor.torque_constant" in values}
+        return replace(self, values={**self.values, **values}, derived=self.derived - given)
 
     def number(self, joint: str, key: str) -> float:
         """A numeric parameter of a joint.

@@ -49,8 +49,8 @@ UNITS: dict[str, dict[str, float]] = {
 LOWEST, GAP, GAP_PERIODS = 50.0, 0.1, 10.0
 #: Numbers that nothing measures: what a torn cell reads as. Times are below, in ns, too.
 BEYOND = 1e20
-#: Greatest values that are taken for a measurement, in SI.
-PLAUSIBLE = {POSITION: 1e4, VELOCITY: 1e4, "torque": 1e6, "current": 1e5}
+#: A multiple of ``limits.velocity`` that nothing moves at: a torn row.
+TORN = 5.0
 #: Travel below which a joint did not move, rad and m.
 MOVED, MOVED_SLIDING = 0.05, 5e-3
 #: Fields of messages with the names of joints.
@@ -285,8 +285,15 @@ def field_of(message: Any, field: Sequence[str], column: str) -> float:
     return float(value)
 
 
-def records_of(series: Mapping[str, Sequence[Series]], names: Sequence[str]) -> list[Record]:
+def records_of(
+    series: Mapping[str, Sequence[Series]], names: Sequence[str], speeds: Floats | float = np.inf
+) -> list[Record]:
     """The stretches of a log without gaps, at the times of its positions.
+
+    Args:
+        series: By signal, one per joint.
+        names: Of the joints.
+        speeds: Greatest ones, rad/s: rows with more are torn.
 
     Raises:
         IdentificationError: it is too slow, or has nothing but gaps.
@@ -298,10 +305,9 @@ def records_of(series: Mapping[str, Sequence[Series]], names: Sequence[str]) -> 
         else np.full((time.size, len(names)), np.nan)
         for name in SIGNALS
     }
-    known = np.isfinite(time)
-    for name in SIGNALS:
-        if name in series:
-            known &= (np.abs(signals[name]) < PLAUSIBLE.get(name, np.inf)).all(axis=1)
+    known = np.isfinite(time) & ~(np.abs(signals[VELOCITY]) > speeds).any(axis=1)
+    for name in series.keys() & set(SIGNALS):
+        known &= np.isfinite(signals[name]).all(axis=1)
     return stretches(time[known], {name: row[known] for name, row in signals.items()}, names)
 
 
@@ -353,16 +359,16 @@ def record_of(time: Floats, signals: dict[str, Floats], names: Sequence[str]) ->
     return Record(LOG, dict(zip(names, fastest, strict=True)), time, signals)
 
 
-def read_log(path: Path, words: Mapping[str, str], names: Sequence[str]) -> list[Record]:
-    """The records of a log.
+def read_log(path: Path, words: Mapping[str, str], robot: Robot) -> list[Record]:
+    """The records of a robot's log.
 
     Raises:
         IdentificationError, RecordingError: it cannot be read, or shows nothing.
     """
-    sources = sources_of(words, names)
+    sources = sources_of(words, robot.names)
     bag = path.is_dir() or path.suffix in (".mcap", ".db3")
     whole = series_of_bag(path, sources) if bag else series_of_table(path, sources)
-    return records_of(whole, names)
+    return records_of(whole, robot.names, TORN * robot.numbers("limits.velocity"))
 
 
 def read_robot(
@@ -374,7 +380,7 @@ def read_robot(
         IdentificationError, RecordingError: it cannot be read, or shows nothing.
     """
     made = Robot.of_metal(robot)
-    records = [record for path in paths for record in read_log(path, words, made.names)]
+    records = [record for path in paths for record in read_log(path, words, made)]
     joints = moved(records, made.names, [made.kind(name) for name in made.names])
     if not joints:
         raise IdentificationError(f"{', '.join(map(str, paths))}: no joint moved")

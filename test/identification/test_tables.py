@@ -64,7 +64,7 @@ def test_a_torn_table_of_currents_identifies_an_arm(urdf: Path, tmp_path: Path) 
     """G3: drive gains, friction and rotors, by weight alone; motors are nobody's data sheet's."""
     path = Log(urdf).csv(tmp_path / "log.csv", torn=True)
     robot = Robot.of_metal(str(urdf))
-    found = identify(robot, read_log(path, WORDS, NAMES), NAMES, payload=False)
+    found = identify(robot, read_log(path, WORDS, Robot.of_metal(str(urdf))), NAMES, payload=False)
     assert not found.troubles
     check(written(found), *SHARES)
 
@@ -153,17 +153,17 @@ def test_columns_that_are_not_there_are_named(
         path.write_text("\n".join(lines[::4]) + "\n", "utf-8")
         words = words | {"time": "t:s"}
     with pytest.raises(IdentificationError) as refused:
-        read_log(path, words, NAMES)
+        read_log(path, words, Robot.of_metal(str(urdf)))
     assert text in str(refused.value)
 
 
 def test_numbers_of_columns_stand_for_names(urdf: Path, tmp_path: Path) -> None:
     """A table without a head, and a range of columns, are the same records."""
     path = Log(urdf, seconds=3.0).csv(tmp_path / "log.csv")
-    named = read_log(path, WORDS, NAMES)[0]
+    named = read_log(path, WORDS, Robot.of_metal(str(urdf)))[0]
     path.write_text("\n".join(path.read_text("utf-8").splitlines()[1:]) + "\n", "utf-8")
     words = {"time": "1", "position": "2-4:deg", "velocity": "5-7", "current": "8,9,10:-mA"}
-    found = read_log(path, words, NAMES)[0]
+    found = read_log(path, words, Robot.of_metal(str(urdf)))[0]
     for name in ("position", "velocity", "current"):
         np.testing.assert_array_equal(found.signals[name], named.signals[name])
 
@@ -183,7 +183,7 @@ def test_a_bag_of_anybody_is_the_same(urdf: Path, tmp_path: Path) -> None:
             "sensor_msgs/msg/JointState",
         )
     )
-    order = [2, 0, 1]
+    order, robot = [2, 0, 1], Robot.of_metal(str(urdf))
     for suffix, storage in (("mcap", "MCAP"), ("db3", "SQLITE3")):
         folder = tmp_path / suffix
         with rosbag2.Writer(
@@ -209,11 +209,11 @@ def test_a_bag_of_anybody_is_the_same(urdf: Path, tmp_path: Path) -> None:
             "velocity": "/joint_states/velocity/{name}",
             "torque": "/joint_states/effort/{name}:Nm",
         }
-        (found,) = read_log(folder, words, NAMES)
+        (found,) = read_log(folder, words, robot)
         np.testing.assert_allclose(found.time, log.time + 1.0, atol=2e-9)
         np.testing.assert_allclose(found.signals["torque"], log.torque)
         with pytest.raises(IdentificationError, match="no topic of /other"):
-            read_log(folder, words | {"torque": "/other/effort/{name}"}, NAMES)
+            read_log(folder, words | {"torque": "/other/effort/{name}"}, robot)
     assert sources_of(words, NAMES)["torque"].factor == 1.0
 
 
