@@ -178,6 +178,11 @@ class Bench:
                 return mode
         raise NotTestable(f"{self.joint} implements every mode")
 
+    def shows(self, codes: Sequence[str]) -> bool:
+        """Whether ~/modes has these codes of all joints, or gets them in time."""
+        modes = self.channel.modes
+        return self.channel.wait_for(lambda: [*modes[-1].control_modes] == [*codes], TIMEOUT)
+
     def enter(self, mode: ControlMode, interaction: InteractionMode | None = None) -> None:
         """Set the joint's mode, as a precondition of a rule.
 

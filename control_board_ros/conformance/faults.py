@@ -3,12 +3,17 @@
 
 from __future__ import annotations
 
+import math
+
 from control_board_ros.client import BoardError
 from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.interface import SET_CONTROL_MODE
 
-from .bench import Bench, M
+from .bench import Bench, K, M
 from .rules import NotTestable, assume, expect, inside, offered, rule
+
+#: A position so close to the joint takes it up, rad and m; s of a pause that ends a stream.
+NEAR, VOID = (0.05, 5e-3), 0.5
 
 
 @rule("F1", "a fault disables the joint")
@@ -83,4 +88,46 @@ def last_fault(bench: Bench) -> str:
 
 inside("F6", "heat fades without power", "it would have to be overloaded")
 inside("F7", "overspeed is a fault", "it would have to be driven beyond its speed limit")
-inside("F8", "what outlived a fault does not act", "a fault would have to be provoked in motion")
+
+
+@rule("F8", "a stream that outlived a fault does not act")
+def outlived(bench: Bench) -> str:
+    """A stream of direct positions at the joint, then, recovered, of one away from it."""
+    limits = bench.range
+    away = limits.start + math.copysign(
+        2.0 * NEAR[bench.kind.slides], 0.5 * (limits.low + limits.high) - limits.start
+    )
+    offered(limits.low < away < limits.high, "its range is too small; give a larger --range")
+    bench.enter(M.POSITION_DIRECT)
+    stream(bench, limits.start, 0.2)
+    bench.fault()
+    stream(bench, limits.start, 0.1)
+    try:
+        reply = bench.client.recover(bench.joint)
+    except BoardError as error:
+        raise NotTestable(f"the board offers no recovery: {error}") from None
+    assume(reply, f"recover is refused, see E1: {reply.message}")
+    counted, begin = bench.latest().rejected_commands[bench.j], bench.latest().stamp
+    stream(bench, away, 0.5)
+    way = bench.still(bench.since(begin))
+    expect(
+        way < 0.5 * abs(away - limits.start),
+        f"a stream that began before a fault moved {bench.joint} by {way:.3g} after it",
+    )
+    ignored = int(bench.state().rejected_commands[bench.j]) - int(counted)
+    expect(ignored > 0, "the references of such a stream are not counted as ignored")
+    return f"{ignored} references ignored, {way:.2g} {bench.kind.unit} of way"
+
+
+def stream(bench: Bench, position: float, seconds: float) -> None:
+    """Send a direct position over and over for some time of the board.
+
+    Raises:
+        NotTested: the machine paused the stream.
+    """
+    begin = last = bench.latest().stamp
+    while last < begin + seconds:
+        bench.send(K.POSITION_DIRECT, position)
+        bench.following(1)
+        pause, last = bench.latest().stamp - last, bench.latest().stamp
+        assume(pause < 0.5 * VOID, f"the stream paused for {pause:.2g} s")

@@ -99,7 +99,10 @@ def spring(bench: Bench) -> str:
     way = 0.3 * bench.range.step
     stiffness = soft(bench, way)
     torque = stiffness * way
-    assume(bench.client.set_impedance(bench.joint, stiffness), "impedance is refused, see I6")
+    # far from each other, so that one in place of the other shows
+    damping = min(0.25 * stiffness, float(bench.client.get_max_impedance(bench.joint)[1][0]))
+    reply = bench.client.set_impedance(bench.joint, stiffness, damping)
+    assume(reply, "impedance is refused, see I6")
     with pushing(bench) as push:  # friction has the same part in both
         half, whole = push(0.5 * torque), push(torque)
     went = float(whole.position[bench.j] - half.position[bench.j])

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 
+from control_board_ros.client import BoardError
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 
 from .bench import COMPLIANT, TIMEOUT, Bench, K, M
@@ -175,7 +177,30 @@ def feedforward(bench: Bench) -> str:
         close(output - without, more),
         f"{more:.3g} % fed forward made {output:.3g} % of {without:.3g} %",
     )
-    return f"{without:.3g} % + {more:.3g} % = {output:.3g} %"
+    return f"{without:.3g} % + {more:.3g} % = {output:.3g} %{in_position(bench, more)}"
+
+
+def in_position(bench: Bench, more: float) -> str:
+    """What is fed forward acts in POSITION, too, where the board gives the PWM there."""
+    try:
+        law = bench.client.get_drives(bench.joint)[0].position
+    except BoardError:
+        law = SetPoint.PWM.code
+    if law != SetPoint.PWM.code:
+        return ""  # its drive runs the law
+    bench.home()
+    before = [float(state.output[bench.j]) for state in bench.record(0.1)]
+    begin = bench.state().stamp
+    bench.client.set_feedforward(bench.joint, outputs=more)
+    bench.record(0.2)
+    bench.client.set_feedforward(bench.joint, outputs=0.0)
+    seen = [float(state.output[bench.j]) for state in bench.since(begin)]
+    rise = max(abs(output - before[-1]) for output in seen)
+    expect(
+        rise > 0.5 * abs(more),
+        f"{more:.3g} % fed forward in POSITION changed the output by {rise:.2g} % at most",
+    )
+    return ", and in POSITION"
 
 
 @rule("P12", "velocity references expire")

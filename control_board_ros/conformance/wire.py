@@ -51,12 +51,14 @@ def together(bench: Bench) -> None:
         return
     count = bench.channel.modes_received
     assume(bench.client.set_control_mode(pair, both[0]), f"{both[0]} is refused, see M1")
+    shown = bench.shows([mode.code for mode in bench.client.get_control_mode()])
+    assume(shown, "~/modes does not show it, see M1")
     assume(bench.client.set_control_mode(pair, M.POSITION), "POSITION is refused, see M1")
     bench.record(0.05)
     places = [bench.names.index(name) for name in pair]
     for message in bench.channel.modes_since(count):
-        shown = {message.control_modes[place] for place in places}
-        expect(len(shown) == 1, f"set at once, {' and '.join(pair)} showed {' and '.join(shown)}")
+        codes = {message.control_modes[place] for place in places}
+        expect(len(codes) == 1, f"set at once, {' and '.join(pair)} showed {' and '.join(codes)}")
 
 
 @rule("P13", "malformed references are rejected")

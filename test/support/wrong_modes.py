@@ -166,6 +166,39 @@ def the_frame_of_another_joint(old: Any, self: Any, joint: Any) -> Any:
     return old(self, joint) and self.engine.frames.of((self._numbers(joint)[0] + 1) % self.count)
 
 
+@replaces("M1", "node.loop.snapshots:Snapshots.note_changes")
+def the_modes_topic_stands_still(old: Any, self: Any) -> None:
+    """Once the joints are configured."""
+    starts = not hasattr(self, "modes") or M.NOT_CONFIGURED in self.modes.control
+    old(self)
+    if not starts:
+        self.mode_changes.clear()
+
+
+@breaks("I5")
+def stiffness_and_damping_swapped() -> None:
+    """Where they are set, and where they are read."""
+    swapped = set[int]()
+
+    def set_impedance(old: Any, self: Any, joints: Any, stiffness: Any, damping: Any) -> None:
+        if damping is None:
+            swapped.difference_update(joints.tolist())
+            old(self, joints, stiffness, None)
+        else:
+            swapped.update(joints.tolist())
+            old(self, joints, damping, stiffness)
+
+    def get(old: Any, self: Any, joints: Any = None) -> Any:
+        found = old(self, joints)
+        for k, j in enumerate(self.selector.select(joints).joints.tolist()):
+            if j in swapped:
+                found[0][k], found[1][k] = found[1][k], found[0][k]
+        return found
+
+    around("core.laws.control:Controller.set_impedance", set_impedance)
+    around("core.board:Board.get_impedance", get)
+
+
 @breaks("M11")
 def get_references_one_behind() -> None:
     """The getter has the reference before the last one, but for the first."""

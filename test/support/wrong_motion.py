@@ -86,6 +86,19 @@ def no_feed_forward() -> None:
     around("core.machine.motors:feed_output", lambda *_: None)
 
 
+@replaces("P11", "core.machine.motors:feed_output")
+def a_feed_forward_only_in_open_loop(old: Any, joint: Any, output: float) -> float:
+    from control_board_ros.core.terms.modes import Law
+
+    taken: float = old(joint, output if joint.law == int(Law.OUTPUT) else 0.0)
+    return taken
+
+
+@replaces("F8", "core.machine.stale:StaleStreams.judge")
+def a_stream_outlives_a_fault(_: Any, *__: Any) -> None:
+    return None
+
+
 @breaks("P12")
 def velocities_last() -> None:
     around("core.laws.references:ReferenceTimeouts.expired", lambda *_: None)
@@ -218,14 +231,28 @@ def infinite_is_the_most(
     return old(self, kind, joints, finite, *args, **more)
 
 
+def with_a_brake(old: Any, values: Any, name: str, kind: str) -> Any:
+    """Joints with a brake that opens within 0.15 s."""
+    made = old(values, name, kind)
+    brake = dataclasses.replace(made.brake, present=True, release_time=0.15)
+    return dataclasses.replace(made, brake=brake)
+
+
+@breaks("Y4")
+def a_brake_that_closes_a_second_late() -> None:
+    def order(old: Any, self: Any, j: int, *, closed: bool) -> None:
+        old(self, j, closed=closed)
+        brake = self._brakes[j]
+        if closed and brake.due is not None:
+            brake.due += round(1.0 / self._period)
+
+    around("settings.build:joint", with_a_brake)
+    around("core.machine.brakes:Brakes._order", order)
+
+
 @breaks("Y4")
 def a_brake_that_opens_after_power() -> None:
     from control_board_ros.core.terms.modes import Law
-
-    def joint(old: Any, values: Any, name: str, kind: str) -> Any:
-        made = old(values, name, kind)
-        brake = dataclasses.replace(made.brake, present=True, release_time=0.15)
-        return dataclasses.replace(made, brake=brake)
 
     def admit(old: Any, self: Any, joints: Any, wanted: Any) -> Any:
         ready = old(self, joints, wanted)
@@ -236,7 +263,7 @@ def a_brake_that_opens_after_power() -> None:
             self._machine.controller.joints[j].braked = False
         return joints
 
-    around("settings.build:joint", joint)
+    around("settings.build:joint", with_a_brake)
     around("core.machine.brakes:Brakes.admit", admit)
 
 
@@ -262,6 +289,19 @@ def a_direct_velocity_that_ramps() -> None:
 def a_current_without_a_timeout() -> None:
     around("settings.build:joint", with_both_modes)
     change_command(K.CURRENT, timeout=None)
+
+
+@breaks("Y2")
+def a_current_beyond_its_range() -> None:
+    def reconfigure(old: Any, self: Any, limits: Any) -> None:
+        old(self, limits)
+        self._low[K.CURRENT], self._high[K.CURRENT] = (
+            3.0 * self._low[K.CURRENT],
+            3.0 * self._high[K.CURRENT],
+        )
+
+    around("settings.build:joint", with_both_modes)
+    around("core.machine.commands:Commands.reconfigure", reconfigure)
 
 
 @replaces("Y3", "node.wiring.publishing:Physical.of", robot="icub_hand", joint="l_index_distal")
