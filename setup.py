@@ -210,7 +210,12 @@ CIA402 = ["canopen>=2.3", "python-can>=4.3"]
 ODRIVE_CAN = ["python-can>=4.3"]
 FEETECH = ["feetech-servo-sdk>=1.0", "pyserial>=3.5"]
 DRIVES = [*MOTEUS, *DYNAMIXEL, *MIT_CAN, *CIA402, *ODRIVE_CAN, *FEETECH]
+#: Clients of others, which operate the virtual drives (test/judged).
+JUDGES = [
+    "damiao-motor>=1.0",
+]
 TEST = [
+    *JUDGES,
     "axe-playwright-python>=0.1.8",
     "control>=0.10",
     "hypothesis>=6.100",

@@ -27,6 +27,7 @@ from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.feetech.virtual import VirtualFeetech
 from control_board_ros.plants.interface import DriveFault, Readings
+from control_board_ros.plants.mit_can.damiao import VMAX
 from control_board_ros.plants.odrive_can import frames as f
 from control_board_ros.plants.virtual.can_bus import Frame, VirtualCan
 from control_board_ros.testing.plant_contract import board_for, plant_contract
@@ -136,6 +137,8 @@ def halve_limit(drive: Any) -> None:
     if hasattr(drive, "conf"):
         key = next(k for k in ("servo.max_velocity", f.SPEED_LIMIT) if k in drive.stored)
         drive.stored[key] /= 2.0
+    elif hasattr(drive, "registers"):
+        drive.stored[VMAX] /= 2.0
     elif hasattr(drive, "stored"):
         drive.stored[MAX_SPEED] = 500
     elif hasattr(drive, "table"):

@@ -24,7 +24,7 @@ from . import frames as f
 #: Ids whose answers hold them: four bits.
 IDS = range(1, 16)
 #: Where registers are read and written: frame, orders.
-REGISTERS, GET, SET, REFRESH = 0x7FF, 0x33, 0x55, 0xCC
+REGISTERS, GET, SET, STORE, REFRESH = 0x7FF, 0x33, 0x55, 0xAA, 0xCC
 MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, SW_VER = 7, 8, 9, 10, 14
 RANGES = PMAX, VMAX, TMAX = 21, 22, 23
 #: Registers that hold whole numbers; the others are floats.

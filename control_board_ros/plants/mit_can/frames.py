@@ -16,7 +16,7 @@ from ...core.terms.drives import SetPoint
 from ...core.terms.measurement import Value
 
 DAMIAO = "damiao"
-ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB))
+ENABLE, DISABLE, CLEAR, ZERO = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB, 0xFE))
 
 
 class Ranges(NamedTuple):

@@ -12,8 +12,27 @@ from ..virtual.can_bus import VirtualCanBus
 from . import damiao as d
 from . import frames as f
 from . import robstride as r
+from .registers import (
+    BRIDGE_HEAT,
+    GEAR,
+    MOTOR_POSITION,
+    OUTPUT_POSITION,
+    POSITION_GAIN,
+    REGISTERS,
+    SPEED_GAIN,
+    WINDING_HEAT,
+)  # fmt: skip
 
 LOST = 0xD
+#: Laws beside MIT, each with frames of its own, 0x100 further than those of the law before; what
+#: they hold: position, rad, and speed limit, rad/s; speed; position, speed limit, 0.01 rad/s, and
+#: torque limit, 1e-4 of the range. MIT frames and orders have eight bytes.
+VELOCITY, FORCE = 3, 4
+FORMS = {d.MIT_MODE: "<8s", 2: "<ff", VELOCITY: "<f", FORCE: "<fHH"}
+#: Before the first command with power: none.
+STILL: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+#: N·m per rad/s at a gain of 1 of the speed loop.
+DAMPING = 2500.0
 #: s of silence after which it stops, as it is stored by the maker's tool.
 CAN_TIMEOUT = 1.0
 USUAL = f.Ranges(12.5, 30.0, 10.0)
@@ -27,84 +46,132 @@ def given(ranges: f.Ranges, command: Sequence[float], position: float, velocity:
 
 
 class VirtualMit:
-    """A Damiao motor; see ``virtual.world.VirtualDrive``.
+    """A Damiao motor, as delivered but for its ranges; see ``virtual.world.VirtualDrive``.
 
-    Attributes: state (as in its answers: disabled, enabled, or a fault).
+    Attributes:
+        state: As in its answers: disabled, enabled, or a fault.
+        registers: By number, as they act now.
+        stored: What of them returns with the supply.
     """
 
     def __init__(self, drive: int, ranges: f.Ranges = USUAL) -> None:
-        self.id, self.ranges, self.silent, self.persists = drive, ranges, False, 0
-        self._position = self._velocity = 0.0
+        self.silent, self.persists = False, 0
+        self.stored = {number: register.value for number, register in REGISTERS.items()}
+        own = (0x10 + drive, drive, *ranges[:3])
+        self.stored |= zip((d.MST_ID, d.ESC_ID, *d.RANGES), own, strict=True)
+        self._position = self._velocity = self._zero = 0.0
         self.reboot()
+
+    @property
+    def id(self) -> int:
+        return int(self.registers[d.ESC_ID])
+
+    @property
+    def ranges(self) -> f.Ranges:
+        """Those of its frames."""
+        return f.Ranges(*(self.registers[register] for register in d.RANGES))
 
     def reboot(self) -> None:
         self.state = self.persists or d.DISABLED
-        self.registers: dict[int, float] = {
-            d.MST_ID: 0x10 + self.id,
-            d.ESC_ID: self.id,
-            d.TIMEOUT: 0,
-            d.CTRL_MODE: 2,
-            d.SW_VER: 5013,
-            d.PMAX: self.ranges.position,
-            d.VMAX: self.ranges.velocity,
-            d.TMAX: self.ranges.torque,
-        }
-        self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
+        self.registers = dict(self.stored)
+        self._command: tuple[float, ...] = STILL
         self._quiet = self.torque = 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         self.state, self.persists = code, code if persists else 0
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        if self.silent or len(data) != 8:
+        if self.silent or len(data) > 8:
             return
-        master = int(self.registers[d.MST_ID])
-        if frame_id == d.REGISTERS and data[:3] == d.refresh(self.id)[:3]:
-            yield master, self._motion()
-        elif frame_id == d.REGISTERS and data[0] == self.id and data[1] == 0:
-            number = data[3]
-            if number not in self.registers:
-                return
-            if data[2] == d.SET:
-                kind = "<I" if number in d.WHOLE else "<f"
-                self.registers[number] = struct.unpack(kind, data[4:])[0]
-            value = self.registers[number]
-            whole = number in d.WHOLE
-            content = struct.pack("<I", int(value)) if whole else struct.pack("<f", value)
-            yield master, data[:4] + content
-        elif frame_id == self.id:
+        master, law = int(self.registers[d.MST_ID]), (frame_id >> 8) + 1
+        if frame_id == d.REGISTERS:
+            if len(data) >= 4 and int.from_bytes(data[:2], "little") == self.id:
+                for answer in self._register(data[2], data[3], data[4:]):
+                    yield master, answer
+        elif (
+            frame_id & 0xFF == self.id
+            and law in FORMS
+            and len(data) >= struct.calcsize(FORMS[law])
+        ):
             self._quiet = 0.0
-            self._obey(data)
+            self._obey(law, data)
             yield master, self._motion()
+
+    def _register(self, order: int, number: int, data: bytes) -> Iterator[bytes]:
+        """Answer to a frame of registers, with its order in place of a motion's position."""
+        register = REGISTERS.get(number)
+        if order == d.REFRESH:
+            yield self._motion()
+        elif order == d.STORE:
+            if self.state == d.DISABLED:
+                self.stored = dict(self.registers)
+            yield self.id.to_bytes(2, "little") + bytes([d.STORE, 1, 0, 0, 0, 0])
+        elif order in (d.GET, d.SET) and register is not None:
+            head = self.id.to_bytes(2, "little") + bytes([order, number])
+            if order == d.SET and register.writable and len(data) == 4:
+                value = struct.unpack(f"<{register.form}", data)[0]
+                if register.low <= value <= register.high:
+                    self.registers[number] = value
+                    self._command = STILL if number == d.CTRL_MODE else self._command
+            value = self._value(number)
+            number_of = int if register.form == "I" else float
+            yield head + struct.pack(f"<{register.form}", number_of(value))
+
+    def _value(self, number: int) -> float:
+        if number == MOTOR_POSITION:
+            return self._position * self.registers[GEAR]
+        return self._position if number == OUTPUT_POSITION else self.registers[number]
 
     def _motion(self) -> bytes:
         moves = self._position, self._velocity, self.torque
         head = self.id & 0xF | self.state << 4
-        return f.answer(self.ranges, head, *moves, bytes([30, 35]))
+        heat = (int(self.registers[part]) for part in (BRIDGE_HEAT, WINDING_HEAT))
+        return f.answer(self.ranges, head, *moves, bytes(heat))
 
-    def _obey(self, data: bytes) -> None:
+    def _obey(self, law: int, data: bytes) -> None:
         fault = self.state not in (d.DISABLED, d.ENABLED)
         if data == f.ENABLE:
             if not fault:
-                self.state, self._command = d.ENABLED, (0.0, 0.0, 0.0, 0.0, 0.0)
+                self.state, self._command = d.ENABLED, STILL
         elif data == f.DISABLE:
             if not fault:
                 self.state = d.DISABLED
         elif data == f.CLEAR:
             if fault:
                 self.state = self.persists or d.DISABLED
-        elif self.registers[d.CTRL_MODE] == d.MIT_MODE:
-            self._command = f.commanded(self.ranges, data)
+        elif data == f.ZERO:
+            self._zero += self._position
+            self._position = 0.0
+        elif self.registers[d.CTRL_MODE] == law:
+            if law == d.MIT_MODE:
+                self._command = f.commanded(self.ranges, data)
+            else:
+                self._command = struct.unpack_from(FORMS[law], data)
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        self._position, self._velocity = position, velocity
+        self._position, self._velocity = position - self._zero, velocity
         self._quiet += seconds
         watch = self.registers[d.TIMEOUT] * d.TIMEOUT_STEP
         if self.state == d.ENABLED and 0.0 < watch < self._quiet:
             self.state = LOST
-        on = self.state == d.ENABLED
-        self.torque = given(self.ranges, self._command, position, velocity) if on else 0.0
+        self.torque = self._torque() if self.state == d.ENABLED else 0.0
         return self.torque
+
+    def _torque(self) -> float:
+        law, most = self.registers[d.CTRL_MODE], self.ranges.torque
+        if self._command is STILL:
+            return 0.0
+        if law == d.MIT_MODE:
+            return given(self.ranges, self._command, self._position, self._velocity)
+        speed = self._command[0]
+        if law != VELOCITY:
+            error, limit = self._command[0] - self._position, self._command[1]
+            limit = 0.01 * limit if law == FORCE else limit
+            speed = max(-limit, min(limit, self.registers[POSITION_GAIN] * error))
+        if law == FORCE:
+            most *= min(1.0, 1e-4 * self._command[2])
+        torque = DAMPING * self.registers[SPEED_GAIN] * (speed - self._velocity)
+        return max(-most, min(most, torque))
 
 
 class VirtualRobStride:
@@ -115,7 +182,7 @@ class VirtualRobStride:
 
     def __init__(self, drive: int, ranges: f.Ranges) -> None:
         self.id, self.ranges, self.silent, self.persists = drive, ranges, False, 0
-        self._position = self._velocity = 0.0
+        self._position = self._velocity = self._zero = 0.0
         self.reboot()
 
     def reboot(self) -> None:
@@ -131,11 +198,12 @@ class VirtualRobStride:
             return
         self._quiet = 0.0
         if data[:6] == b"\xff" * 6 and data[7] == f.CLEAR[7] and data[6] != 0xFF:
-            yield r.MASTER, bytes([self.id]) + self.faults.to_bytes(4, "little") + bytes(3)
-            return
-        self._obey(data)
-        moves = self._position, self._velocity, self.torque
-        yield r.MASTER, f.answer(self.ranges, self.id, *moves, (300).to_bytes(2, "big"))
+            content = bytes([self.id]) + self.faults.to_bytes(4, "little") + bytes(3)
+        else:
+            self._obey(data)
+            moves = self._position, self._velocity, self.torque
+            content = f.answer(self.ranges, self.id, *moves, (300).to_bytes(2, "big"))
+        yield r.MASTER, content
 
     def _obey(self, data: bytes) -> None:
         if data == f.ENABLE:
@@ -145,18 +213,22 @@ class VirtualRobStride:
             self.state = d.DISABLED
         elif data == f.CLEAR:
             self.faults = self.persists
-        elif data[:6] == b"\xff" * 6 and data[7] == f.ENABLE[7] and data[6] < 3:
-            self._mode = data[6]
+        elif data == f.ZERO:
+            self._zero += self._position
+            self._position = 0.0
+        elif data[:6] == b"\xff" * 6:  # an order of the protocol, never a command
+            if data[7] == f.ENABLE[7] and data[6] < 3:
+                self._mode = data[6]
         elif self._mode == 0:
             self._command = f.commanded(self.ranges, data)
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        self._position, self._velocity = position, velocity
+        self._position, self._velocity = position - self._zero, velocity
         self._quiet += seconds
         if self._quiet > CAN_TIMEOUT:
             self.state = d.DISABLED
         on = self.state == d.ENABLED
-        self.torque = given(self.ranges, self._command, position, velocity) if on else 0.0
+        self.torque = given(self.ranges, self._command, self._position, velocity) if on else 0.0
         return self.torque
 
 
