@@ -6,6 +6,7 @@ Written from the published protocol and memory table, the driver's library left 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from ...core.config.config import JointConfig
@@ -13,11 +14,21 @@ from ..drives.axes import Axis
 from ..virtual.pty_bus import VirtualSerialBus
 from ..virtual.servo import BROADCAST, Framer, Packet, ServoMotor, Table
 from ..virtual.world import World
+from . import memory as m
 from . import table as t
 
 HEADER = b"\xff\xff"
-PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
-STORED = 40
+PING, READ, WRITE, REG_WRITE, ACTION, FACTORY_RESET = 1, 2, 3, 4, 5, 6
+SYNC_READ, SYNC_WRITE = 0x82, 0x83
+TURN = 4096
+#: rad/s below which it reports that it does not move.
+RESTING = 0.01
+#: N·m/A and Ω of an STS3215 at 7.4 V, its dry friction, N·m, and its viscous, N·m·s/rad: Rhoban's
+#: BAM, params/feetech_sts3215_7_4V/m1.json at 31e5b97.
+CONSTANT, RESISTANCE, SUPPLY = 1.1776, 2.4787, 7.4
+DRY, VISCOUS, SLIP = 0.0515, 0.0599, 0.02
+#: Of the velocity loop, N·m/rad.
+INTEGRAL = 5.0
 
 
 def packed(drive: int, code: int, parameters: bytes) -> bytes:
@@ -37,100 +48,186 @@ def unpacked(data: bytes) -> Packet | None:
 
 
 class VirtualFeetech:
-    """One servo; see ``virtual.world.VirtualDrive``.
+    """An STS3215, as delivered but for its id; see ``virtual.world.VirtualDrive``.
 
-    Attributes: table (its memory), motor (with its loops).
+    Attributes: table (its memory), motor (with its loops), dry, viscous (friction of its gear).
     """
 
     def __init__(self, drive: int) -> None:
-        self.id, self.silent, self.persists = drive, False, 0
-        self.motor = ServoMotor(constant=1.2, resistance=3.0, supply=12.0)
+        self.silent, self.persists = False, 0
+        self.motor = ServoMotor(CONSTANT, RESISTANCE, SUPPLY)
+        self.dry, self.viscous = DRY, VISCOUS
         self.table = Table(256)
-        for item, value in (
-            (t.FIRMWARE, 3 | 10 << 8),
-            (t.MODEL, 777),
-            (t.ID, drive),
-            (t.ANGULAR_RESOLUTION, 1),
-            (t.CURRENT_LIMIT, 500),
-            (t.SPEED_LIMIT, 254),
-        ):
-            self.table.set(item, value)
-        self._stored = bytes(self.table.bytes[:STORED])
         self.torque = 0.0
+        self._forget()
+        self.table.set(t.ID, drive)
+        self.store()
         self.reboot()
+
+    @property
+    def id(self) -> int:
+        return self.table.get(t.ID)
+
+    @property
+    def baudrate(self) -> int:
+        """At which it listens, bit/s."""
+        return m.BAUDRATES[self.table.get(m.BAUD_RATE) & 7]
+
+    def _forget(self) -> None:
+        """The values of delivery."""
+        self.table.bytes[:] = bytes(len(self.table.bytes))
+        for item, value in m.DELIVERED.values():
+            self.table.set(item, value)
+
+    def store(self) -> None:
+        """What it has in its stored area returns with the supply."""
+        self._stored = bytes(self.table.bytes[: m.RAM])
 
     def reboot(self) -> None:
         speed = self.table.bytes[t.SPEED_LIMIT.address]
-        self.table.bytes[:STORED] = self._stored
-        self.table.bytes[STORED:] = bytes(len(self.table.bytes) - STORED)
+        self.table.bytes[: m.RAM] = self._stored
+        self.table.bytes[m.RAM :] = bytes(len(self.table.bytes) - m.RAM)
         self.table.bytes[t.SPEED_LIMIT.address] = speed
+        self.table.set(m.TORQUE_LIMIT, self.table.get(m.MAX_TORQUE))
         self.table.set(t.STATUS, self.persists)
+        self._registered: tuple[int, bytes] | None = None
+        self._profile, self._sum = math.nan, 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         self.persists = code if persists else 0
         self.table.set(t.STATUS, code)
         self.table.set(t.TORQUE, 0)
 
+    def turn(self, packet: Packet) -> int:
+        """Its place among those that answer to a packet."""
+        return packet.parameters[2:].find(self.id) if packet.instruction == SYNC_READ else self.id
+
     def on_packet(self, packet: Packet) -> Iterator[bytes]:
         drive, instruction, data = packet
-        if self.silent or drive not in (self.id, BROADCAST):
+        mine = drive == self.id
+        if self.silent or not (mine or drive == BROADCAST):
             return
         if instruction == PING:
             yield self._answer()
-        elif instruction == READ and drive == self.id and len(data) == 2:
-            yield self._answer(self._read(data[0], data[1]))
-        elif instruction == WRITE and len(data) > 1:
-            self._write(data[0], data[1:])
-            if drive == self.id:
-                yield self._answer()
-        elif instruction == SYNC_READ and self.id in data[2:]:
+        elif (instruction == READ and mine and len(data) == 2) or (
+            instruction == SYNC_READ and self.id in data[2:]
+        ):
             yield self._answer(self._read(data[0], data[1]))
         elif instruction == SYNC_WRITE and len(data) > 2:
             address, length = data[0], data[1]
             for place in range(2, len(data) - length, length + 1):
                 if data[place] == self.id:
                     self._write(address, data[place + 1 : place + 1 + length])
+        elif instruction in (WRITE, REG_WRITE, ACTION, FACTORY_RESET):
+            answer = self._answer()  # of the id that was asked
+            self._obey(instruction, data)
+            if mine and self.table.get(m.RETURN_LEVEL):
+                yield answer
+
+    def _is_read(self, packet: Packet) -> bool:
+        return packet.instruction == SYNC_READ and self.id in packet.parameters[2:]
+
+    def _obey(self, instruction: int, data: bytes) -> None:
+        if instruction == WRITE and len(data) > 1:
+            self._write(data[0], data[1:])
+        elif instruction == REG_WRITE and len(data) > 1:
+            self._registered = data[0], data[1:]
+        elif instruction == ACTION and self._registered is not None:
+            self._write(*self._registered)
+            self._registered = None
+        elif instruction == FACTORY_RESET:
+            self._forget()
+            self.store()
+            self.reboot()
 
     def _answer(self, data: bytes = b"") -> bytes:
         return packed(self.id, self.table.get(t.STATUS), data)
 
     def _read(self, address: int, length: int) -> bytes:
+        load = 1000.0 * self.torque * self.motor.resistance
         for item, value in (
-            (t.POSITION, t.magnitude(self.motor.position / t.COUNT + t.CENTRE)),
+            (t.POSITION, t.magnitude(self._count())),
             (t.VELOCITY, t.magnitude(self.motor.velocity / t.COUNT)),
+            (m.LOAD, t.magnitude(load / self.motor.constant / self.motor.supply, t.PWM_SIGN)),
             (t.CURRENT, t.magnitude(self.torque / self.motor.constant / t.AMPERE)),
+            (m.MOVING, int(abs(self.motor.velocity) > RESTING)),
+            (m.REGISTERED, int(self._registered is not None)),
             (t.VOLTAGE, round(self.motor.supply / t.VOLT) & 0xFF),
             (t.TEMPERATURE, 30),
         ):
             self.table.set(item, value)
         return bytes(self.table.bytes[address : address + length])
 
+    def _raw(self) -> float:
+        """The count of its encoder."""
+        return self.motor.position / t.COUNT + t.CENTRE
+
+    def _offset(self) -> int:
+        return t.signed(self.table.get(m.HOMING), m.HOMING_SIGN)
+
+    def _count(self) -> float:
+        """What it reports: one turn, as soon as it has an offset."""
+        offset = self._offset()
+        return (self._raw() - offset) % TURN if offset else self._raw()
+
     def _write(self, address: int, data: bytes) -> None:
-        if address == t.TORQUE.address:
-            if data[0] and self.table.get(t.STATUS):
-                return
-            if not data[0]:
-                self.table.set(t.STATUS, self.persists)
-        self.table.bytes[address : address + len(data)] = data
-        if address < STORED and not self.table.get(t.LOCK):
-            self._stored = bytes(self.table.bytes[:STORED])
+        table, places = self.table, range(address, address + len(data))
+        wanted, on = dict(zip(places, data, strict=True)), table.get(t.TORQUE)
+        switch = wanted.get(t.TORQUE.address)
+        if switch == m.CALIBRATE:
+            offset = round(self._raw() - t.CENTRE) % TURN
+            offset -= TURN if offset > TURN // 2 else 0
+            table.set(m.HOMING, t.magnitude(offset, m.HOMING_SIGN))
+            self.store()
+        elif switch == 0:
+            table.set(t.STATUS, self.persists)
+        for place, byte in wanted.items():
+            if place in m.WRITABLE and (place, byte) != (t.TORQUE.address, m.CALIBRATE):
+                table.bytes[place] = byte
+        if t.GOALS.address in places:
+            table.set(t.TORQUE, 1)  # a goal takes power, as measured by the author of feetech-cli
+        if table.get(t.STATUS):
+            table.set(t.TORQUE, 0)
+        if table.get(t.TORQUE) and not on:
+            self._profile = self._count()
+        if address < m.RAM and not table.get(t.LOCK):
+            self.store()
 
-    def step(self, _seconds: float, position: float, velocity: float) -> float:
+    def step(self, seconds: float, position: float, velocity: float) -> float:
         self.motor.position, self.motor.velocity = position, velocity
-        most = self.table.get(t.CURRENT_LIMIT) * t.AMPERE * self.motor.constant
-        torque = self._torque() if self.table.get(t.TORQUE) else 0.0
+        stall = self.motor.constant * self.motor.supply / self.motor.resistance
+        most = min(
+            self.table.get(t.CURRENT_LIMIT) * t.AMPERE * self.motor.constant,
+            1e-3 * self.table.get(m.TORQUE_LIMIT) * stall,
+        )
+        on = self.table.get(t.TORQUE)
+        self._sum = self._sum if on else 0.0
+        torque = self._torque(seconds) if on else 0.0
         self.torque = max(-most, min(most, torque))
-        return self.torque
+        return self.torque - self.dry * math.tanh(velocity / SLIP) - self.viscous * velocity
 
-    def _torque(self) -> float:
+    def _torque(self, seconds: float) -> float:
         goals = self.table.get(t.GOALS).to_bytes(6, "little")
         position, pwm, speed = (int.from_bytes(goals[k : k + 2], "little") for k in (0, 2, 4))
         mode = self.table.get(t.MODE)
         if mode == t.PWM_MODE:
             return self.motor.at_output(t.signed(pwm, t.PWM_SIGN) / t.FULL_PWM)
         if mode == t.VELOCITY_MODE:
-            return self.motor.towards_velocity(t.signed(speed) * t.COUNT)
-        return self.motor.towards_position((t.signed(position) - t.CENTRE) * t.COUNT)
+            goal = t.signed(speed) * t.COUNT
+            self._sum += INTEGRAL * (goal - self.motor.velocity) * seconds
+            self._sum = max(-self.motor.supply, min(self.motor.supply, self._sum))
+            return self.motor.towards_velocity(goal) + self._sum
+        self._sum = 0.0
+        return self.motor.towards_position(self._goal(t.signed(position), speed, seconds))
+
+    def _goal(self, goal: float, speed: int, seconds: float) -> float:
+        """Where its profile is on the way to a goal within its limits, rad."""
+        low, high = self.table.get(t.MIN_POSITION), self.table.get(t.MAX_POSITION)
+        goal = max(low, min(high, goal)) if low < high else goal
+        step = (speed or math.inf) * seconds
+        self._profile += max(-step, min(step, goal - self._profile))
+        turns = round((self._raw() - self._offset() - self._count()) / TURN)
+        return (self._profile + TURN * turns + self._offset() - t.CENTRE) * t.COUNT
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualFeetech:
@@ -140,7 +237,8 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualFeetech:
         made.motor.supply = min(25.5, made.motor.supply)
         most = min(0xFFFF, int(joint.limits.peak_current / t.AMPERE))
         made.table.set(t.CURRENT_LIMIT, most)
-        made._stored = bytes(made.table.bytes[:STORED])
+        made.dry = made.viscous = 0.0  # those of the joint
+        made.store()
     return made
 
 

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import pty
 import select
+import sys
 import threading
 import tty
 from collections.abc import Iterable, Sequence
@@ -15,6 +17,10 @@ from typing import Any
 from .can_bus import QUIET, Carry, Frame
 from .servo import Framer
 from .world import World
+
+#: Linux's question for the settings of a terminal, and their length; the last number is the rate
+#: of what is sent, bit/s, whichever way it was set.
+TCGETS2, SETTINGS = 0x802C542A, 44
 
 
 class VirtualSerial:
@@ -35,6 +41,10 @@ class VirtualSerial:
         self.to_drives: Carry = iter
         self.from_drives: Carry = iter
 
+    def listening(self) -> list[Any]:
+        """Drives that understand what is sent."""
+        return self.drives
+
     def step(self, frames: Iterable[Frame]) -> list[Frame]:
         """Let the world pass up to the present; the bytes that arrive for those sent."""
         with self.world.lock:
@@ -43,7 +53,7 @@ class VirtualSerial:
                 (0, answer)
                 for _, data in self.to_drives(frames)
                 for packet in self.framer.feed(data)
-                for drive in self.drives
+                for drive in sorted(self.listening(), key=lambda drive: drive.turn(packet))
                 for answer in drive.on_packet(packet)
             ]
         return [*self.from_drives(answers)]
@@ -63,6 +73,12 @@ class VirtualSerialBus(VirtualSerial):
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="virtual drives", daemon=True)
         self._thread.start()
+
+    def listening(self) -> list[Any]:
+        """Drives at the rate of the program that opened the device."""
+        settings = fcntl.ioctl(self._slave, TCGETS2, bytes(SETTINGS))
+        rate = int.from_bytes(settings[-4:], sys.byteorder)
+        return [drive for drive in self.drives if drive.baudrate == rate]
 
     def close(self) -> None:
         """End the drives; safe to call twice."""
