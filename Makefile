@@ -20,7 +20,7 @@ endif
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run panel test test-long check bench motion soak conformance mutants docs house site wheels setup clean distclean
+.PHONY: help run panel test test-long check bench motion soak conformance mutants judges docs house site wheels setup clean distclean
 
 help: ## Say what there is
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -67,6 +67,10 @@ conformance: ## Print rule -> tests -> result, write docs/conformance.md
 mutants: ## Break the core in small ways: a test must fail; ARGS=--all for every way
 	@$(SETUP) test icub
 	@$(BIN)/python test/spec/mutants.py $(ARGS)
+
+judges: ## Fetch clients of drives that cannot be installed beside the others, for test/judged
+	@$(SETUP) test
+	@$(BIN)/python -m pip install -q --no-deps --upgrade --target $(VENV)/judges/ftservo-python-sdk "ftservo-python-sdk>=2.0"
 
 docs: ## Write the generated pages of docs/; ARGS=--pictures draws anew
 	@$(SETUP) test dev

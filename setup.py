@@ -213,6 +213,10 @@ DRIVES = [*MOTEUS, *DYNAMIXEL, *MIT_CAN, *CIA402, *ODRIVE_CAN, *FEETECH]
 #: Clients of others, which operate the virtual drives (test/judged).
 JUDGES = [
     "damiao-motor>=1.0",
+    "durand>=0.5",
+    "dynamixel-python>=0.0.8",
+    "feetech-cli>=0.1.8",
+    "st3215-bus>=0.1.1",
 ]
 TEST = [
     *JUDGES,

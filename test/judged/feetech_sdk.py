@@ -40,7 +40,8 @@ def main(device: str) -> None:
     servos.WritePosEx(1, 2300, 2000, 50)
     until(lambda: near(1, 2300) and not servos.ReadMoving(1)[0])
     position, speed, result, error = servos.ReadPosSpeed(1)
-    assert abs(position - 2300) < 5 and abs(speed) < 20, (position, speed)
+    assert abs(position - 2300) < 5, position
+    assert abs(speed) < 20, speed
     print("2300 0")
     print("moving stops")
 

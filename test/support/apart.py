@@ -28,6 +28,7 @@ def run_apart(package: str, program: str, *arguments: str) -> list[str]:
         env=os.environ | {"PYTHONPATH": str(folder)},
         capture_output=True,
         text=True,
+        check=False,
         timeout=120,
     )
     assert done.returncode == 0, done.stderr

@@ -50,11 +50,16 @@ def unpacked(data: bytes) -> Packet | None:
 class VirtualFeetech:
     """An STS3215, as delivered but for its id; see ``virtual.world.VirtualDrive``.
 
-    Attributes: table (its memory), motor (with its loops), dry, viscous (friction of its gear).
+    Attributes:
+        table: Its memory.
+        motor: With its loops.
+        dry, viscous: Friction of its gear, N·m and N·m·s/rad.
+        goal_takes_power: A goal switches the torque on, as the author of feetech-cli 0.1.8
+            measured on a servo (simulator.py); the memory table does not say it.
     """
 
     def __init__(self, drive: int) -> None:
-        self.silent, self.persists = False, 0
+        self.silent, self.persists, self.goal_takes_power = False, 0, False
         self.motor = ServoMotor(CONSTANT, RESISTANCE, SUPPLY)
         self.dry, self.viscous = DRY, VISCOUS
         self.table = Table(256)
@@ -184,8 +189,8 @@ class VirtualFeetech:
         for place, byte in wanted.items():
             if place in m.WRITABLE and (place, byte) != (t.TORQUE.address, m.CALIBRATE):
                 table.bytes[place] = byte
-        if t.GOALS.address in places:
-            table.set(t.TORQUE, 1)  # a goal takes power, as measured by the author of feetech-cli
+        if self.goal_takes_power and t.GOALS.address in places:
+            table.set(t.TORQUE, 1)
         if table.get(t.STATUS):
             table.set(t.TORQUE, 0)
         if table.get(t.TORQUE) and not on:
