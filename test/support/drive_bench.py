@@ -43,6 +43,7 @@ FAULTS = {
     "VirtualRobStride": 1 << 14,
     "VirtualDynamixel": 32,
     "VirtualCia402": 0x3210,
+    "DurandDrive": 0x3210,
     "VirtualOdrive": 0x0400_0000,
     "VirtualFeetech": 32,
 }
