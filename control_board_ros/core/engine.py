@@ -89,6 +89,8 @@ class Engine:
             monitor.replace_broken()
             self.start_up.complete()
         monitor.reasons = measurement.reasons
+        for j in measurement.lost:
+            machine.calibrations.lose(j)
         self.emergency.watch(measurement.time if now is None else now)
         if not monitor.healthy():
             machine.check_faults()

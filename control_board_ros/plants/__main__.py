@@ -97,7 +97,9 @@ def put_scan(plant: str, bus: str, baudrate: int = 0) -> int:
     for drive in found:
         volts = "" if math.isnan(drive.voltage) else f"{drive.voltage:.1f} V"
         fault = f"fault {drive.fault}" if drive.fault else "no fault"
-        print(f"id {drive.id:<4} {drive.type:<14} firmware {drive.firmware:<8} {volts:<8} {fault}")
+        kept = f"zero {drive.zero}"
+        print(f"id {drive.id:<4} {drive.type:<14} firmware {drive.firmware:<8} {volts:<8} "
+              f"{kept:<18} {fault}")  # fmt: skip
     return 0
 
 

@@ -172,6 +172,9 @@ class Buses:
             if name in OF_MOTORS and any(part is not None for part in parts):
                 nothing = [np.full_like(one.position, np.nan) for one in found]
                 parts = [n if p is None else p for p, n in zip(parts, nothing, strict=True)]
+            if name == "lost" and any(part is not None for part in parts):
+                none = [np.zeros(len(one.position), dtype=np.bool_) for one in found]
+                parts = [n if p is None else p for p, n in zip(parts, none, strict=True)]
             if all(part is not None for part in parts):
                 rows[name] = np.concatenate(parts)
         own = rows.get("ages")
@@ -204,4 +207,4 @@ def unread(columns: slice) -> Readings:
     """Readings of joints that were never read."""
     nothing = np.full(columns.stop - columns.start, np.nan)
     rows: dict[str, Any] = dict.fromkeys((field.name for field in fields(Readings)), nothing)
-    return Readings(**rows | {"ages": np.zeros_like(nothing), "faults": ()})
+    return Readings(**rows | {"ages": np.zeros_like(nothing), "faults": (), "lost": None})

@@ -28,7 +28,8 @@ class Sample:
 
     Attributes: values (shape (ROWS, n)), faults (of the drives, by joint), applied (percent of
     PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)), motors
-    (rows of Motor, NaN where there is no sensor; None: there is none).
+    (rows of Motor, NaN where there is no sensor; None: there is none), lost (joints whose zero is
+    lost, by number).
     """
 
     values: Array
@@ -36,6 +37,7 @@ class Sample:
     applied: Array
     late: NDArray[np.bool_]
     motors: Array | None = None
+    lost: tuple[int, ...] = ()
 
 
 class Exchange:
@@ -146,7 +148,10 @@ class Exchange:
         warm = found.temperature
         values[Row.TEMPERATURE] = self._ambient if warm is None else self._row("temperature", warm)
         late = values[Row.ENCODER_AGE] > 0.0
-        return Sample(values, self._faults(found), applied, late, self._motors(found))
+        lost: tuple[int, ...] = ()
+        if found.lost is not None:
+            lost = tuple(np.flatnonzero(self._row("lost", found.lost)).tolist())
+        return Sample(values, self._faults(found), applied, late, self._motors(found), lost)
 
     def _settled(self, applied: Array, velocity: Array, torque: Array, wanted: SetPoints) -> Array:
         """The steady current of the winding, i = (V − Ke dq)/R, or that of the torque."""

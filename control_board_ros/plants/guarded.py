@@ -44,7 +44,7 @@ from ..core.terms.measurement import (
 from ..text import clean
 from .exchange import Exchange, Sample
 from .interface import Clock, DriveLimits, DrivePlant, RobotPlant
-from .offers import bounded, limit_differences
+from .offers import bounded, corrected_turns, limit_differences
 from .outputs import as_drives
 
 RETRY = 0.2
@@ -152,7 +152,7 @@ class GuardedPlant:
         self._reported = True
         error, sample = self._error or self._refusal, self._sample
         faults: dict[int, str] = {}
-        motors = None
+        motors, lost = None, tuple[int, ...]()
         if sample is not None:
             self._values[:] = sample[2].values
             overdue = now - sample[0] - self._period
@@ -160,7 +160,7 @@ class GuardedPlant:
                 ages = np.minimum(self._values[AGES] + overdue, self._oldest)
                 self._values[AGES] = np.maximum(ages, self._values[AGES])
             self.applied, faults = sample[2].applied, sample[2].faults
-            motors = sample[2].motors
+            motors, lost = sample[2].motors, sample[2].lost
         silent = self._silent(sample)
         if error:
             reasons = dict.fromkeys(self._everybody, error)
@@ -182,6 +182,7 @@ class GuardedPlant:
             applied=self.applied,
             motors=motors,
             elapsed=elapsed if elapsed > 0.0 and self._cycle > 0 else None,
+            lost=lost,
         )
 
     def write(self, actuation: Actuation) -> None:
@@ -271,6 +272,7 @@ class GuardedPlant:
         has = {joint.name: joint for joint in self._plant.describe().joints}
         joints = self._board.joints
         lines = [line for joint in joints for line in limit_differences(joint, has[joint.name])]
+        lines += [line for joint in joints for line in corrected_turns(joint, has[joint.name])]
         self._news += [line for line in lines if line not in self._limits]
         self._limits = set(lines)
         limits = tuple(has[joint.name].limits for joint in joints)

@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..core.config.config import JointConfig
 from ..core.terms.drives import OnSilence, SetPoint
 from ..core.terms.measurement import Array, SetPoints
@@ -57,6 +60,9 @@ class JointDescription:
             one exchange, s.
         resolution: Step of its position readings, rad.
         limits: Enforced by the drive itself; after ``connect`` those that it has then.
+        turn: By multiples of this its position can be wrong after a restart (S9), rad at the
+            joint; 0: it is absolute; inf: it is lost.
+        turned: By which its position is corrected now, for this reason, rad at the joint.
         on_silence: What the motor can do without commands (S5), the usual one first.
         control_modes: That it can be driven in; the board offers no other (M5).
         torque_sensor: It reads the joint's torque. Without this and ``torque_estimate`` the joint
@@ -79,6 +85,8 @@ class JointDescription:
     delay: float = 0.0
     resolution: float = 0.0
     limits: DriveLimits = DriveLimits()
+    turn: float = 0.0
+    turned: float = 0.0
     on_silence: tuple[OnSilence, ...] = (OnSilence.FREE,)
     control_modes: tuple[ControlMode, ...] = SELECTABLE
     torque_sensor: bool = False
@@ -150,6 +158,8 @@ class Readings:
         ages: s since the joints' readings were made, 0 where they are of this exchange: a joint
             whose answer is late has its last reading again, with the age that it has by now.
         faults: What each drive reports as its fault; empty, or None, where it is healthy.
+        lost: Joints that require a calibration, whose zero is lost since their last one (S9);
+            None: none is.
     """
 
     position: Array
@@ -163,6 +173,7 @@ class Readings:
     applied: Array | None = None
     ages: Array | None = None
     faults: Sequence[str | DriveFault | None] = ()
+    lost: NDArray[np.bool_] | None = None
 
 
 #: Readings of motors, in the order of ``measurement.Motor``.

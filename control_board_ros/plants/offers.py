@@ -177,3 +177,13 @@ def limit_differences(joint: JointConfig, has: JointDescription) -> list[str]:
     return [
         f"{joint.name}: its drive allows {', '.join(different)} of the board; the smaller acts"
     ]
+
+
+def corrected_turns(joint: JointConfig, has: JointDescription) -> list[str]:
+    """One line where turns that a drive lost are made up for (S9); else none."""
+    if not has.turned:
+        return []
+    return [
+        f"{joint.name}: its drive lost turns by a restart; its position is corrected by "
+        f"{joint.kind.position(has.turned)}, the only place of it that fits"
+    ]

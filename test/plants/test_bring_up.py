@@ -258,6 +258,9 @@ def test_a_scan_prints_answering_drives(bench: Bench, capsys: pytest.CaptureFixt
         "1.1.0",
         "24.0",
         "V",
+        "zero",
+        "not",
+        "reported",
         "no",
         "fault",
     ]

@@ -254,7 +254,7 @@ def test_the_others_of_a_request_are_served() -> None:
     assert rig.modes() == [M.IDLE, M.POSITION]
 
 
-@pytest.mark.parametrize("how", ["aborted", "failed", "power cycle"])
+@pytest.mark.parametrize("how", ["aborted", "failed", "power cycle", "restart of its drive"])
 def test_a_calibration_that_is_lost_is_shown(how: str) -> None:
     """K7: the snapshot, get_calibration and requests agree on the calibrated joints."""
     rig = calibrating(OFFSET)
@@ -263,6 +263,16 @@ def test_a_calibration_that_is_lost_is_shown(how: str) -> None:
     assert rig.board.get_calibration("left")[0].calibrated
     if how == "power cycle":
         rig.board.power_cycle()
+    elif how == "restart of its drive":  # S9: with its fault
+        rig.plant.inject("left", "external")
+        rig.run(0.05)
+        read = rig.plant.read
+        rig.plant.read = lambda: replace(read(), lost=(0,))
+        rig.tick(3)
+        rig.plant.read = read
+        rig.plant.clear_injected()
+        rig.run(0.05)
+        assert rig.board.set_control_mode("left", "fidl")
     else:
         assert rig.board.calibrate("left")
         rig.tick(3)

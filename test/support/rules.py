@@ -40,6 +40,7 @@ BEYOND = {
     "S6": "faults of drives",
     "S7": "the simulated arm as a drive",
     "S8": "a drive is what it reports",
+    "S9": "a drive that lost its turns is corrected, or not believed",
     "S10": "one drive costs the others nothing",
     "S11": "what a bus kept never acts later",
     "E1": "recovery",

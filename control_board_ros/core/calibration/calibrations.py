@@ -110,6 +110,15 @@ class Calibrations:
         """Record why the calibration that has just ended failed (K4)."""
         self._status[j] = replace(self._status[j], phase="failed", message=text)
 
+    def lose(self, j: int) -> None:
+        """Record that the angle of a joint that requires a calibration is lost (K7, S9)."""
+        calibration = self._machine.config.joints[j].calibration
+        required = calibration is not None and calibration.required
+        if required and self._state.calibrated[j] and j not in self.running:
+            self._state.calibrated[j] = False
+            self._show(j, message="its drive restarted, and lost its zero")
+            self._machine.report("warning", "uncalibrated", j, "its drive lost its zero")
+
     def set_offset(self, j: int, offset: float) -> None:
         """Set the offset: joint angle = reading − offset, rad."""
         state = self._state

@@ -194,7 +194,7 @@ class Measurement:
     are the brakes by their switches, 1.0 where closed, NaN where there is no switch, shape
     (n,); None: there is none. ``applied`` is the PWM that acted since the last reading, percent,
     shape (n,), where measured. ``motors`` has the rows of Motor, shape (MOTOR_ROWS, n),
-    NaN where there is no sensor.
+    NaN where there is no sensor. ``lost`` are joints whose angle is not known any more (S9).
     """
 
     time: float
@@ -204,6 +204,7 @@ class Measurement:
     applied: Array | None = None
     motors: Array | None = None
     elapsed: float | None = None
+    lost: Sequence[int] = ()
 
 
 class Intake:

@@ -110,4 +110,5 @@ def found_of(sdo: Sdo, drive: int) -> Questions[Found]:
         firmware=software,
         voltage=math.nan if volts is None else 1e-3 * volts,
         fault=DriveFault(code, o.error_name(code)) if state is State.FAULT else None,
+        turn=math.nan,
     )

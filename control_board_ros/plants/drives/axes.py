@@ -22,6 +22,9 @@ from ...text import nearest
 from ..errors import PlantSettingsError
 from ..interface import DriveLimits
 
+#: How the zero of a drive survives a restart, by the option ``turns``: see ``Axis.turn``.
+TURNS = {"": None, "absolute": 0.0, "one turn": 2.0 * math.pi, "lost": math.inf}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
@@ -35,6 +38,8 @@ class Axis:
         offset: Angle of the joint where the drive reads 0, rad.
         motor_turns: Turns of the motor's shaft per turn of the drive's output, where the drive
             measures the shaft; 0: it does not.
+        turn: By which its drive's position can be wrong after a restart, rad at its output, as
+            ``Found.turn``; None: as the drive has it.
         own: Options of this driver for this joint, checked by ``options``.
     """
 
@@ -44,6 +49,7 @@ class Axis:
     ratio: float = 1.0
     offset: float = 0.0
     motor_turns: float = 0.0
+    turn: float | None = None
     own: Mapping[str, str | float] = field(default_factory=dict)
 
     @property
@@ -51,9 +57,14 @@ class Axis:
         """Drive angle per joint angle, s N."""
         return self.direction * self.ratio
 
-    def limits_at_joint(self, found: DriveLimits) -> DriveLimits:
-        """The limits of the drive, as they are at the joint."""
-        ends = [None if end is None else end / self.factor + self.offset
+    def limits_at_joint(self, found: DriveLimits, turned: float = 0.0) -> DriveLimits:
+        """The limits of the drive, as they are at the joint.
+
+        Args:
+            found: At its output.
+            turned: What is added to its positions, rad.
+        """
+        ends = [None if end is None else (end + turned) / self.factor + self.offset
                 for end in (found.lower, found.upper)]  # fmt: skip
         lower, upper = ends if self.direction > 0 else reversed(ends)
         return DriveLimits(
@@ -120,8 +131,9 @@ class Options:
         Args:
             joints: Names, in the board's order; their ids are 1, 2, 3, … unless given.
             arguments: Of the user: ``bus``, ``ids`` (``1,2,3``), ``JOINT.id``, ``JOINT.ratio``,
-                ``JOINT.direction``, ``JOINT.offset``, ``JOINT.motor_turns``, and those below; all
-                but the id also without a joint, for those that have none of their own.
+                ``JOINT.direction``, ``JOINT.offset``, ``JOINT.motor_turns``, ``JOINT.turns``, and
+                those below; all but the id also without a joint, for those that have none of
+                their own.
             bus: The one that is used when none is given.
             whole: Options of this driver with their defaults, whose type is theirs.
             each: The same, of one joint.
@@ -131,7 +143,7 @@ class Options:
         """
         whole, each = dict(whole or {}), dict(each or {})
         per_joint: dict[str, str | float] = {"id": 0.0, "direction": 1.0, "ratio": 1.0}
-        per_joint |= {"offset": 0.0, "motor_turns": 0.0, **each}
+        per_joint |= {"offset": 0.0, "motor_turns": 0.0, "turns": "", **each}
         for_all = {name: default for name, default in per_joint.items() if name != "id"}
         known = ["bus", "ids", *whole, *for_all, *(f"JOINT.{name}" for name in per_joint)]
         found = {name: dict(per_joint, id=float(k)) for k, name in enumerate(joints, 1)}
@@ -177,9 +189,14 @@ def _axis(name: str, found: Mapping[str, str | float], each: Mapping[str, str | 
         raise PlantSettingsError(
             f"{name}.ratio={ratio:g}: a number above 0 is required; direction=-1 turns it round"
         )
-    if (turns := float(found["motor_turns"])) < 0.0:
+    if (shaft := float(found["motor_turns"])) < 0.0:
         raise PlantSettingsError(
-            f"{name}.motor_turns={turns:g}: a number from 0 is required; 0: not measured"
+            f"{name}.motor_turns={shaft:g}: a number from 0 is required; 0: not measured"
+        )
+    turns = str(found["turns"]).replace("_", " ")
+    if turns not in TURNS:
+        raise PlantSettingsError(
+            f"{name}.turns={turns}: {', '.join(filter(None, TURNS))} is required"
         )
     return Axis(
         name=name,
@@ -187,7 +204,8 @@ def _axis(name: str, found: Mapping[str, str | float], each: Mapping[str, str | 
         direction=int(direction),
         ratio=ratio,
         offset=float(found["offset"]),
-        motor_turns=turns,
+        motor_turns=shaft,
+        turn=TURNS[turns],
         own={key: found[key] for key in each},
     )
 

@@ -18,6 +18,8 @@ from .interview import Interview, Questions
 from .reconcile import Action, Reported
 
 NONE = DriveLimits()
+#: Of a drive's output, rad.
+ONE_TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +27,8 @@ class Found:
     """A drive that answers.
 
     Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN; fault or None;
-        limits at its output.
+        limits at its output; turn (by multiples of which its position can be wrong after a
+        restart, rad at its output; 0: it is absolute; inf: it is lost; NaN: it does not say).
     """
 
     id: int
@@ -34,6 +37,14 @@ class Found:
     voltage: float = math.nan
     fault: DriveFault | None = None
     limits: DriveLimits = NONE
+    turn: float = 0.0
+
+    @property
+    def zero(self) -> str:
+        """How its zero survives a restart, in words."""
+        if math.isnan(self.turn):
+            return "not reported"
+        return {0.0: "absolute", ONE_TURN: "one turn"}.get(self.turn, "lost")
 
 
 class Answers:

@@ -14,8 +14,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
+from ...core.terms.joint_kind import JointKind
 from ...core.terms.measurement import Array, SetPoints, Value
 from ..errors import PlantSettingsError
 from ..interface import Description, DriveFault, JointDescription, Readings, Setup
@@ -25,6 +28,7 @@ from .driver import NONE, Answers, Driver, Found, Order
 from .faults import RESTARTED, UNCONFIRMED
 from .interview import Interview, Questions
 from .reconcile import ASKING, UNHEARD, Action, Desired, done, step, unconfirmed
+from .turns import NEAR, missing
 
 #: Longest period of exchanges while the bus is connected, s.
 PACE = 5e-3
@@ -33,6 +37,8 @@ CLASHES, FORGIVEN = 3.0, 0.3
 #: Most answers that may be pending, above what one exchange reads.
 LATEST = 100
 OFF = Desired(None)
+#: Times its limit of velocity at which a joint jumps, by a turn that its drive lost.
+LEAP = 4.0
 #: Actions after which a drive that had power still has it.
 HOLDING = (Action.POWER_ON, Action.GOAL, Action.ASK)
 Fault = str | DriveFault
@@ -60,6 +66,12 @@ class DrivesPlant:
         self._free = [True] * len(axes)
         self._found: list[Found | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
+        #: Last position of each joint while its zero was certain, rad; NaN: there is none.
+        self._certain, self._certain_at = np.full((2, len(axes)), math.nan)
+        #: By which each can be wrong, rad at the joint, inf: never; fastest motion, rad/s.
+        self._steps, self._speeds = np.full((2, len(axes)), math.inf)
+        self._ends: list[tuple[float, float] | None] = [None] * len(axes)
+        self._calibrates = [False] * len(axes)
         self._begin()
 
     def _begin(self) -> None:
@@ -76,6 +88,10 @@ class DrivesPlant:
         #: Since when each drive does not report what is desired, s; inf: it does.
         self._undone = [math.inf] * n
         self._had_power = [False] * n
+        #: What is added to the drives' positions for lost turns, rad at their outputs (S9).
+        self._turned = np.zeros(n)
+        #: Whose turns are to be found; whose are not certain, in words; whose zero is lost.
+        self._unsure, self._astray, self._lost = [False] * n, [""] * n, np.zeros(n, dtype=np.bool_)
 
     def describe(self) -> Description:
         """What the drives have; with type, firmware and limits of each once it is connected."""
@@ -87,7 +103,11 @@ class DrivesPlant:
                 drive="" if found is None else f"{found.type} {found.firmware}".strip(),
                 rate=traits.rate,
                 resolution=traits.resolution / axis.ratio,
-                limits=NONE if found is None else axis.limits_at_joint(found.limits),
+                limits=NONE
+                if found is None
+                else axis.limits_at_joint(found.limits, self._turned[k]),
+                turn=self._turn(k) / axis.ratio,
+                turned=self._turned[k] / axis.factor,
                 on_silence=traits.on_silence,
                 torque_estimate=traits.torque,
                 current_sensor=traits.current,
@@ -109,6 +129,14 @@ class DrivesPlant:
         self._begin()
         self._timeout, self._period = setup.timeout, setup.period
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
+        self._ends = [range_of(joint) for joint in setup.joints]
+        self._speeds[:] = [
+            math.inf if joint is None else joint.limits.velocity for joint in setup.joints
+        ]
+        self._calibrates = [
+            joint is not None and joint.calibration is not None and joint.calibration.required
+            for joint in setup.joints
+        ]
         self.driver.line.clock = self.clock
         self.driver.open(setup, self.answers)
         reported, everyone = self.answers.reported, range(len(self.axes))
@@ -121,7 +149,10 @@ class DrivesPlant:
     def exchange(self, wanted: SetPoints) -> Readings:
         """Send set-points and read; a silent drive keeps its last reading."""
         begin = self.clock.now()
-        values, kinds = self._axes.to_drive(wanted).T.tolist(), wanted.kinds.tolist()
+        sent = self._axes.to_drive(wanted)
+        sent[Value.POSITION] -= self._turned
+        values, kinds = sent.T.tolist(), wanted.kinds.tolist()
+        self._lost &= wanted.kinds == SetPoint.OFF  # its calibration began
         orders: dict[int, Order] = {}
         for k, kind in enumerate(map(SetPoint, kinds)):
             try:
@@ -158,7 +189,7 @@ class DrivesPlant:
 
     def _wish(self, k: int, kind: SetPoint) -> Desired:
         """What the board wants of a drive; none of it while a fault lasts."""
-        if kind is SetPoint.OFF or self._latched[k] is not None:
+        if kind is SetPoint.OFF or self._latched[k] is not None or self._astray[k]:
             reset, self._resets[k] = self._resets[k], False
             return Desired(None, reset=True) if reset else OFF
         return Desired(self.driver.law(k, kind), self.driver.live)
@@ -192,6 +223,8 @@ class DrivesPlant:
         if action is Action.SET_UP:
             self._found[k], reported.lost = interview.result, False
             reported.confirmed = True
+            self._unsure[k], self._astray[k] = (turn := self._turn(k)) > 0.0, ""
+            self._steps[k] = turn / self.axes[k].ratio if turn > 0.0 else math.inf
         elif action is Action.SET_LAW:
             reported.law = interview.result
         elif interview.result:
@@ -232,11 +265,12 @@ class DrivesPlant:
                     self._lose(k, fault)
         else:
             self._asked.fill(math.inf)
+        self._watch_turns(late)
         for k in range(len(faults)):
             faults[k] = self._fault(k, now)
         shafts = self._at_shafts() if self._shafts or traits.motor_encoders else (None, None)
         return Readings(
-            position=axes.position(answers.position),
+            position=axes.position(answers.position + self._turned),
             velocity=answers.velocity / axes.factor,
             torque=answers.torque * axes.factor if traits.torque else None,
             current=answers.current * axes.sign if traits.current else None,
@@ -246,7 +280,54 @@ class DrivesPlant:
             motor_velocity=shafts[1],
             ages=ages,
             faults=faults,
+            lost=self._lost.copy() if self._lost.any() else None,
         )
+
+    def _turn(self, k: int) -> float:
+        """By which the position of a drive can be wrong after a restart, rad at its output."""
+        own, found = self.axes[k].turn, self._found[k]
+        turn = own if own is not None else 0.0 if found is None else found.turn
+        return 0.0 if math.isnan(turn) else turn
+
+    def _watch_turns(self, late: NDArray[np.bool_]) -> None:
+        """Correct turns after a set-up; a position that jumps shows a restart, too (S9)."""
+        answers, position = self.answers, self._axes.position(self.answers.position + self._turned)
+        way = np.abs(position - self._certain)
+        for k in np.flatnonzero(way > NEAR * self._steps).tolist():
+            seconds = answers.times[k] - self._certain_at[k]
+            if not self._unsure[k] and way[k] > LEAP * self._speeds[k] * (seconds + self._period):
+                self._lose(k, RESTARTED)
+        for k, reported in enumerate(answers.reported):
+            if late[k] or reported.lost:
+                continue
+            if self._unsure[k]:
+                self._find_turns(k)
+                position = self._axes.position(answers.position + self._turned)
+            if not self._astray[k]:
+                self._certain[k], self._certain_at[k] = position[k], answers.times[k]
+
+    def _find_turns(self, k: int) -> None:
+        """Correct the turns that a drive lost, or say that they are not certain (S9)."""
+        self._unsure[k] = False
+        axis, last = self.axes[k], self._certain[k]
+        place, step = (
+            float(self._axes.position(self.answers.position)[k]),
+            self._turn(k) / axis.ratio,
+        )
+        if self._calibrates[k] and math.isnan(last):
+            return  # it is calibrated before it moves
+        added = missing(place, step, self._ends[k], None if math.isnan(last) else float(last))
+        if added is not None:
+            self._turned[k], self._astray[k] = added * axis.factor, ""
+        elif self._calibrates[k]:
+            self._lost[k] = True
+        else:
+            near = "" if math.isnan(last) else f", or near {last:.3f}, where it was read last"
+            self._astray[k] = (
+                f"its drive may have lost turns: {place:.3f} may be wrong by multiples of "
+                f"{step:.3f}; move it to where one only is within its limits{near}; or give it a "
+                f"calibration, or set {axis.name}.turns=absolute"
+            )
 
     def _fault(self, k: int, now: float) -> Fault | None:
         """The fault of a drive: its own, or one of those that are judged here."""
@@ -268,12 +349,13 @@ class DrivesPlant:
             if now - self._undone[k] > self._timeout and self._latched[k] is None:
                 self._latched[k] = DriveFault(UNCONFIRMED, unconfirmed(wish, reported))
         self._had_power[k] = reported.power and self._actions[k] in HOLDING
-        return self._latched[k]
+        return self._latched[k] or self._astray[k] or None
 
     def _at_shafts(self) -> tuple[Array, Array]:
         """Position and velocity of the motors' shafts; NaN where they are not measured."""
         axes, answers = self._axes, self.answers
-        position, velocity = axes.shaft * answers.position, axes.shaft * answers.velocity
+        position = axes.shaft * (answers.position + self._turned)
+        velocity = axes.shaft * answers.velocity
         own = ~np.isnan(answers.motor_position)
         position[own], velocity[own] = (axes.sign * answers.motor_position)[own], math.nan
         return position, velocity
@@ -299,6 +381,7 @@ class DrivesPlant:
         self._resets[joint] = reported.fault is not None
         if not (reported.power or reported.lost):
             self._latched[joint], self._undone[joint] = None, math.inf
+            self._unsure[joint] = self._unsure[joint] or bool(self._astray[joint])
 
     def let_go(self) -> None:
         """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
@@ -309,6 +392,13 @@ class DrivesPlant:
         self.driver.close()
         if self.far_end is not None:
             self.far_end.close()
+
+
+def range_of(joint: JointConfig | None) -> tuple[float, float] | None:
+    """Where a joint can be, as its drive reads it; None: that is not known, or anywhere."""
+    if joint is None or joint.calibration is not None or joint.kind is JointKind.CONTINUOUS:
+        return None
+    return joint.limits.hard_lower, joint.limits.hard_upper
 
 
 def silent(axis: Axis, age: float) -> str:

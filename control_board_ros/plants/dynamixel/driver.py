@@ -16,7 +16,7 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import budget
-from ..drives.driver import Answers, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, WATCHDOG, flagged
 from ..drives.interview import Question, Questions, find
 from ..drives.plant import maker
@@ -127,7 +127,8 @@ class DynamixelDrives:
         )
         volts = yield from get(drive, t.VOLTAGE)
         found = Found(id=drive, type=model.name, firmware=f"{firmware}", voltage=volts * t.VOLT)
-        return replace(found, fault=flagged(error, t.ERRORS), limits=limits)
+        turn = 0.0 if self._position_mode == t.POSITION_MODE else ONE_TURN
+        return replace(found, fault=flagged(error, t.ERRORS), limits=limits, turn=turn)
 
     def confirm(self, k: int) -> Questions[bool]:
         """A restart is seen in what is read: its watchdog is 0."""
@@ -264,6 +265,7 @@ def identity(bus: ServoBus, drive: int) -> Found:
         firmware=str(bus.get(drive, t.FIRMWARE)),
         voltage=bus.get(drive, t.VOLTAGE) * t.VOLT,
         fault=flagged(error, t.ERRORS),
+        turn=ONE_TURN,
     )
 
 

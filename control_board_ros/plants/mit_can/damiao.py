@@ -13,7 +13,7 @@ from typing import Any
 
 from ..drives.axes import Axis
 from ..drives.can_line import Frame
-from ..drives.driver import Answers, Found, Order
+from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import coded
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.reconcile import Action
@@ -32,6 +32,8 @@ WHOLE = {MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, SW_VER}
 LAST_REGISTER = 81
 #: s per count of TIMEOUT; the control mode of MIT frames.
 TIMEOUT_STEP, MIT_MODE = 50e-6, 1
+#: How often its mode is read under power.
+AGAIN = 3
 DISABLED, ENABLED = 0, 1
 FAULTS = {
     0x8: "over-voltage",
@@ -64,6 +66,7 @@ class Damiao:
         self._axis, self._bus = axis, bus
         self.ranges = f.Ranges(12.5, 30.0, 10.0)
         self.master: int | None = None
+        self._again = 0  # exchanges in which its mode is read again, after its power came
 
     def set_up(self, timeout: float) -> Questions[Found]:
         """MIT mode and watchdog, acknowledged; its ranges."""
@@ -77,7 +80,13 @@ class Damiao:
             ends.append((yield from self._get(register)))
         self.ranges = f.Ranges(*ends)
         version = int((yield from self._get(SW_VER)))
-        return Found(id=number, type="Damiao", firmware=f"{version}", limits=limits(self.ranges))
+        return Found(
+            id=number,
+            type="Damiao",
+            firmware=f"{version}",
+            limits=limits(self.ranges),
+            turn=ONE_TURN,
+        )
 
     def confirm(self, timeout: float) -> Questions[bool]:
         mode, watch = (yield from self._get(CTRL_MODE)), (yield from self._get(TIMEOUT))
@@ -103,9 +112,13 @@ class Damiao:
         number, action = self._axis.id, order.action
         answers.asked[k] += 1
         if action is Action.GOAL:
+            if self._again > 0:  # it may have restarted since its set-up was confirmed
+                self._again -= 1
+                yield from reading(number, CTRL_MODE).request
             yield number, f.command(self.ranges, order.kind, order.values)
         elif action is Action.POWER_ON:
             answers.asked[k] += 1
+            self._again = AGAIN
             yield number, f.ENABLE
             yield number, f.command(self.ranges, order.kind, order.values)
         elif action in (Action.ASK, Action.CONFIRM):
@@ -116,7 +129,9 @@ class Damiao:
     def take(self, data: bytes, answers: Answers, k: int) -> bool:
         """Read an answer; true where it is a motion."""
         if is_register(data, self._axis.id):
-            return False  # late, of a question before
+            if data[3] == CTRL_MODE and data[4:] != MIT_MODE.to_bytes(4, "little"):
+                answers.reported[k].lost = True
+            return False  # of a question before
         reported, state = answers.reported[k], data[0] >> 4
         answers.came(k, data)
         if reported.lost:

@@ -15,7 +15,7 @@ from typing import Any
 from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.axes import Axis, Options
 from ..drives.can_line import PATIENCE, CanLine, Frame, budget
-from ..drives.driver import Answers, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded, flagged
 from ..drives.interview import Questions
 from ..drives.plant import maker
@@ -154,7 +154,9 @@ def scan(bus: str) -> list[Found]:
                 states = [m.data[0] >> 4 for m in line.collect(PATIENCE / 10) if len(m.data) == 8]
                 faults = [coded(state, d.FAULTS) for state in states if state in d.FAULTS]
                 version = asked(line, d.reading(drive, d.SW_VER))
-                one = Found(id=drive, type="Damiao", fault=faults[0] if faults else None)
+                one = Found(
+                    id=drive, type="Damiao", fault=faults[0] if faults else None, turn=ONE_TURN
+                )
                 found.append(replace(one, firmware=f"{int(version[0])}" if version else ""))
         for drive in set(IDS).difference(one.id for one in found):  # it would be their command
             line.send(drive, r.READ_FAULTS)
@@ -162,7 +164,7 @@ def scan(bus: str) -> list[Found]:
                 if m.arbitration_id == r.MASTER and len(m.data) == 8}  # fmt: skip
         for drive, data in sorted(mine.items()):
             fault = flagged(r.fault_word(data) or 0, r.FAULTS)
-            found.append(Found(id=drive, type="RobStride", fault=fault))
+            found.append(Found(id=drive, type="RobStride", fault=fault, turn=ONE_TURN))
     return found
 
 

@@ -16,7 +16,7 @@ from typing import Any
 from ...text import nearest
 from ..drives.axes import Axis
 from ..drives.can_line import Frame
-from ..drives.driver import Answers, Found, Order
+from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.reconcile import Action
@@ -170,7 +170,7 @@ class RobStride:
         self._faults = Faults(self.ranges)
         kind = f"RobStride {str(self._axis.own['model']).upper()}"
         fault = flagged(word, FAULTS)
-        return Found(id=number, type=kind, fault=fault, limits=limits(self.ranges))
+        return Found(id=number, type=kind, fault=fault, limits=limits(self.ranges), turn=ONE_TURN)
 
     def confirm(self, _timeout: float) -> Questions[bool]:
         """A restart is not reported; its protocol is set again before power."""

@@ -23,7 +23,7 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import CanLine, Frame, budget
-from ..drives.driver import Answers, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded
 from ..drives.interview import ATTEMPTS, Question, Questions, find
 from ..drives.plant import maker
@@ -123,7 +123,16 @@ class MoteusDrives:
             velocity=numbers["servo.max_velocity"] * f.REV,
             current=numbers["servo.max_current_A"],
         )
-        return replace(found, limits=limits)
+        return replace(found, limits=limits, turn=(yield from self._turn(axis.id)))
+
+    def _turn(self, number: int) -> Questions[float]:
+        """A turn of its rotor, unless an encoder at the output tells them apart."""
+        try:
+            source = float((yield from said(number, f"conf get {f.OUTPUT_SOURCE}")))
+            ratio = float((yield from said(number, f"conf get {f.ROTOR_RATIO}")))
+        except ValueError:  # its firmware has none of them
+            return ONE_TURN
+        return ONE_TURN if source >= 0.0 else abs(ratio) * ONE_TURN
 
     def confirm(self, k: int) -> Questions[bool]:
         """Whether its timeout mode is ours: a restart forgets it."""
@@ -286,6 +295,7 @@ def found_of(drive: int, data: bytes) -> Found:
         firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
         voltage=float(values.get(Register.VOLTAGE, math.nan)),
         fault=coded(fault, f.FAULTS) if fault else None,
+        turn=math.nan,  # its configuration has it
     )
 
 

@@ -15,6 +15,9 @@ REGISTER_MAP = 5
 #: Modes of the drive (register 0).
 STOPPED, FAULT, RUNNING, TIMEOUT = 0, 1, range(5, 11), 11
 VOLTAGE_DQ, CURRENT, POSITION = 8, 9, 10
+#: Turns of the output per turn of the rotor; the encoder at the output, -1: there is none.
+ROTOR_RATIO = "motor_position.rotor_to_output_ratio"
+OUTPUT_SOURCE = "motor_position.output.reference_source"
 #: Part of the supply that its modulation reaches.
 MODULATION = 0.5
 #: A velocity or acceleration limit with which the drive plans no trajectory of its own.

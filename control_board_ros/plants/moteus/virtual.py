@@ -58,6 +58,8 @@ class VirtualMoteus:
         self.version, self.register_map = 0x010100, 5
         self._constant, self._resistance = torque_constant, resistance
         self.stored = {
+            f.ROTOR_RATIO: 1.0,
+            f.OUTPUT_SOURCE: -1.0,
             "servo.pid_position.kp": 100.0,
             "servo.pid_position.ki": 0.0,
             "servo.pid_position.kd": 5.0,

@@ -18,7 +18,7 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import PATIENCE, REMOTE, CanLine, Frame, budget
-from ..drives.driver import Answers, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.plant import maker
@@ -122,6 +122,7 @@ class OdriveDrives:
             firmware=version.firmware,
             fault=flagged(struct.unpack_from("<I", beat)[0], f.ERRORS),
             limits=limits,
+            turn=ONE_TURN,
         )
 
     @property
@@ -321,6 +322,7 @@ def found_of(drive: int, said: Mapping[int, bytes]) -> Found:
         firmware=version.firmware,
         voltage=struct.unpack_from("<f", said[f.SUPPLY])[0] if f.SUPPLY in said else math.nan,
         fault=flagged(errors, f.ERRORS),
+        turn=ONE_TURN,
     )
 
 

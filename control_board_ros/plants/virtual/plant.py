@@ -44,6 +44,7 @@ def make_virtual(name: str, settings: Settings, arguments: Sequence[str]) -> Dri
         raise PlantSettingsError(unknown_word("plant:", name, known, "known:"))
     options, board = pairs(arguments), settings.board
     options.pop("bus", None)
+    options.setdefault("turns", "absolute")  # as its virtual drives keep them
     try:
         far_end = FarEnd(driver, board, settings.simulation, options)
         plant = far_end.make(board.names, options | {"bus": far_end.bus.address})
