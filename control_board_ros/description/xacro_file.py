@@ -19,9 +19,25 @@ from ..urdf_xml import UrdfError
 #: A path, and arguments as of the command xacro.
 WITH_ARGUMENTS = re.compile(r"(.*?\.xacro)(\s.*)?", re.IGNORECASE | re.DOTALL)
 #: xacro silently accepts unknown arguments. This is its command, which exits with UNKNOWN for
-#: one that no file requests, and lists the known ones.
+#: one that no file requests, and lists the known ones; of other files it reads YAML only, and an
+#: error has no content of them.
 MAIN = """
-import sys, xacro
+import os, resource, sys, xacro
+
+resource.setrlimit(resource.RLIMIT_CPU, ({cpu}, {cpu}))
+resource.setrlimit(resource.RLIMIT_AS, ({memory}, {memory}))
+
+def load_yaml(filename):
+    if os.path.splitext(filename)[1].lower() not in (".yaml", ".yml"):
+        raise xacro.XacroException("load_yaml reads files .yaml and .yml only")
+    try:
+        return load(filename)
+    except OSError as error:
+        raise xacro.XacroException("load_yaml: " + str(error.strerror)) from None
+    except Exception:
+        raise xacro.XacroException("load_yaml: it is no valid YAML") from None
+
+load, xacro.load_yaml = xacro.load_yaml, load_yaml
 
 class Asked(dict):
     def __contains__(self, name):
@@ -42,7 +58,10 @@ if given.keys() - names:
     sys.exit("\\n".join(["UNKNOWN", *sorted(names)]))
 """
 UNKNOWN = b"UNKNOWN\n"
-TIMEOUT = 60.0  # s; a macro can include itself
+#: s of processor time and bytes of memory of an expansion, and bytes of its result: a macro can
+#: call itself, or grow exponentially; s until it ends on the busiest machine.
+CPU, MEMORY, MOST = 10, 2 << 30, 16 << 20
+TIMEOUT = 60.0
 
 
 def split_arguments(robot: str) -> tuple[str, tuple[str, ...]]:
@@ -69,11 +88,17 @@ def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
             f"{path}: needs the package xacro, which is not installed; install it with: pip "
             "install 'control_board_ros[xacro]' (with ROS: apt install ros-jazzy-xacro)"
         )
-    command = [sys.executable, "-c", MAIN, str(path.absolute()), *arguments]
+    main = MAIN.replace("{cpu}", str(CPU)).replace("{memory}", str(MEMORY))
+    command = [sys.executable, "-c", main, str(path.absolute()), *arguments]
     try:
         done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
     except subprocess.TimeoutExpired:
         raise UrdfError(f"{path}: xacro exceeds {TIMEOUT:g} s; check macros") from None
+    if done.returncode < 0 or b"MemoryError" in done.stderr or len(done.stdout) > MOST:
+        most = (
+            f"{CPU} s of processor time, {MEMORY >> 30} GiB of memory or {MOST >> 20} MiB of URDF"
+        )
+        raise UrdfError(f"{path}: xacro exceeds {most}; check macros that call themselves")
     if done.returncode != 0 and done.stderr.startswith(UNKNOWN):
         names = done.stderr.decode().split("\n")[1:]
         raise UrdfError(f"{path}: {unknown_argument(arguments, [n for n in names if n])}")

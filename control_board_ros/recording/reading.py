@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from control_board_ros.core.terms.joint_kind import JointKind
@@ -213,10 +214,19 @@ def read_whole(path: Path) -> tuple[list[BoardRecording], str]:
     if path.is_dir() and (left := open_parts(path)):
         return [], f"{left[0].name}: was not finished"
     try:
+        if path.is_dir() and (left := unlisted(path)):
+            return [], f"{left[0].name}: metadata.yaml does not have it; the writer was ended"
         with highlevel.AnyReader([path]) as reader:
             return list(read_boards(reader)), ""
     except Exception as error:  # noqa: BLE001  (damaged files fail anywhere in the library)
         return [], clean(f"{error}" or type(error).__name__)
+
+
+def unlisted(folder: Path) -> list[Path]:
+    """The files beside a metadata.yaml that are not in it."""
+    whole = yaml.safe_load((folder / "metadata.yaml").read_text("utf-8"))
+    listed = whole["rosbag2_bagfile_information"]["relative_file_paths"]
+    return [path for path in sorted(folder.glob("*.mcap")) if path.name not in listed]
 
 
 def read_salvaged(path: Path, why: str) -> list[BoardRecording]:

@@ -54,6 +54,46 @@ def test_xacro_errors_are_one_line(arm: Path) -> None:
     assert "name 'heavy' is not defined" in refusal(str(arm))
 
 
+def grown(levels: int) -> str:
+    """A xacro file of 2 to the power of ``levels`` links."""
+    macros = "".join(
+        f'<xacro:macro name="m{k}"><xacro:m{k - 1}/><xacro:m{k - 1}/></xacro:macro>'
+        for k in range(1, levels + 1)
+    )
+    return (
+        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        f'<xacro:macro name="m0"><link name="a"/></xacro:macro>{macros}<xacro:m{levels}/></robot>'
+    )
+
+
+@needs_xacro
+@pytest.mark.parametrize(("levels", "bounds"), [(40, {"CPU": 1}), (6, {"MOST": 500})])
+def test_an_exponential_macro_is_bounded(
+    arm: Path, monkeypatch: pytest.MonkeyPatch, levels: int, bounds: dict[str, int]
+) -> None:
+    """In processor time, and in the size of what it makes."""
+    for name, value in bounds.items():
+        monkeypatch.setattr(xacro_file, name, value)
+    arm.write_text(grown(levels))
+    assert "check macros" in refusal(str(arm))
+
+
+@needs_xacro
+def test_an_error_has_no_content_of_another_file(arm: Path, tmp_path: Path) -> None:
+    """Of other files YAML is read only, and none of it is quoted."""
+    secret = "root:x:0:0"
+    for name in ("passwd", "passwd.yaml"):
+        (tmp_path / name).write_text(f"a: {secret}: [\n")
+        arm.write_text(ARM.replace("hand", f"${{xacro.load_yaml('{tmp_path / name}')}}"))
+        text = refusal(str(arm))
+        assert "load_yaml" in text
+        assert secret not in text
+    (tmp_path / "mass.yaml").write_text("mass: 3\n")
+    given = f"${{xacro.load_yaml('{tmp_path / 'mass.yaml'}')['mass']}}"
+    arm.write_text(ARM.replace("${1 + 1}", given))
+    assert 'mass value="3"' in load_robot(str(arm)).description
+
+
 def test_arguments_follow_the_path() -> None:
     assert split_arguments("a b.xacro x:=1 y:=") == ("a b.xacro", ("x:=1", "y:="))
     assert split_arguments("a b.urdf x:=1") == ("a b.urdf x:=1", ())

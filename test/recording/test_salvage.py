@@ -158,6 +158,29 @@ def test_a_killed_writer_loses_a_second(tmp_path: Path, how: dict[str, float]) -
     assert "Incomplete" in page("rec", [recording])
 
 
+def test_a_writer_killed_before_it_wrote_the_metadata(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that was moved to its place, and is not in metadata.yaml yet, is read, and said."""
+    bag = bag_of(tmp_path / "rec", split_time=1.0)
+    for k in range(150):
+        write_state(bag, k)
+
+    def killed(_: Bag) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Bag, "_write_metadata", killed)
+    with pytest.raises(KeyboardInterrupt):
+        bag.close()
+    assert (bag.folder / "metadata.yaml").is_file()
+    assert (bag.folder / "rec_1.mcap").is_file()
+    (recording,) = read(bag.folder)
+    assert numbers(recording) == list(range(150))
+    assert recording.missing == [
+        "rec_1.mcap: metadata.yaml does not have it; the writer was ended"
+    ]
+
+
 def test_the_verb_says_what_is_missing(
     finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
