@@ -46,6 +46,7 @@ class PlantApart:
         self, name: str, joints: Sequence[str], arguments: Sequence[str], silence: float
     ) -> None:
         self._making = name, tuple(joints), tuple(arguments), silence
+        self._faulty = False
         try:
             self._start()
             self._description: Description = self._ask("describe")
@@ -64,6 +65,10 @@ class PlantApart:
 
     def exchange(self, wanted: SetPoints) -> Readings:
         found: Readings = self._ask("exchange", wanted)
+        faulty = any(getattr(found, "faults", ()))
+        if self._faulty and not faulty:  # a drive that came back may have other limits, and turns
+            self._description = self._ask("describe")
+        self._faulty = faulty
         return found
 
     def let_go(self) -> None:

@@ -62,6 +62,20 @@ def test_it_is_driven_and_read(apart: PlantApart) -> None:
     assert apart.process.pid != os.getpid()
 
 
+def test_a_drive_that_comes_back_is_described_anew(apart: PlantApart) -> None:
+    """S4, S9: it may have other limits, or turns that are made up for."""
+    driven(apart)
+    asked = []
+    ask = apart._ask
+    apart._ask = lambda name, *given: (asked.append(name), ask(name, *given))[1]
+    apart.exchange(output(0.0, 0.0))
+    assert "describe" not in asked
+    until(lambda: any(apart.exchange(output(20.0, 0.0)).faults) or time.sleep(0.1))
+    apart.exchange(output(0.0, 0.0))
+    apart.exchange(output(0.0, 0.0))
+    assert asked.count("describe") == 1
+
+
 def test_silence_switches_the_power_off(apart: PlantApart, offered: Path) -> None:
     """B5: without requests; later set-points are void until the board knows."""
     driven(apart)
