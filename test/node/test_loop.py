@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from waiting import GUARD, until
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config.config import BoardConfig
+from control_board_ros.core.config.config import BoardConfig, Brake
 from control_board_ros.core.terms.measurement import Actuation, Measurement
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import timing
@@ -268,6 +268,22 @@ def test_a_pacer_that_is_woken_counts_no_cycle(clock: ManualClock) -> None:
     assert pacer.wait()
     assert (pacer.cycles, pacer.due) == (1, 110.0)
     assert clock.now == pytest.approx(110.0)
+
+
+def test_the_end_waits_for_the_slowest_brake() -> None:
+    """Y4: power goes when the brake holds, however much longer than a second that takes."""
+    brake = Brake(present=True, release_time=0.0, engage_time=1.3)
+    board = board_config(joint("a", brake=brake, startup_mode=ControlMode.POSITION))
+    plant = Plant(board)
+    loop = ControlLoop(Board(board), plant)
+    loop.start()
+    until(lambda: plant.actuation is not None and plant.actuation.powered.all())
+    began = loop.board.time
+    assert loop.stop()
+    assert loop.failure is None
+    assert loop.board.engine.brakes.closed.all()
+    assert not plant.actuation.powered.any()
+    assert loop.board.time - began >= 1.3
 
 
 def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:

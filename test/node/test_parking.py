@@ -49,6 +49,16 @@ def parked(loop: ControlLoop, pose: Pose = PARK, at_once: bool = False) -> tuple
     return park(loop.main, pose, progress.append, second), progress
 
 
+def test_an_unexpected_error_is_told_as_the_reason(loop: ControlLoop) -> None:
+    """R6: and not as a second signal."""
+
+    def fails(_: float) -> None:
+        raise ZeroDivisionError("of nothing")
+
+    why = park(loop.main, PARK, fails, threading.Event())
+    assert why == "internal error, ZeroDivisionError: of nothing"
+
+
 def test_it_goes_to_park_first(loop: ControlLoop) -> None:
     """R6: takes the robot to park, and no power yet."""
     assert parked(loop) == ("", [pytest.approx(0.5)])

@@ -12,9 +12,14 @@ from rig import board_config, joint, simulation_config
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from control_board_ros.core.board import Board
+from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop.loop import ControlLoop
-from control_board_ros.node.wiring.trajectories import followed, trajectory_callback
+from control_board_ros.node.wiring.trajectories import (
+    followed,
+    start_time,
+    trajectory_callback,
+)
 from control_board_ros.sim.plant import SimulatedPlant
 
 RATES = ["velocities", "accelerations"]
@@ -92,6 +97,23 @@ def test_the_stamp_sets_the_start_time(rig: Following) -> None:
     rig.send("a", point(0.2, 0.8), point(0.4, -0.8), begin=rig.board.time - 0.5)
     assert rig.board.rejected_commands.tolist() == [1, 0, 0]
     assert rig.run(0.1)[-1, 0] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("ahead", [3e8, -3e8, 3700.0])
+def test_a_stamp_of_another_clock_is_refused_with_both_times(rig: Following, ahead: float) -> None:
+    """T5: and counted; nothing waits for a time that never comes."""
+    here = rig.board.time
+    stamp = Time(sec=int(here + 4e8 + ahead))
+    base = rig.loop.time_base
+    base.offset = 400_000_000 * 10**9
+    with pytest.raises(RequestError) as refused:
+        start_time(stamp, rig.board, base)
+    assert f"it is stamped {stamp.sec}.000 s" in str(refused.value)
+    assert f"the board's clock shows {4e8 + here:.3f} s" in str(refused.value)
+    rig.send("a", point(0.4, 0.2), begin=float(stamp.sec))
+    assert rig.board.rejected_commands.tolist() == [1, 0, 0]
+    assert "is stamped" in rig.warnings[-1][0]
+    assert not rig.run(1.0).any()
 
 
 @pytest.mark.parametrize("request_", [False, True])

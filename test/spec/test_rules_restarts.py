@@ -13,7 +13,7 @@ from rig import HEATED, STIFF, Held, M, Rig, board_config, held, in_status, join
 from control_board_ros.core.config.config import Brake, Calibration, Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Answer, Reason
-from control_board_ros.core.terms.vocabs import InteractionMode
+from control_board_ros.core.terms.vocabs import CommandKind, InteractionMode
 
 COMPLIANT = InteractionMode.COMPLIANT
 
@@ -285,3 +285,29 @@ def test_no_feed_forward_comes_before_the_configuration() -> None:
     rig.tick(2)
     rig.enter("open")
     assert rig.tick().output[0] == 0.0
+
+
+def test_the_warning_at_a_limit_of_a_slide_ends_within_millimetres() -> None:
+    """P9: its hysteresis is one of length, not of angle."""
+    slide = joint("a", kind="prismatic", limits={"lower": -2.0, "upper": 2.0})
+    edges = [held(one).board.engine.controller.joints[0].limit_edge for one in (slide, joint("a"))]
+    assert edges[0] < 2.5e-3 < edges[1]
+
+
+def test_a_pose_that_is_reached_already_takes_no_time() -> None:
+    """R5: a division of nothing by nothing is a warning, which is an error here."""
+    rig = ready(board_config(joint("a"), joint("b")), home=[0.2, 0.0])
+    rig.enter("pos")
+    there = rig.board.state.position_reference.copy()
+    assert rig.board.get_move_time(None, there, rig.board.get_ref_speed()).max() == 0.0
+    reply = rig.board.engine.commands.command(
+        CommandKind.POSITION,
+        rig.board.selector.select(None),
+        there,
+        None,
+        together=True,
+        time=0.0,
+        valid_for=0.0,
+    )
+    assert reply
+    assert rig.tick().motion_done.all()

@@ -125,10 +125,10 @@ class ControlLoop:
     def stop(self, timeout: float = 1.0) -> bool:
         """End the thread: joints unpowered, the last state noted; then close the plant.
 
-        Brakes have their time to close besides (Y4).
+        It waits for brakes to close for as long as cycles go on (Y4).
 
         Args:
-            timeout: s for the rest.
+            timeout: s without a cycle.
 
         Returns:
             False if the thread did not end in time. It then still uses a simulation; another
@@ -136,11 +136,11 @@ class ControlLoop:
         """
         self._stopping = True
         self._wake.set()
-        if self.thread.is_alive():
-            brakes = [
-                one.brake.engage_time for one in self.board.config.joints if one.brake.present
-            ]
-            self.thread.join(timeout + max(brakes, default=0.0))
+        while self.thread.is_alive():
+            cycle = self.board.cycle
+            self.thread.join(timeout)
+            if self.board.cycle == cycle:
+                break
         ended = not self.thread.is_alive()
         if ended or not isinstance(self._plant, Simulation):
             self._plant.close()

@@ -239,7 +239,10 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
 
     def _serve_waitable(self, waitable: Any) -> None:
         data = waitable.take_data()
-        for future in waitable._futures:
+        for future in reversed(waitable._futures):  # results of goals are kept for a minute
+            known = future._executor
+            if known is not None and known() is self:
+                break  # as all before it
             future._set_executor(self)
         self._run(self.create_task(waitable.execute, data), describe(waitable))
 
