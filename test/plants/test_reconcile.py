@@ -37,6 +37,13 @@ def test_the_table_is_total() -> None:
     assert {step(desired, reported) for desired, reported in EVERY} == set(Action)
 
 
+def test_what_is_usual() -> None:
+    """S11: two exchanges without an answer; a new drive is believed nothing."""
+    assert UNHEARD == 2
+    assert Desired("a") == Desired("a", True, False)
+    assert Reported() == Reported(False, None, None, True, False, 0, False)
+
+
 def test_a_drive_without_set_up_is_set_up_first() -> None:
     for desired, reported in EVERY:
         assert (step(desired, reported) is Action.SET_UP) is reported.lost
