@@ -36,6 +36,12 @@ class TestOnABoard:
         assert client.set_parameters({f"{JOINT}.limits.upper": upper[0]})
         assert (client.get_velocity_limits() > 1.0).all()
 
+    def test_brakes_where_there_are_none(self, client: ControlBoardClient) -> None:
+        """Y4: the board says so."""
+        reply = client.set_auto_brake_enabled(None, True)
+        assert not reply
+        assert "no brake" in reply.message
+
     def test_gains(self, client: ControlBoardClient) -> None:
         """P7: of each controller, as arrays."""
         gains = client.get_gains([0, 1])

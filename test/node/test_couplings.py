@@ -92,6 +92,7 @@ def test_open_loop_reads_back_as_in_yarp_4(talker: Talker, client: ControlBoardC
     assert list(read.modes) == ["ipwm", "pos"]
     assert list(read.vocabs) == [encode("ipwm"), encode("pos")]
     assert client.get_control_mode(name) == [ControlMode.OPENLOOP]
+    assert not client.get_calibration(name)[0].running
     assert talker.set_mode([name], "pos").success
 
 

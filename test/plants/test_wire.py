@@ -102,13 +102,17 @@ def test_a_loop_that_stood_still_is_not_caught_up(row: str, cycles: int) -> None
     assert top <= SPEED.get(row, 1.05)
 
 
+@pytest.mark.parametrize("count", [60, pytest.param(1700, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("row", ROWS)
-def test_random_modes_on_a_bad_wire_raise_no_fault(row: str) -> None:
-    """B7, F6: whatever is asked, late and lost frames are no fault of a joint."""
+def test_random_modes_on_a_bad_wire_raise_no_fault(row: str, count: int) -> None:
+    """B7, F6: whatever is asked, late and lost frames are no fault of a joint.
+
+    The soak has 10,000 changes over all rows.
+    """
     bench = BadWire(row, WIRES["all"])
     bench.run(100)
     rng = random.Random(row)
-    for _ in range(60):
+    for _ in range(count):
         joint = rng.choice(bench.board.names)
         offered = [code for code in MODES if code in offers(bench, joint)]
         bench.board.set_control_mode(joint, rng.choice(offered))
