@@ -99,7 +99,8 @@ class BoardMachine(RuleBasedStateMachine):
         self.causes: dict[tuple[str, str], float] = {}  # (joint, fault) -> cycle of its end
         self.shown: set[str] = set()  # joints whose last reading showed a cause
         self.read = False  # since power-on
-        self.configuring = False
+        self.seen: set[str] = set()  # joints whose encoder has been read
+        self.waiting: set[str] = set()  # joints that are to be configured once it has
         self.cycle = 0
         self.snapshot = self.board.snapshot()
         if configured:
@@ -203,14 +204,14 @@ class BoardMachine(RuleBasedStateMachine):
         assert bool(self.board.configure()) is waiting
         if not waiting:
             return
+        self.waiting = {name for name, one in self.byname.items() if one.mode == OFF}
         if self.read:
             self.configured()
-        else:
-            self.configuring = True
 
     def configured(self) -> None:
-        for name, one in self.byname.items():
-            one.configured(self.measured(name))
+        for name in self.waiting & self.seen:
+            self.byname[name].configured(self.measured(name))
+        self.waiting -= self.seen
 
     @rule(really=st.integers(0, 3))
     def power_cycle(self, really: int) -> None:
@@ -227,7 +228,8 @@ class BoardMachine(RuleBasedStateMachine):
                 old.fault_count,
             )
             one.void, one.since, one.streamed = old.void, old.since, old.streamed
-        self.read = self.configuring = False
+        self.read = False
+        self.waiting.clear()
         self.shown.clear()
 
     # --- what the world does ----------------------------------------------------------------
@@ -257,11 +259,11 @@ class BoardMachine(RuleBasedStateMachine):
         self.snapshot = shot
         reading = {name: float(value) for name, value in zip(NAMES, shot.position, strict=True)}
         self.shown = {name for (name, _), end in self.causes.items() if end > self.cycle}
+        blind = {n for (n, kind), end in self.causes.items() if end > self.cycle and "nan" in kind}
+        self.seen |= set(NAMES) - blind
         self.cycle += 1
         self.read = True
-        if self.configuring:
-            self.configuring = False
-            self.configured()
+        self.configured()
         for name in self.shown:
             self.byname[name].raise_fault("hardware", reading[name])
         real = [mode.code for mode in self.board.get_control_mode()]
@@ -349,9 +351,9 @@ class BoardMachine(RuleBasedStateMachine):
     def output_is_within_its_limits(self) -> None:
         shot = self.board.snapshot()
         assert np.all(np.abs(shot.output) <= LIMITS.output)
-        if shot.cycle == 0:
-            assert np.isnan(shot.position).all()  # not read yet (B7)
-        else:
+        unread = [name not in self.seen for name in NAMES]
+        assert np.isnan(shot.position).tolist() == unread  # B7
+        if not any(unread):
             known = [mode is not M.NOT_CONFIGURED for mode in self.board.get_control_mode()]
             assert np.isfinite(shot.block[:ROWS]).all()
             assert finite(replace(shot, block=shot.block[:, known]))  # others have no reference

@@ -1310,6 +1310,7 @@ def advance_stop(j: Joint) -> cython.void:
     change: cython.double = j.stop_rate * span
     place: cython.double
     ahead: cython.double
+    over: cython.double = j.velocity - j.ramp_velocity
     if step > 0:
         step = cython.cast(cython.int, j.stop_time / j.stop_step + 1e-9)
     if step < j.stop_steps:
@@ -1325,9 +1326,9 @@ def advance_stop(j: Joint) -> cython.void:
         j.stopping = False
         return
     j.stopping = j.moved_velocity != 0.0 or j.stop_steps > 0
-    if not j.stopping and fabs(j.velocity) > REST_SPEED * j.max_velocity:
+    if not j.stopping and fabs(over) > REST_SPEED * j.max_velocity:
         ahead = j.position - j.moved - j.ramped
-        if ahead * j.velocity > 0.0:  # it runs past the end, for want of torque
+        if ahead * over > 0.0:  # it runs past the end, for want of torque
             go_on_stopping(j, j.position)
 
 
@@ -1337,8 +1338,8 @@ def go_on_stopping(j: Joint, place: cython.double) -> cython.void:
     j.stopping = True
     j.brake(j.max_acceleration)
     j.followed, j.moved = place, place - j.ramped
-    j.moved_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
-    j.followed_velocity = j.moved_velocity
+    j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
+    j.moved_velocity = j.followed_velocity - j.ramp_velocity
 
 
 @cython.cfunc
