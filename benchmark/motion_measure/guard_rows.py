@@ -17,6 +17,8 @@ from .rig import Array, M, Rig, Way
 BLOCKED, WATCHED = 2.0, 0.4
 #: Parts of the greatest output that OPENLOOP steps to.
 OUTPUTS = (0.5, 1.0)
+#: Of the search for the torque of a vice: steps, and the torque that is tried more, N·m or N.
+SECANTS, TRIAL = 2, 1.0
 
 
 def guard(rig: Rig, j: int) -> Figures:
@@ -111,9 +113,27 @@ class Vice:
         self.attach, self.restore, self.close = body.attach, body.restore, body.close
 
     def step(self, torque: Array) -> bool:
-        """One physics step, after which the joint is where it was, at rest."""
-        good = self._body.step(torque)
+        """One physics step, after which the joint is where it was, at rest.
+
+        The vice gives the torque that keeps it so; a joint only set back would pull at the others
+        as if it had moved.
+        """
+        before = self._state.copy()
+        held = torque.copy()
+        for _ in range(SECANTS):
+            first = self._speed(before, held)
+            held[self._j] += TRIAL
+            second = self._speed(before, held)
+            held[self._j] -= TRIAL * second / (second - first)
+        self._body.restore(before)
+        good = self._body.step(held)
         state = self._state.copy()
         state[:, self._j] = self._place, 0.0
         self._body.restore(state)
         return good
+
+    def _speed(self, before: Array, torque: Array) -> float:
+        """The joint's speed after a step with this torque, rad/s."""
+        self._body.restore(before)
+        self._body.step(torque)
+        return float(self._state[1, self._j])

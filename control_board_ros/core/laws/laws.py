@@ -1328,7 +1328,8 @@ def advance_stop(j: Joint) -> cython.void:
     j.stopping = j.moved_velocity != 0.0 or j.stop_steps > 0
     if not j.stopping and fabs(over) > REST_SPEED * j.max_velocity:
         ahead = j.position - j.moved - j.ramped
-        if ahead * over > 0.0:  # it runs past the end, for want of torque
+        # it runs past the end, for want of torque
+        if ahead * over > 0.0 and ahead * j.velocity > 0.0:
             go_on_stopping(j, j.position)
 
 
@@ -1338,8 +1339,8 @@ def go_on_stopping(j: Joint, place: cython.double) -> cython.void:
     j.stopping = True
     j.brake(j.max_acceleration)
     j.followed, j.moved = place, place - j.ramped
-    j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
-    j.moved_velocity = j.followed_velocity - j.ramp_velocity
+    j.moved_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
+    j.followed_velocity = j.moved_velocity
 
 
 @cython.cfunc
