@@ -363,15 +363,25 @@ class BoardMachine(RuleBasedStateMachine):
         assert M.FORCE_IDLE not in self.board.get_control_mode()
 
     def resting(self) -> list[str]:
-        """The joints at rest, unpushed and unasked, that no fault is about to reach."""
+        """The joints at rest, unpushed and unasked, that no fault is about to reach.
+
+        Those beyond a limit are driven back where no position law holds them (P9).
+        """
         shot = self.snapshot
+        inside = [
+            self.models[j].lower <= q <= self.models[j].upper for j, q in enumerate(shot.position)
+        ]
         still = (np.abs(shot.velocity) < 1e-4) & (np.abs(shot.torque) < 0.1)
         pushed = self.rig.plant._external
         ailing = {name for (name, _), end in self.causes.items() if end > self.cycle}
         return [
             name
             for j, (name, one) in enumerate(self.byname.items())
-            if still[j] and pushed[j] == 0.0 and one.unasked and one.mode in (*USUAL, FAULT)
+            if still[j]
+            and pushed[j] == 0.0
+            and inside[j]
+            and one.unasked
+            and one.mode in (*USUAL, FAULT)
             if name not in ailing or one.mode == FAULT
         ]
 

@@ -61,6 +61,7 @@ class JointModel:
     vague: bool = False
     base: float = 0.0
     stopping: bool = False
+    asked_now: bool = False  # the stop begins with the next cycle
     stopped: float = 0.0  # where it was told to
     velocity: float = 0.0
     velocity_target: float = 0.0
@@ -87,7 +88,7 @@ class JointModel:
 
     def hold(self, position: float) -> None:
         self.move, self.vague, self.base = None, False, position
-        self.stopping, self.stopped = False, position
+        self.stopping, self.stopped, self.asked_now = False, position, True
         self.velocity = self.velocity_target = self.added = 0.0
         self.velocity_age = -1
 
@@ -286,7 +287,8 @@ class JointModel:
         if self.stopping:
             place = reference - self.added
             assert abs(place - self.stopped) <= self.longest_stop, self
-            self.stopping, self.base = place != self.base, place
+            self.stopping, self.base = self.asked_now or place != self.base, place
+            self.asked_now = False
         if self.move is not None and self.vague:
             _, target, _, _ = self.move
             if done:
