@@ -29,9 +29,9 @@ except ImportError:
 from .stopping import Stops
 
 if cython.compiled:
-    from cython.cimports.libc.math import ceil, fabs, floor, sqrt
+    from cython.cimports.libc.math import ceil, fabs, sqrt
 else:
-    from math import ceil, fabs, floor, sqrt
+    from math import ceil, fabs, sqrt
 
 if TYPE_CHECKING:
     from ..model.dynamics import Arm
@@ -67,11 +67,27 @@ KNOTS = cython.declare(cython.int, 6)
 APART = cython.declare(cython.double, 0.012)
 #: Interval above which jitter does not hide the curvature of a motion, s.
 SLOW = cython.declare(cython.double, 0.025)
-#: Memory of the interval; of residuals and curvature; in samples.
+#: Memory of the interval; of the curvature; of residuals; in samples.
 MEMORY = cython.declare(cython.double, 100.0)
 BRIEF_MEMORY = cython.declare(cython.double, 12.0)
+RESIDUAL_MEMORY = cython.declare(cython.double, 6.0)
+#: Largest square of an error in residuals, in mean squares so far.
+OUTLIER = cython.declare(cython.double, 4.0)
 #: Weight of the residual against what samples tell of the curvature.
 DOUBT = cython.declare(cython.double, 1e-4)
+#: Last arrivals that tell the phase of a grid, and after how many their numbers are checked.
+ARRIVALS = cython.declare(cython.int, 32)
+CHECKED = cython.declare(cython.int, 16)
+#: Error of a prediction, squared, in those of one interval, that makes numbers doubtful.
+DOUBTFUL = cython.declare(cython.double, 0.05)
+#: What another numbering of the arrivals must improve, in mean squares of what it leaves.
+RENUMBER = cython.declare(cython.double, 35.0)
+#: Cost of a sample taken for lost, with that of the first ones over their number; maximum costs
+#: of the arrival and of the value; all in squares of standard deviations.
+LOSS = cython.declare(cython.double, 3.0)
+EARLY_LOSS = cython.declare(cython.double, 100.0)
+MOST_OF_ARRIVAL = cython.declare(cython.double, 40.0)
+MOST_OF_VALUE = cython.declare(cython.double, 60.0)
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
 QUICKEST = cython.declare(cython.double, 60.0)
 QUICK = cython.declare(cython.double, 1.2)
@@ -93,6 +109,7 @@ HOLD_SHARE = cython.declare(cython.double, 0.1)
 #: Likewise of a joint without stiffness under gravity compensation: covers errors of sensors and
 #: masses.
 REST_SHARE = cython.declare(cython.double, 0.01)
+INFINITE = cython.declare(cython.double, 1e300)
 #: Distance above which no braking is needed, rad or m.
 FAR = cython.declare(cython.double, 1e9)
 #: Periods within which the protection reduces the speed to what is allowed.
@@ -235,7 +252,11 @@ class TimeBase:
 
     @cython.cfunc
     def judge(self, error: cython.double, share: cython.double) -> cython.void:
-        self.residual += share * (error * error - self.residual)
+        """Note the error of a prediction; a single outlier says little."""
+        error *= error
+        if self.residual > 0.0 and share < 0.5:
+            error = min(error, OUTLIER * self.residual)
+        self.residual += share * (error - self.residual)
 
     @cython.cfunc
     def speed_up(
@@ -389,12 +410,15 @@ class Stream:
 
     Two hypotheses on the time of a sample: on an even grid, received late (``grid``), or at its
     arrival (``sent``). The one that predicts the next sample better applies. Interval and phase of
-    the grid: regression of the arrivals over their numbers, and their lower envelope; a gap is a
-    lost sample where arrival or value agree with it.
+    the grid: regression of the arrivals over their numbers, and the earliest of them; arrival and
+    value tell how many samples are lost before one, and later ones correct that.
     """
 
     values: cython.double[::1]
     numbers: cython.double[::1]  # intervals before the last sample
+    arrivals: cython.double[::1]  # since the last sample, s
+    places: cython.double[::1]  # intervals before the last sample, of arrivals
+    heard = cython.declare(cython.int, visibility="public")  # arrivals
     grid = cython.declare(TimeBase, visibility="public")
     sent = cython.declare(TimeBase, visibility="public")
     count = cython.declare(cython.double, visibility="public")  # samples
@@ -415,12 +439,17 @@ class Stream:
     missing = cython.declare(cython.double, visibility="public")  # samples lost per sample
     share = cython.declare(cython.double, visibility="public")  # of the last sample in ω²
     mean = cython.declare(cython.double, visibility="public")  # time between samples, s
+    latest = cython.declare(cython.double, visibility="public")  # most of lateness, s
+    pace = cython.declare(cython.double, visibility="public")  # mean square of velocities
+    surprise = cython.declare(cython.double, visibility="public")  # of values, of late
     on_grid = cython.declare(cython.bint, visibility="public")
     flows = cython.declare(cython.bint, visibility="public")  # fast enough
 
     def __init__(self) -> None:
         self.values = memoryview(array("d", [0.0] * KNOTS))
         self.numbers = memoryview(array("d", [0.0] * KNOTS))
+        self.arrivals = memoryview(array("d", [0.0] * ARRIVALS))
+        self.places = memoryview(array("d", [0.0] * ARRIVALS))
         self.grid, self.sent = TimeBase(), TimeBase()
         self.count = 0.0
 
@@ -483,7 +512,9 @@ class Stream:
         self.sent.clear(x, velocity)
         self.last, self.last_velocity = x, velocity
         self.interval = self.early = self.late = self.uneven = self.gap = self.missing = 0.0
-        self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = self.mean = 0.0
+        self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = self.mean = self.latest = 0.0
+        self.pace = self.surprise = 0.0
+        self.heard = 1
         self.on_grid = True
         self.flows = given
 
@@ -495,7 +526,8 @@ class Stream:
         n: cython.double = self.count
         self.missing += 0.05 * (m - 1.0 - self.missing)
         self.mean += (d - self.mean) / (n - 1.0 if n < 20.0 else 20.0)
-        if self.missing > 0.25 and n > 20.0:  # none is lost: the interval is longer
+        if n > 20.0 and self.missing > (0.15 if self.surprise > DOUBTFUL else 0.25):
+            # none is lost: the interval is longer
             self.missing = self.sum_k = self.sum_t = 0.0
             self.sum_kk, self.sum_kt = 20.0, 20.0 * self.mean
             self.weight, self.count, n, m = 1.0, 8.0, 8.0, 1.0
@@ -509,18 +541,20 @@ class Stream:
         self.sum_k *= fade
         self.sum_t *= fade
         self.weight = fade * self.weight + 1.0
-        self.interval = (self.weight * self.sum_kt - self.sum_k * self.sum_t) / (
-            self.weight * self.sum_kk - self.sum_k * self.sum_k
-        )
-        self.interval = max(self.interval, 0.25 * period)
+        self.find_interval(period)
         self.gap = max(d, 0.99 * self.gap)
         share = n - 1.0 if n < 21.0 else 20.0
         self.uneven += (fabs(d - m * self.interval) - self.uneven) / share
-        self.early += m * self.interval - d + m * self.uneven * (1.0 / n + 0.002)
-        self.early = min(self.early, 0.0)
-        self.late = 0.2 * self.uneven - self.early
+        self.settle_phase(d, m, period)
+        error: cython.double = x - self.grid.at(m * self.interval)
+        self.pace += (self.grid.v * self.grid.v - self.pace) / (n if n < 12.0 else 12.0)
+        self.surprise *= 1.0 - 2.0 / ARRIVALS
+        if n > 6.0 and self.pace > 0.0:
+            error *= error
+            error /= self.interval * self.interval * self.pace
+            self.surprise = max(self.surprise, min(error, 1.0))
         if n > 4.0:
-            share = n - 4.0 if n < 4.0 + BRIEF_MEMORY else BRIEF_MEMORY
+            share = n - 4.0 if n < 4.0 + RESIDUAL_MEMORY else RESIDUAL_MEMORY
             self.grid.judge(x - self.grid.at(m * self.interval), 1.0 / share)
             self.sent.judge(x - self.sent.at(d), 1.0 / share)
             self.on_grid = self.interval <= 1.5 * period or self.grid.residual <= (
@@ -529,24 +563,150 @@ class Stream:
         return m
 
     @cython.cfunc
+    def settle_phase(
+        self, d: cython.double, m: cython.double, period: cython.double
+    ) -> cython.void:
+        """Lateness of the last sample; the earliest of the last ARRIVALS is in time."""
+        k: cython.int
+        late: cython.double
+        latest: cython.double = 0.0
+        if self.heard < ARRIVALS:
+            self.heard += 1
+        for k in range(self.heard - 1, 0, -1):
+            self.arrivals[k] = self.arrivals[k - 1] - d
+            self.places[k] = self.places[k - 1] + m
+        if self.heard >= CHECKED and self.surprise > DOUBTFUL:
+            self.renumber(d, period)
+        self.early = 0.0
+        for k in range(1, self.heard):
+            late = self.arrivals[k] + self.places[k] * self.interval
+            self.early = min(self.early, late)
+            latest = max(latest, late)
+        self.late = 0.1 * self.uneven - self.early
+        self.latest = latest - self.early
+        self.latest = min(self.latest, 0.8 * self.interval)
+
+    @cython.cfunc
+    def renumber(self, d: cython.double, period: cython.double) -> cython.void:
+        """Find a loss that was not seen, or seen where none was, in the last arrivals.
+
+        Their regression over the numbers is compared with those where a gap is longer or shorter
+        by one interval.
+        """
+        k: cython.int
+        n: cython.int = self.heard
+        x: cython.double
+        sum_x: cython.double = 0.0
+        sum_y: cython.double = 0.0
+        xx: cython.double = 0.0
+        xy: cython.double = 0.0
+        yy: cython.double = 0.0
+        for k in range(n):
+            x = -self.places[k]
+            sum_x += x
+            sum_y += self.arrivals[k]
+            xx += x * x
+            xy += x * self.arrivals[k]
+            yy += self.arrivals[k] * self.arrivals[k]
+        yy -= sum_y * sum_y / n
+        least: cython.double = self.left_over(n, sum_x, sum_y, xx, xy, yy)
+        before: cython.double = least
+        best: cython.int = 0
+        change: cython.double = 0.0
+        tail_n: cython.double = 0.0
+        tail_x: cython.double = 0.0
+        tail_y: cython.double = 0.0
+        left: cython.double
+        for k in range(n - 1, 0, -1):
+            tail_n += 1.0
+            tail_x -= self.places[k]
+            tail_y += self.arrivals[k]
+            left = self.left_over(
+                n, sum_x - tail_n, sum_y, xx - 2.0 * tail_x + tail_n, xy - tail_y, yy
+            )
+            if left < least:
+                least, best, change = left, k, 1.0
+            if self.places[k] - self.places[k - 1] < 1.5:
+                continue
+            left = self.left_over(
+                n, sum_x + tail_n, sum_y, xx + 2.0 * tail_x + tail_n, xy + tail_y, yy
+            )
+            if left < least:
+                least, best, change = left, k, -1.0
+        if best == 0 or n * (before - least) <= RENUMBER * (least + 0.1 * n * period * period):
+            return
+        for k in range(self.knots):
+            if self.sent.times[k] - d <= self.arrivals[best]:
+                self.numbers[k] -= change
+        self.missing += 0.05 * change
+        self.surprise = 0.0
+        self.weight = self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = 0.0
+        for k in range(n):
+            if k >= best:
+                self.places[k] += change
+            self.weight += 1.0
+            self.sum_k -= self.places[k]
+            self.sum_t += self.arrivals[k]
+            self.sum_kk += self.places[k] * self.places[k]
+            self.sum_kt -= self.places[k] * self.arrivals[k]
+        self.find_interval(period)
+
+    @cython.cfunc
+    def left_over(
+        self,
+        n: cython.double,
+        sum_x: cython.double,
+        sum_y: cython.double,
+        xx: cython.double,
+        xy: cython.double,
+        yy: cython.double,
+    ) -> cython.double:
+        """What a regression leaves, s²; ``yy`` is about the mean."""
+        xx -= sum_x * sum_x / n
+        xy -= sum_x * sum_y / n
+        return yy - xy * xy / xx
+
+    @cython.cfunc
+    def find_interval(self, period: cython.double) -> cython.void:
+        """The slope of the regression."""
+        self.interval = (self.weight * self.sum_kt - self.sum_k * self.sum_t) / (
+            self.weight * self.sum_kk - self.sum_k * self.sum_k
+        )
+        self.interval = max(self.interval, 0.25 * period)
+
+    @cython.cfunc
     def intervals(self, x: cython.double, d: cython.double) -> cython.double:
-        """Intervals between the last sample and this one: 1, or more where samples are lost."""
-        parts: cython.double = (d + self.late) / self.interval + 0.1
-        m: cython.double = floor(parts)
-        tolerance: cython.double = 0.25 if self.count > 13.0 else 0.6
+        """Intervals between the last sample and this one: 1, or more where samples are lost.
+
+        The least of Σ (error/deviation)²: arrival beyond what is usual, value off the motion, and
+        what each loss costs, which is rare.
+        """
+        k: cython.int
+        cost: cython.double
         error: cython.double
-        if self.count < 7.0 and d < 2.2 * self.interval:
-            return 1.0
-        m = clamp(m, 1.0, 6.0)
-        if self.count > 5.0 and self.grid.residual < self.sent.residual:
-            parts -= m
-            error = 0.7 * fabs(x - self.grid.at(m * self.interval))
-            fewer: cython.double = fabs(x - self.grid.at((m - 1.0) * self.interval))
-            more: cython.double = fabs(x - self.grid.at((m + 1.0) * self.interval))
-            if m > 1.0 and parts < tolerance and fewer < error:
-                return m - 1.0
-            if parts > 1.0 - tolerance and more < error:
-                return m + 1.0
+        m: cython.double = 1.0
+        least: cython.double = INFINITE
+        interval: cython.double = self.interval
+        if self.count < 7.0 and d < 2.2 * interval:
+            return m
+        loss: cython.double = LOSS + EARLY_LOSS / self.count
+        width: cython.double = 0.1 * interval + 8.0 * self.uneven / self.count
+        step: cython.double = 0.1 * interval * self.grid.v
+        spread: cython.double = self.grid.residual + step * step
+        for k in range(1, 7):
+            cost = loss * (k - 1)
+            error = self.late + d - k * interval
+            if error > 0.0:
+                error = max(error - self.latest, 0.0)
+            error /= width
+            error *= error
+            cost += min(error, MOST_OF_ARRIVAL)
+            if self.count > 7.0 and spread > 0.0:
+                error = x - self.grid.at(k * interval)
+                error *= error / spread
+                cost += min(error, MOST_OF_VALUE)
+            if cost < least:
+                m, least = k, cost
         return m
 
     @cython.cfunc
@@ -1019,7 +1179,6 @@ class Joint:
         self.hold(self.position)
 
 
-INFINITE = cython.declare(cython.double, 1e300)
 NAN = cython.declare(cython.double, float("nan"))
 
 if not cython.compiled:  # attributes start at zero, as they do compiled
