@@ -266,3 +266,26 @@ def test_after_its_end_a_move_is_at_rest() -> None:
     """P1: braking may last longer than the move, which stays at its end meanwhile."""
     assert _fits(0.35, 0.5, 1.0, 0.9, 6.0, 50.0)
     assert not _fits(0.35, 0.5, 1.0, 0.02, 6.0, 50.0)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.6, 0.7, 0.8, 0.9])
+@pytest.mark.parametrize(("start", "end"), [(-0.3, 0.8), (-2.0, 0.8), (0.7, 0.8), (0.3, -0.5)])
+def test_a_move_turned_back_before_a_limit_brakes_within_the_acceleration(
+    start: float, end: float, share: float
+) -> None:
+    """P1, P14: the reference keeps its acceleration limit, and the range."""
+    one = OneJoint(max_velocity=4.0, max_acceleration=30.0, lower=-0.5, upper=0.8)
+    one.joint.lower = min(-0.5, start)
+    one.set(position=start)
+    one.joint.hold(start)
+    limits = 4.0, 30.0
+    first = durations(end - start, 9.0, 0.0, *limits)
+    one.joint.move(end, *first)
+    rows = [one.record(1, "reference")[0, 0] for _ in range(round(share * max(first) / 0.001))]
+    joint = one.joint
+    joint.move(start, *durations(start - joint.reference, 9.0, joint.moved_velocity, *limits))
+    cycles = math.ceil(max(joint.move_time, joint.brake_time) / 0.001) + 2
+    rows += [one.record(1, "reference")[0, 0] for _ in range(cycles)]
+    assert one.joint.moving is False or one.joint.moving == 0
+    assert rows[-1] == pytest.approx(start)
+    assert max(abs(np.diff(rows, 2))) / 0.001**2 < 1.02 * 30.0

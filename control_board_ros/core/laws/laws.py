@@ -852,6 +852,7 @@ class Joint:
     move_velocity = cython.declare(cython.double, visibility="public")  # at its start
     move_time = cython.declare(cython.double, visibility="public")
     brake_time = cython.declare(cython.double, visibility="public")
+    brake_even = cython.declare(cython.bint, visibility="public")  # first, at one rate
     move_cycles = cython.declare(cython.double, visibility="public")  # past
     moved = cython.declare(cython.double, visibility="public")
     moved_velocity = cython.declare(cython.double, visibility="public")
@@ -995,6 +996,9 @@ class Joint:
         self.moved = self.reference
         self.ramped = 0.0
         self.awaited = self.settling
+        self.brake_even = False
+        if brake > 0.0:
+            keep_inside(self)
 
     @cython.ccall
     def ramp(self, velocity: cython.double, acceleration: cython.double) -> cython.void:
@@ -1420,10 +1424,24 @@ def advance(j: Joint) -> cython.void:
 
 @cython.cfunc
 def advance_move(j: Joint) -> cython.void:
+    """One cycle of a move (P1)."""
+    time: cython.double = j.move_time
+    j.move_cycles += j.elapsed / j.period
+    elapsed: cython.double = j.move_cycles * j.period
+    if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
+        j.moving = False
+        j.moved, j.moved_velocity = j.move_target, 0.0
+        return
+    run_move(j, elapsed)
+
+
+@cython.cfunc
+def run_move(j: Joint, elapsed: cython.double) -> cython.void:
     """The quintic of a move, from velocity v0 to rest (P1).
 
     q(s) = q0 + v0 T s + (10 R − 6 v0 T) s³ + (8 v0 T − 15 R) s⁴ + (6 R − 3 v0 T) s⁵, s = t/T; with
-    a brake time T_b the initial velocity is braked by v0 (1 − 3u² + 2u³), u = t/T_b, instead.
+    a brake time T_b the initial velocity is braked by v0 (1 − 3u² + 2u³), u = t/T_b. Where that
+    would pass a limit, it is braked by v0 (1 − u) first, and the quintic takes T − T_b.
     """
     s: cython.double
     u: cython.double
@@ -1432,14 +1450,18 @@ def advance_move(j: Joint) -> cython.void:
     speed: cython.double = 0.0
     reach: cython.double
     time: cython.double = j.move_time
-    j.move_cycles += j.elapsed / j.period
-    elapsed: cython.double = j.move_cycles * j.period
-    if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
-        j.moving = False
-        j.moved, j.moved_velocity = j.move_target, 0.0
-        return
     reach = j.move_target - j.move_start
-    if j.brake_time > 0.0:
+    if j.brake_even:
+        u = elapsed / j.brake_time
+        if u < 1.0:
+            j.moved = j.move_start + j.move_velocity * elapsed * (1.0 - 0.5 * u)
+            j.moved_velocity = j.move_velocity * (1.0 - u)
+            return
+        way = 0.5 * j.move_velocity * j.brake_time
+        reach -= way
+        elapsed -= j.brake_time
+        time -= j.brake_time
+    elif j.brake_time > 0.0:
         u = elapsed / j.brake_time
         reach -= 0.5 * j.move_velocity * j.brake_time
         if u >= 1.0:
@@ -1458,6 +1480,35 @@ def advance_move(j: Joint) -> cython.void:
     c: cython.double = 6.0 * reach - 3.0 * run
     j.moved = j.move_start + way + s * (run + s * s * (a + s * (b + s * c)))
     j.moved_velocity = speed + (run + s * s * (3.0 * a + s * (4.0 * b + s * 5.0 * c))) / time
+
+
+@cython.cfunc
+def keep_inside(j: Joint) -> cython.void:
+    """Brake evenly, then move, where braking within the move would pass a limit (P14)."""
+    k: cython.int
+    way: cython.double = 1.0 if j.move_velocity > 0.0 else -1.0
+    room: cython.double = (j.upper if way > 0.0 else -j.lower) - way * j.move_start
+    step: cython.double = (j.move_time if j.move_time > j.brake_time else j.brake_time) / 64.0
+    slack: cython.double = 0.125 * j.max_acceleration * step * step
+    place: cython.double
+    last: cython.double = 0.0
+    before: cython.double = 0.0
+    speed: cython.double = j.moved_velocity
+    passes: cython.bint = False
+    if room <= 0.0 or 0.5 * fabs(speed) * j.brake_time < room:
+        return
+    for k in range(1, 65):
+        run_move(j, k * step)
+        place = way * (j.moved - j.move_start)
+        if last >= place and last >= before and last > room - slack:
+            passes = True
+            break
+        before, last = last, place
+    j.moved, j.moved_velocity = j.move_start, speed
+    if passes:
+        j.brake_even = True
+        j.brake_time = 2.0 * room / fabs(speed)
+        j.move_time += j.brake_time
 
 
 @cython.cfunc

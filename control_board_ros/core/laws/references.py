@@ -225,7 +225,13 @@ class References:
             joints.tolist(), targets.tolist(), moves.plans, strict=True
         ):
             self._joints[j].move(target, time, brake)
-        return moves
+        plans = [
+            (joint.move_time, joint.brake_time) if joint.brake_even else plan
+            for joint, plan in zip(
+                (self._joints[j] for j in moves.joints), moves.plans, strict=True
+            )
+        ]
+        return moves._replace(plans=plans)
 
     def step(self, joints: Indices, positions: Array, velocities: Array | None) -> None:
         """Step the position reference (P4), with its velocities where given."""
