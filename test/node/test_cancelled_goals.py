@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Coroutine
+from contextlib import nullcontext
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from action_msgs.msg import GoalStatus
@@ -70,3 +71,33 @@ def test_a_goal_cancelled_before_it_began(action: Any, monkeypatch: pytest.Monke
     assert text == "cancelled before it began"
     requests.publish()
     assert [(one.name, one.event) for one in published] == [(action.short, "canceled")]
+
+
+def test_an_error_in_the_end_of_the_last_goal_is_not_one_of_the_new(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """T1: the new goal is watched, and the error reported."""
+    monkeypatch.setattr(actions, "ActionServer", lambda *_, **__: None)
+    resets: list[bool] = []
+    errors: list[Exception] = []
+    timer = SimpleNamespace(reset=lambda: resets.append(True))
+    node = SimpleNamespace(create_timer=lambda *_, **__: timer, get_logger=lambda: None)
+    board = SimpleNamespace(count=1, time=1.0)
+    loop = SimpleNamespace(hooks=[], paused=False, time_base=SimpleNamespace(offset=0))
+    member: Any = SimpleNamespace(exclusive=lambda: nullcontext(board), loop=loop)
+    new = SimpleNamespace(take_over=lambda _: None)
+    requests: Any = None
+    follow = trajectories.FollowTrajectory(
+        cast(Any, node),
+        member,
+        lambda *_: cast(Any, new),
+        lambda error, _: errors.append(error),
+        requests,
+    )
+    last = SimpleNamespace(outcome=None)  # what no goal that ends has
+    follow._goal = actions.Goal(None, cast(Any, last), cast(Any, None))
+    handle = Handle(FOLLOW_JOINT_TRAJECTORY.load().Goal())
+    follow._start(handle)
+    assert follow._goal.handle is handle
+    assert resets
+    assert [type(error) for error in errors] == [AssertionError]
