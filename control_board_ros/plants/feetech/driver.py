@@ -73,10 +73,10 @@ class FeetechDrives:
                 + ", ".join(t.MODELS.values())
             )
         for item, mask, right, name in t.READINGS:
-            for pause in (PAUSE, longer(PAUSE, 3)):  # before it is refused it is read again
+            for attempt in (3, 5, 0):  # before it is refused it is read again, after late answers
                 if (value := (yield from get(drive, item))) & mask == right:
                     break
-                yield pause
+                yield longer(PAUSE, attempt)
             else:
                 raise PlantSettingsError(
                     f"{axis.name}: {name} (address {item.address}) of id {drive} is {value}: its "
