@@ -26,6 +26,7 @@ from .entry_points import DRIVERS, make, pairs
 from .errors import PlantSettingsError
 from .guarded import patience
 from .interface import DrivePlant
+from .judges import judgement
 from .offers import limit_differences
 
 #: Makes on serial buses, and the rates at which their servos usually are, bit/s.
@@ -100,6 +101,7 @@ def put_scan(plant: str, bus: str, baudrate: int = 0) -> int:
         kept = f"zero {drive.zero}"
         print(f"id {drive.id:<4} {drive.type:<14} firmware {drive.firmware:<8} {volts:<8} "
               f"{kept:<18} {fault}")  # fmt: skip
+    print(judgement(plant))
     return 0
 
 

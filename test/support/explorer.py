@@ -29,7 +29,6 @@ import numpy as np
 from drive_bench import PERIOD, Bench
 
 from control_board_ros.core.terms.drives import SetPoint
-from control_board_ros.plants.cia402 import objects
 from control_board_ros.plants.cia402.states import Mode, State
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.feetech import table as feetech
@@ -322,7 +321,7 @@ def law_of(drive: Any) -> SetPoint | None:  # noqa: PLR0911 - one for each make
         laws = {Mode.CSP: SetPoint.POSITION, Mode.CSV: SetPoint.VELOCITY,
                 Mode.CST: SetPoint.TORQUE}  # fmt: skip
         on = drive.state is State.OPERATION_ENABLED
-        return laws.get(drive._value(objects.MODE), OFF) if on else OFF
+        return laws.get(drive.mode, OFF) if on else OFF
     table: Any = dynamixel if name == "VirtualDynamixel" else feetech
     if not drive.table.get(table.TORQUE):
         return OFF

@@ -11,93 +11,39 @@ import itertools
 import math
 import struct
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import canopen
-from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable, datatypes
+from canopen.objectdictionary import ODVariable
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from . import objects as o
+from .dictionary import (
+    COUNTS,
+    EMERGENCY_ID,
+    ERROR_REGISTER,
+    PRODUCER_HEARTBEAT,
+    dictionary,
+)
 from .states import FAULT_RESET, TRANSITIONS, Mode, State, command_of
 
 REV = 2.0 * math.pi
-COUNTS = 1 << 17
-PRODUCER_HEARTBEAT = 0x1017
+#: CiA 301, 7.5.2.2: bit 0 of the error register is set by any error.
+GENERIC_ERROR = 1
+#: Transmission types of PDOs that a drive sends by itself, and acts on at once; of the
+#: manufacturer, and of the profile (CiA 301, table 72).
+BY_EVENT = (254, 255)
+#: s until another mode acts, and is displayed (CiA 402-2, 0x6061: it may differ from 0x6060).
+MODE_TIME = 4e-3
+#: Bits of the status word beside those of its state: voltage enabled, remote, and follows the
+#: commands of a cyclic mode (CiA 402-2, 8.2.2 and tables of CSP, CSV and CST).
+VOLTAGE, REMOTE_CONTROL, FOLLOWS = 1 << 4, 1 << 9, 1 << 12
 _serials = itertools.count(1)
-U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
-I8, I16, I32 = datatypes.INTEGER8, datatypes.INTEGER16, datatypes.INTEGER32
-TEXT = datatypes.VISIBLE_STRING
-#: Index, type, value at start, and whether it may be written.
-VARIABLES: tuple[tuple[int, int, int | str, bool], ...] = (
-    (o.DEVICE_TYPE, U32, o.SERVO, False),
-    (o.DEVICE_NAME, TEXT, "virtual CiA 402", False),
-    (o.SOFTWARE, TEXT, "1.0", False),
-    (PRODUCER_HEARTBEAT, U16, 0, False),
-    (o.ABORT_OPTION, I16, 0, True),
-    (o.ERROR_CODE, U16, 0, False),
-    (o.CONTROL, U16, 0, True),
-    (o.STATUS, U16, 0x40, False),
-    (o.QUICK_STOP_OPTION, I16, 2, True),
-    (o.FAULT_OPTION, I16, 2, True),
-    (o.MODE, I8, 0, True),
-    (o.MODE_DISPLAY, I8, 0, False),
-    (o.POSITION, I32, 0, False),
-    (o.VELOCITY, I32, 0, False),
-    (o.TARGET_TORQUE, I16, 0, True),
-    (o.MAX_TORQUE, U16, 2000, True),
-    (o.RATED_TORQUE, U32, 2000, False),
-    (o.TORQUE, I16, 0, False),
-    (o.SUPPLY, U32, 48000, False),
-    (o.TARGET_POSITION, I32, 0, True),
-    (o.MAX_SPEED, U32, 3000, True),
-    (o.TORQUE_OFFSET, I16, 0, True),
-    (o.TARGET_VELOCITY, I32, 0, True),
-    (o.SUPPORTED_MODES, U32, 0x380, False),
-    (o.MOTOR_POSITION, I32, 0, False),
-)
-ARRAYS: tuple[tuple[int, int, tuple[int, ...], bool], ...] = (
-    (o.CONSUMER_HEARTBEAT, U32, (0,), True),
-    (o.IDENTITY, U32, (0, 0, 0, 0), False),
-    (o.ERROR_BEHAVIOUR, U8, (0,), True),
-    (o.POSITION_LIMITS, I32, (0, 0), True),
-    (o.RESOLUTION, U32, (COUNTS, 1), False),
-)
-
-
-def dictionary(drive: int) -> ObjectDictionary:
-    """The objects of a drive with this number, PDOs mapped as its maker left them."""
-    made = ObjectDictionary()
-    made.node_id = drive
-    for index, kind, value, writable in VARIABLES:
-        made.add_object(_variable(index, 0, kind, value, writable))
-    for index, kind, values, writable in ARRAYS:
-        array = ODArray(f"0x{index:04x}", index)
-        array.add_member(_variable(index, 0, U8, len(values), writable=False))
-        for place, number in enumerate(values, start=1):
-            array.add_member(_variable(index, place, kind, number, writable))
-        made.add_object(array)
-    for function, index in o.PARAMETERS.items():
-        only = o.CONTROL if function in (o.RPDO1, o.RPDO2) else o.STATUS
-        parameters = ODRecord(f"0x{index:04x}", index)
-        mapping = ODArray(f"0x{index + 0x200:04x}", index + 0x200)
-        for place, (kind, value) in enumerate(((U8, 2), (U32, function + drive), (U8, 255))):
-            parameters.add_member(_variable(index, place, kind, value))
-        for place, (kind, value) in enumerate(((U8, 1), (U32, only << 16 | 16), *[(U32, 0)] * 7)):
-            mapping.add_member(_variable(index + 0x200, place, kind, value))
-        made.add_object(parameters)
-        made.add_object(mapping)
-    return made
-
-
-def _variable(
-    index: int, subindex: int, kind: int, value: int | str, writable: bool = True
-) -> ODVariable:
-    made = ODVariable(f"0x{index:04x}:{subindex}", index, subindex)
-    made.data_type, made.default = kind, value
-    made.access_type = "rw" if writable else "ro"
-    return made
+#: Modes whose commands it follows in each cycle.
+FOLLOWED = (Mode.CSP, Mode.CSV, Mode.CST)
 
 
 class Wires(canopen.Network):  # type: ignore[misc, unused-ignore]
@@ -111,6 +57,10 @@ class Wires(canopen.Network):  # type: ignore[misc, unused-ignore]
         """Keep a frame."""
         del remote
         self.sent.append((can_id, bytes(data)))
+
+    def send_periodic(self, *_: object, **__: object) -> SimpleNamespace:
+        """Send nothing: the drive counts the time of its heartbeat itself."""
+        return SimpleNamespace(stop=lambda: None, update=lambda _: None)
 
 
 class VirtualCia402:
@@ -149,6 +99,9 @@ class VirtualCia402:
         self.node.add_read_callback(self._reading)
         self._wires.sent = [(o.HEARTBEAT | self.id, bytes([o.BOOT_UP]))]
         self._fresh: list[Any] = []
+        self._told: dict[int, bytes] = {}
+        self._ages: dict[int, float] = {}
+        self.mode, self._changing, self._own_beat = 0, 0.0, 0.0
         self._beat = self._since = math.nan
         self._rate = self._sum = self.torque = 0.0
         self._control, self.state = 0, State.SWITCH_ON_DISABLED
@@ -158,6 +111,40 @@ class VirtualCia402:
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         self.state, self._error, self.persists = State.FAULT, code, code if persists else 0
+        self._emergency(code)
+
+    def _emergency(self, code: int) -> None:
+        """An EMCY: error code, error register, five bytes of the maker; 0: no error any more."""
+        where = self._value(EMERGENCY_ID) & 0x7FF
+        if self.node.nmt.state in ("PRE-OPERATIONAL", "OPERATIONAL"):
+            content = struct.pack("<HB5x", code, GENERIC_ERROR if code else 0)
+            self._wires.sent.append((where, content))
+
+    def unasked(self) -> Iterator[tuple[int, bytes]]:
+        """Boot-up, EMCY, its heartbeat, and PDOs by event."""
+        if self.silent:
+            return
+        if self.node.nmt.state == "OPERATIONAL":
+            self._send_events()
+        period = 1e-3 * self._value(PRODUCER_HEARTBEAT)
+        if 0.0 < period <= self._own_beat:
+            self._own_beat = 0.0
+            self._wires.sent.append((o.HEARTBEAT | self.id, bytes([self.node.nmt._state])))
+        sent, self._wires.sent = self._wires.sent, []
+        yield from sent
+
+    def _send_events(self) -> None:
+        for number, pdo in self.node.tpdo.map.items():
+            if not (pdo.enabled and pdo.trans_type in BY_EVENT):
+                continue
+            for item in pdo.map:
+                item.set_data(self.node.get_data(item.index, item.subindex))
+            data, age = bytes(pdo.data), self._ages.get(number, math.inf)
+            timer = 1e-3 * (pdo.event_timer or 0)
+            changed = data != self._told.get(number) and age >= 1e-4 * (pdo.inhibit_time or 0)
+            if changed or 0.0 < timer <= age:
+                self._told[number], self._ages[number] = data, 0.0
+                pdo.transmit()
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
         if self.silent:
@@ -185,7 +172,16 @@ class VirtualCia402:
         for pdos in (self.node.rpdo, self.node.tpdo):
             pdos.read()
         for pdo in self.node.rpdo.map.values():
-            pdo.callbacks[:] = [self._fresh.append]
+            at_once = pdo.trans_type in BY_EVENT
+            pdo.callbacks[:] = [self._act if at_once else self._fresh.append]
+        self._told.clear()
+
+    def _act(self, pdo: Any) -> None:
+        """Take the values of a received PDO."""
+        for item in pdo.map:
+            self.node.data_store.setdefault(item.index, {})[item.subindex] = item.get_data()
+        if pdo.trans_type in BY_EVENT:
+            self._obey(self._value(o.CONTROL))
 
     def _on_sync(self) -> None:
         """Received PDOs act; those sent hold the values from before."""
@@ -195,8 +191,7 @@ class VirtualCia402:
                 item.set_data(self.node.get_data(item.index, item.subindex))
         before = self._value(o.TARGET_POSITION)
         for pdo in self._fresh:
-            for item in pdo.map:
-                self.node.data_store.setdefault(item.index, {})[item.subindex] = item.get_data()
+            self._act(pdo)
         if self._fresh:
             self._obey(self._value(o.CONTROL))
         self._fresh.clear()
@@ -212,6 +207,7 @@ class VirtualCia402:
         if self.state is State.FAULT:
             if rising and not self.persists:
                 self.state, self._error = State.SWITCH_ON_DISABLED, 0
+                self._emergency(0)
             return
         state = TRANSITIONS.get((self.state, command_of(control)), self.state)
         if state is State.OPERATION_ENABLED and state is not self.state:
@@ -221,11 +217,12 @@ class VirtualCia402:
     def _reading(self, index: int, **_: object) -> int | None:
         """What its objects read, where it is no stored value."""
         if index == o.STATUS:
-            return self.state.word
-        if index == o.ERROR_CODE:
-            return self._error
-        if index == o.MODE_DISPLAY:
-            return self._value(o.MODE)
+            on = self.state is State.OPERATION_ENABLED and self.mode in FOLLOWED
+            return self.state.word | VOLTAGE | REMOTE_CONTROL | (FOLLOWS if on else 0)
+        own = {o.ERROR_CODE: self._error, o.MODE_DISPLAY: self.mode,
+               ERROR_REGISTER: GENERIC_ERROR if self._error else 0}  # fmt: skip
+        if index in own:
+            return own[index]
         turns = {
             o.POSITION: self._position,
             o.VELOCITY: self._velocity,
@@ -244,12 +241,23 @@ class VirtualCia402:
         self._position, self._velocity = position, velocity
         self._since += seconds
         self._beat += seconds
+        self._own_beat += seconds
+        for number in self._ages:
+            self._ages[number] += seconds
+        self._change_mode(seconds)
         if self._beat > 1e-3 * (self._value(o.CONSUMER_HEARTBEAT, 1) & 0xFFFF):
             self._beat = math.nan
             self._miss()
         most = 1e-3 * self._value(o.MAX_TORQUE) * self.rated
         self.torque = max(-most, min(most, self._torque(seconds)))
         return self.torque
+
+    def _change_mode(self, seconds: float) -> None:
+        wanted = self._value(o.MODE)
+        self._changing = self._changing + seconds if wanted != self.mode else 0.0
+        if self._changing > MODE_TIME:
+            self.mode, self._changing = wanted, 0.0
+            self._sum = self._rate = 0.0
 
     def _miss(self) -> None:
         """No heartbeat came for too long."""
@@ -266,7 +274,7 @@ class VirtualCia402:
             return self.stiffness * (self._hold - self._position) - self.damping * self._velocity
         if self.state is not State.OPERATION_ENABLED:
             return 0.0
-        mode = self._value(o.MODE)
+        mode = self.mode
         forward = 1e-3 * self._value(o.TORQUE_OFFSET) * self.rated
         if mode == Mode.CST:
             return forward + 1e-3 * self._value(o.TARGET_TORQUE) * self.rated

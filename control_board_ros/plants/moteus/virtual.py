@@ -16,9 +16,12 @@ from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from . import frames as f
 from . import virtual_frames as v
+from .console import Console
+from .planner import Planner, limit
 from .virtual_frames import R
 
-ENABLING, CURRENT, POSITION, ZERO_VELOCITY, BRAKE = 2, 9, 10, 12, 15
+ENABLING, CURRENT, POSITION, ZERO_VELOCITY, STAY_WITHIN, BRAKE = 2, 9, 10, 12, 13, 15
+BROADCAST = 0x7F
 #: s that a drive prepares its bridge after it was stopped.
 ENABLE_TIME = 5e-3
 #: What a command that does not name a register means.
@@ -30,12 +33,27 @@ UNNAMED = {
     R.COMMAND_KD_SCALE: 1.0,
     R.COMMAND_POSITION_MAX_TORQUE: math.nan,
     R.COMMAND_TIMEOUT: 0.0,
+    R.COMMAND_VELOCITY_LIMIT: math.nan,
+    R.COMMAND_ACCEL_LIMIT: math.nan,
     R.COMMAND_ILIMIT_SCALE: 1.0,
+    R.COMMAND_WITHIN_LOWER_BOUND: math.nan,
+    R.COMMAND_WITHIN_UPPER_BOUND: math.nan,
     R.COMMAND_Q_CURRENT: 0.0,
     R.COMMAND_D_CURRENT: 0.0,
     R.VOLTAGEDQ_Q: 0.0,
     R.VOLTAGEDQ_D: 0.0,
 }
+#: Registers of the mode that stays within bounds, and those of the position mode of like meaning.
+WITHIN = {
+    R.COMMAND_WITHIN_FEEDFORWARD_TORQUE: R.COMMAND_FEEDFORWARD_TORQUE,
+    R.COMMAND_WITHIN_KP_SCALE: R.COMMAND_KP_SCALE,
+    R.COMMAND_WITHIN_KD_SCALE: R.COMMAND_KD_SCALE,
+    R.COMMAND_WITHIN_MAX_TORQUE: R.COMMAND_POSITION_MAX_TORQUE,
+    R.COMMAND_WITHIN_TIMEOUT: R.COMMAND_TIMEOUT,
+    R.COMMAND_WITHIN_ILIMIT_SCALE: R.COMMAND_ILIMIT_SCALE,
+}
+UUIDS = (R.UUID1, R.UUID2, R.UUID3, R.UUID4)
+MASKS = (R.UUID_MASK1, R.UUID_MASK2, R.UUID_MASK3, R.UUID_MASK4)
 
 
 class VirtualMoteus:
@@ -53,13 +71,18 @@ class VirtualMoteus:
     """
 
     def __init__(self, drive: int, torque_constant: float = 0.5, resistance: float = 0.1) -> None:
-        self.id, self.mode, self.fault, self.persists = drive, f.STOPPED, 0, 0
+        self.mode, self.fault, self.persists = f.STOPPED, 0, 0
         self.supply, self.silent = 24.0, False
+        self.uuid = bytes([0x6D, 0x6A, *range(13), drive])
         self.version, self.register_map = 0x010100, 5
         self._constant, self._resistance = torque_constant, resistance
         self.stored = {
             f.ROTOR_RATIO: 1.0,
             f.OUTPUT_SOURCE: -1.0,
+            "id.id": float(drive),
+            "servo.default_velocity_limit": math.nan,
+            "servo.default_accel_limit": 50.0,
+            "motor_position.output.offset": 0.0,
             "servo.pid_position.kp": 100.0,
             "servo.pid_position.ki": 0.0,
             "servo.pid_position.kd": 5.0,
@@ -71,16 +94,26 @@ class VirtualMoteus:
             "servo.max_velocity": 100.0,
             "servopos.position_min": math.nan,
             "servopos.position_max": math.nan,
+            **{f"uuid.uuid.{k}": float(byte) for k, byte in enumerate(self.uuid)},
         }
-        self._position = self._velocity = 0.0
+        self._raw = self._velocity = 0.0
         self.reboot()
+
+    @property
+    def id(self) -> int:
+        return int(self.conf["id.id"])
+
+    @property
+    def _position(self) -> float:
+        return self._raw + self._shift
 
     def reboot(self) -> None:
         self.conf: dict[str, float] = dict(self.stored)
         self.mode, self.fault = f.STOPPED, 0
-        self._stream = b""
+        self._console, self._plan = Console(self), Planner()
+        self._shift = self.conf["motor_position.output.offset"]
         self._enabling = self._left = self._integral = 0.0
-        self._next, self._control = f.STOPPED, math.nan
+        self._next = f.STOPPED
         self._command: dict[int, float] = dict(UNNAMED)
         self.torque = self.current = 0.0
 
@@ -88,35 +121,81 @@ class VirtualMoteus:
         self.mode, self.fault, self.persists = f.FAULT, code, code if persists else 0
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        if frame_id & 0x7F != self.id or frame_id & 0x80 or self.silent:
+        if frame_id & 0x7F not in (self.id, BROADCAST) or frame_id & 0x80 or self.silent:
             return
+        me = self.id
         try:
             found = v.read(data)
-            for line in found.said:
-                self._read_line(line)
-            if R.MODE in found.writes:
-                self._order(int(found.writes[R.MODE]), found.writes)
-            reply = v.answer(found.reads, self._registers()) if found.reads else b""
-            for channel, most in found.wanted:
-                piece, self._stream = self._stream[:most], self._stream[most:]
-                reply += bytes([0x41, channel, len(piece)]) + piece
         except Exception:  # noqa: BLE001 - no frame of its protocol: it does nothing
             return
+        if not self._is_meant(found.writes):
+            return
+        for said in found.said:
+            self._console.hear(said)
+        self._write(found.writes)
+        reply = v.answer(found.reads, self._registers()) if found.reads else b""
+        for channel, most in found.wanted:
+            piece = self._console.say(most)
+            reply += bytes([0x41, channel, len(piece)]) + piece
         if frame_id & 0x8000 and 0 < len(reply) <= 64:
-            yield self.id << 8 | frame_id >> 8 & 0x7F, f.padded(reply)
+            yield me << 8 | frame_id >> 8 & 0x7F, f.padded(reply)
+
+    def _is_meant(self, writes: Mapping[int, float]) -> bool:
+        """Whether a frame is for its unique id, or for any."""
+        parts = (self.uuid[4 * k : 4 * k + 4] for k in range(4))
+        return all(
+            int(writes[mask]) & 0xFFFFFFFF == int.from_bytes(part, "little")
+            for mask, part in zip(MASKS, parts, strict=True)
+            if mask in writes
+        )
+
+    def _write(self, writes: Mapping[int, float]) -> None:
+        if R.MODE in writes:
+            self._order(int(writes[R.MODE]), writes)
+        if R.SET_OUTPUT_NEAREST in writes:
+            self._shift += round(writes[R.SET_OUTPUT_NEAREST] - self._position)
+        if R.SET_OUTPUT_EXACT in writes:
+            self._shift += writes[R.SET_OUTPUT_EXACT] - self._position
+        if R.RECAPTURE_POSITION_VELOCITY in writes:
+            self._plan.start(self._position, self._velocity)
+
+    def order(self, words: list[str]) -> bool:
+        """Obey a line of the diagnostic stream that begins with ``d``."""
+        if words == ["stop"]:
+            self._order(f.STOPPED, {})
+            return True
+        if len(words) != 2 or words[0] not in ("cfg-set-output", "exact", "nearest", "rezero"):
+            return False
+        way = float(words[1]) - self._position
+        self._shift += way if words[0] in ("cfg-set-output", "exact") else round(way)
+        if words[0] == "cfg-set-output":
+            self.conf["motor_position.output.offset"] = self._shift
+        return True
+
+    def telemetry(self, channel: str) -> Mapping[str, float | list[int]]:
+        """The values of a channel of the diagnostic stream."""
+        if channel == "firmware":
+            return {"version": self.version, "serial_number": [1, 2, self.id], "model": 0}
+        if channel == "git":
+            return {"hash": [0] * 20, "dirty": 0, "timestamp": 0}
+        return {
+            "mode": self.mode, "fault": self.fault, "position": self._position,
+            "velocity": self._velocity, "torque_Nm": self.torque, "q_A": self.current,
+            "filt_bus_V": self.supply, "fet_temp_C": 30.0, "trajectory_done": self._plan.complete,
+        }  # fmt: skip
 
     def _order(self, mode: int, writes: Mapping[int, float]) -> None:
         if mode == f.STOPPED:
             self.mode, self.fault = (f.FAULT, self.persists) if self.persists else (f.STOPPED, 0)
-            self._control = math.nan
             return
         if self.mode in (f.FAULT, f.TIMEOUT):  # left by a stop only
             return
-        self._command = UNNAMED | {key: value for key, value in writes.items() if key in UNNAMED}
+        named = {WITHIN.get(key, key): value for key, value in writes.items()}
+        self._command = UNNAMED | {key: value for key, value in named.items() if key in UNNAMED}
         timeout = self._command[R.COMMAND_TIMEOUT]
         self._left = timeout if timeout != 0.0 else self.conf["servo.default_timeout_s"]
         if self.mode == mode:
-            self._place(self._command[R.COMMAND_POSITION])
+            self._aim()
             return
         if self.mode == f.STOPPED:
             self.mode, self._enabling = ENABLING, ENABLE_TIME
@@ -129,15 +208,14 @@ class VirtualMoteus:
         if mode == POSITION and (self._position < low or self._position > high):
             self.fail(39)
             return
-        self.mode, self._integral, self._control = mode, 0.0, math.nan
-        if mode == POSITION:
-            self._place(self._command[R.COMMAND_POSITION])
+        self.mode, self._integral = mode, 0.0
+        self._plan.start(self._position, self._velocity)
+        self._aim()
 
-    def _place(self, position: float) -> None:
-        if not math.isnan(position):
-            self._control = position
-        elif math.isnan(self._control):
-            self._control = self._position
+    def _aim(self) -> None:
+        position = self._command[R.COMMAND_POSITION]
+        if self.mode == POSITION and not (math.isnan(position) and self._plan.complete):
+            self._plan.target = position
 
     def _registers(self) -> dict[int, float]:
         return {
@@ -152,41 +230,40 @@ class VirtualMoteus:
             R.FIRMWARE_VERSION: self.version,
             R.REGISTER_MAP_VERSION: self.register_map,
             R.MULTIPLEX_ID: self.id,
+            R.TRAJECTORY_COMPLETE: self._plan.complete,
+            R.CONTROL_POSITION: self._plan.position,
+            R.CONTROL_VELOCITY: self._plan.velocity,
+            R.UUID_MASK_CAPABLE: 1,
+            **{
+                register: int.from_bytes(self.uuid[4 * k : 4 * k + 4], "little", signed=True)
+                for k, register in enumerate(UUIDS)
+            },
         }
 
-    def _read_line(self, data: bytes) -> None:
-        words = data.decode("latin1").split()
-        answer = "ERR unknown command"
-        if words[:2] == ["conf", "get"] and len(words) == 3 and words[2] in self.conf:
-            answer = f"{self.conf[words[2]]:g}"
-        elif words[:2] == ["conf", "set"] and len(words) == 4 and words[2] in self.conf:
-            self.conf[words[2]] = float(words[3])
-            answer = "OK"
-        self._stream += answer.encode() + b"\r\n"
-
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        self._position, self._velocity = position / f.REV, velocity / f.REV
+        self._raw, self._velocity = position / f.REV, velocity / f.REV
         if self.mode == ENABLING:
             self._enabling -= seconds
             if self._enabling <= 0.0:
                 self._enter(self._next)
         if self.mode not in (f.STOPPED, f.FAULT) and self.supply < 4.0:
             self.fail(40)
-        if self.mode == POSITION:
+        if self.mode in (POSITION, STAY_WITHIN):
             self._left -= seconds  # NaN: without a watchdog
             if self._left <= 0.0:
                 self.mode = f.TIMEOUT
-                self._control = self._position
+                self._plan.start(self._position, 0.0)
         self.torque = self._torque(seconds)
         self.current = self.torque / self._constant
         return self.torque
 
     def _torque(self, seconds: float) -> float:
         command, most = self._command, self.conf["servo.max_current_A"] * self._constant
-        if self.mode == POSITION:
+        if self.mode in (POSITION, STAY_WITHIN):
             bound = command[R.COMMAND_POSITION_MAX_TORQUE]
             most = most if math.isnan(bound) else min(most, bound)
-            torque = self._position_loop(seconds) + command[R.COMMAND_FEEDFORWARD_TORQUE]
+            loop = self._position_loop if self.mode == POSITION else self._bounds
+            torque = loop(seconds) + command[R.COMMAND_FEEDFORWARD_TORQUE]
         elif self.mode == CURRENT:
             torque = command[R.COMMAND_Q_CURRENT] * self._constant
         elif self.mode == f.VOLTAGE_DQ:
@@ -211,22 +288,41 @@ class VirtualMoteus:
         return self._constant * (volts - emf) / self._resistance
 
     def _position_loop(self, seconds: float) -> float:
-        command, conf = self._command, self.conf
+        command, conf, plan = self._command, self.conf, self._plan
         low, high = conf["servopos.position_min"], conf["servopos.position_max"]
         rate = command[R.COMMAND_VELOCITY]
-        rate = 0.0 if math.isnan(rate) else rate
-        self._control += rate * seconds
-        if not (low <= self._control or math.isnan(low)):
-            self._control, rate = low, 0.0
-        if not (self._control <= high or math.isnan(high)):
-            self._control, rate = high, 0.0
-        error = self._control - self._position
-        scale, limit = command[R.COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
+        plan.step(
+            seconds,
+            0.0 if math.isnan(rate) else rate,
+            limit(command[R.COMMAND_VELOCITY_LIMIT], conf["servo.default_velocity_limit"]),
+            limit(command[R.COMMAND_ACCEL_LIMIT], conf["servo.default_accel_limit"]),
+        )
+        if not (low <= plan.position or math.isnan(low)):
+            plan.position, plan.velocity = low, 0.0
+        if not (plan.position <= high or math.isnan(high)):
+            plan.position, plan.velocity = high, 0.0
+        return self._pid(seconds, plan.position, plan.velocity)
+
+    def _bounds(self, seconds: float) -> float:
+        """Free between its bounds, held at them."""
+        low, high = (
+            self._command[R.COMMAND_WITHIN_LOWER_BOUND],
+            self._command[R.COMMAND_WITHIN_UPPER_BOUND],
+        )
+        if self._position < low or self._position > high:
+            return self._pid(seconds, low if self._position < low else high, 0.0)
+        self._integral = 0.0
+        return 0.0
+
+    def _pid(self, seconds: float, position: float, velocity: float) -> float:
+        command, conf = self._command, self.conf
+        error = position - self._position
+        scale, most = command[R.COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
         self._integral += conf["servo.pid_position.ki"] * error * seconds
-        self._integral = scale * max(-limit, min(limit, self._integral))
+        self._integral = scale * max(-most, min(most, self._integral))
         stiffness = conf["servo.pid_position.kp"] * command[R.COMMAND_KP_SCALE]
         damping = conf["servo.pid_position.kd"] * command[R.COMMAND_KD_SCALE]
-        return stiffness * error + damping * (rate - self._velocity) + self._integral
+        return stiffness * error + damping * (velocity - self._velocity) + self._integral
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMoteus:

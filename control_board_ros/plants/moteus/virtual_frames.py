@@ -21,7 +21,7 @@ from moteus.protocol import Register, Writer, scale_register
 from .frames import POSITIONS
 
 #: Registers by name, as plain numbers: they are looked up in every step.
-R = SimpleNamespace(**{register.name: int(register) for register in Register})
+R = SimpleNamespace(**{name: int(register) for name, register in Register.__members__.items()})
 #: What each int8, int16 and int32 means, by register.
 SCALES = {
     R.POSITION: (0.01, 1e-4, 1e-5),

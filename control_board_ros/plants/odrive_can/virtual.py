@@ -19,8 +19,24 @@ from . import frames as f
 REV = 2.0 * math.pi
 FIRMWARE, HARDWARE = (0, 6, 11), (4, 4, 58)
 PARAMETERS = f.KNOWN["0.6.11", "4.4"]
-#: s between two heartbeats; s of a velocity over its limit until an error.
-BEAT, TOLERANCE = 0.1, 1.2
+#: Times its limit a velocity is an error.
+TOLERANCE = 1.2
+#: s between two messages that nobody asks for, as delivered: heartbeat_msg_rate_ms 100 and
+#: encoder_msg_rate_ms 10 of ``axis0.config.can``; the other rates are 0.
+CYCLIC = {f.BEAT: 0.1, f.ESTIMATES: 0.01}
+#: Commands that only this side knows: docs of CAN Simple, "Messages".
+ESTOP, ADDRESS, LIMITS, CURRENTS, TEMPERATURES, ABSOLUTE = 0x02, 0x06, 0x0F, 0x14, 0x15, 0x19
+POSITION_GAIN, VELOCITY_GAINS, POWERS = 0x1A, 0x1B, 0x1D
+#: Those that a remote frame, or one without data, asks for.
+READABLE = (f.VERSION, f.BEAT, f.ERROR, f.ESTIMATES, f.SUPPLY, f.TORQUES, ADDRESS, CURRENTS,
+            TEMPERATURES, POWERS)  # fmt: skip
+#: What commands hold; a state, a mode and gains are numbers, the other three are orders.
+FORMS = {f.STATE: "<I", f.MODE: "<II", f.INPUT_POSITION: "<fhh", f.INPUT_VELOCITY: "<ff",
+         f.INPUT_TORQUE: "<f", f.CLEAR: "<", f.REBOOT: "<", ESTOP: "<", LIMITS: "<ff",
+         ABSOLUTE: "<f", POSITION_GAIN: "<f", VELOCITY_GAINS: "<ff"}  # fmt: skip
+#: Node number of all.
+ALL = 0x3F
+ESTOP_REQUESTED = 0x0200_0000
 
 
 class VirtualOdrive:
@@ -39,6 +55,7 @@ class VirtualOdrive:
 
     def __init__(self, drive: int, torque_constant: float = 0.5) -> None:
         self.id, self.silent, self.persists, self.supply = drive, False, 0, 24.0
+        self.serial, self._shift = 0x3000_0000_0000 + drive, 0.0
         self.position_gain, self.velocity_gain, self.integrator_gain = 20.0, 18.0, 0.0
         self.stored = {
             f.WATCHDOG_TIMEOUT: 0.0,
@@ -54,23 +71,28 @@ class VirtualOdrive:
         self.conf = dict(self.stored)
         self.state, self.error, self._control = f.IDLE, self.persists, f.POSITION_CONTROL
         self._goal = self._speed = self._forward = self._integral = 0.0
-        self._quiet = self._since = self.torque = 0.0
+        self._quiet = self.torque = 0.0
+        self._since = dict.fromkeys(CYCLIC, 0.0)
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         self.state, self.error, self.persists = f.IDLE, code, code if persists else 0
 
-    def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        if self.silent:
-            return
-        if self._since >= BEAT:
-            self._since = 0.0
-            yield self.id << 5 | f.BEAT, self._answer(f.BEAT)
-        remote, command = bool(frame_id & REMOTE), frame_id & 0x1F
-        if (frame_id & 0x7FF) >> 5 != self.id:
-            return
-        if remote:
-            if command in (f.VERSION, f.BEAT, f.ERROR, f.ESTIMATES, f.SUPPLY, f.TORQUES):
+    def unasked(self) -> Iterator[tuple[int, bytes]]:
+        for command, period in CYCLIC.items():
+            if self._since[command] >= period and not self.silent:
+                self._since[command] = 0.0
                 yield self.id << 5 | command, self._answer(command)
+
+    def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
+        command, node = frame_id & 0x1F, (frame_id & 0x7FF) >> 5
+        if self.silent or node not in (self.id, ALL):
+            return
+        if frame_id & REMOTE or (not data and command in READABLE):
+            if command in READABLE and (node == self.id or command == ADDRESS):
+                yield self.id << 5 | command, self._answer(command)
+        elif command == ADDRESS and len(data) >= 7:
+            if int.from_bytes(data[1:7], "little") == self.serial:
+                self.id = data[0]
         elif command == f.RX_SDO and len(data) >= 4:
             yield from self._parameter(data)
         else:
@@ -83,11 +105,19 @@ class VirtualOdrive:
             return struct.pack("<IBBBB", self.error, self.state, 0, 0, 0)
         if command == f.ERROR:
             return struct.pack("<II", self.persists, self.error)
-        if command == f.ESTIMATES:
-            return struct.pack("<ff", self._position, self._velocity)
-        if command == f.SUPPLY:
-            return struct.pack("<ff", self.supply, 0.0)
-        return struct.pack("<ff", self.torque, self.torque)
+        if command == ADDRESS:
+            return bytes([self.id]) + self.serial.to_bytes(6, "little") + bytes(1)
+        amps = self.torque / self.conf[f.TORQUE_CONSTANT]
+        watts = self.torque * self._velocity * REV
+        numbers = {
+            f.ESTIMATES: (self._position, self._velocity),
+            f.SUPPLY: (self.supply, 0.0),
+            f.TORQUES: (self.torque, self.torque),
+            CURRENTS: (amps, amps),
+            TEMPERATURES: (30.0, 30.0),
+            POWERS: (watts, watts),
+        }
+        return struct.pack("<ff", *numbers[command])
 
     def _parameter(self, data: bytes) -> Iterator[tuple[int, bytes]]:
         number = data[1] | data[2] << 8
@@ -104,8 +134,7 @@ class VirtualOdrive:
             yield self.id << 5 | f.TX_SDO, struct.pack("<BHB", 0, number, 0) + value
 
     def _obey(self, command: int, data: bytes) -> None:
-        form = {f.STATE: "<I", f.MODE: "<II", f.INPUT_POSITION: "<fhh", f.INPUT_VELOCITY: "<ff",
-                f.INPUT_TORQUE: "<f", f.CLEAR: "<B", f.REBOOT: "<B"}.get(command)  # fmt: skip
+        form = FORMS.get(command)
         if form is None or len(data) < struct.calcsize(form):
             return
         values = struct.unpack_from(form, data)
@@ -117,6 +146,10 @@ class VirtualOdrive:
             self.error = self.persists
         elif command == f.REBOOT:
             self.reboot()
+        elif command == ESTOP:
+            self.fail(ESTOP_REQUESTED)
+        elif command in (LIMITS, ABSOLUTE, POSITION_GAIN, VELOCITY_GAINS):
+            self._configure(command, values)
         else:
             self._quiet = 0.0
             if command == f.INPUT_POSITION:
@@ -127,6 +160,17 @@ class VirtualOdrive:
             else:
                 self._forward = values[0]
 
+    def _configure(self, command: int, values: tuple[float, ...]) -> None:
+        if command == LIMITS:
+            self.conf |= zip((f.SPEED_LIMIT, f.CURRENT_LIMIT), values, strict=True)
+        elif command == ABSOLUTE:
+            self._shift += values[0] - self._position
+            self._position = values[0]
+        elif command == POSITION_GAIN:
+            self.position_gain = values[0]
+        else:
+            self.velocity_gain, self.integrator_gain = values
+
     def _enter(self, state: int) -> None:
         if state == f.IDLE:
             self.state = f.IDLE
@@ -135,8 +179,9 @@ class VirtualOdrive:
             self._goal, self._speed, self._forward = self._position, 0.0, 0.0
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
-        self._position, self._velocity = position / REV, velocity / REV
-        self._since += seconds
+        self._position, self._velocity = position / REV + self._shift, velocity / REV
+        for command in CYCLIC:
+            self._since[command] += seconds
         self._quiet += seconds
         if self.state == f.CLOSED_LOOP:
             if self.conf[f.WATCHDOG_ENABLED] and self._quiet > self.conf[f.WATCHDOG_TIMEOUT]:

@@ -7,7 +7,7 @@ import contextlib
 import itertools
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from ..drives.can_line import REMOTE, SHORT, message, open_bus
 from .world import World
@@ -27,6 +27,15 @@ class CanDrive(Protocol):
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[Frame]:
         """The frames that it answers with; remote ones have the flag REMOTE."""
+        ...
+
+
+@runtime_checkable
+class Speaker(Protocol):
+    """A virtual drive that sends frames which nobody asked for."""
+
+    def unasked(self) -> Iterator[Frame]:
+        """The frames that are due now."""
         ...
 
 
@@ -51,6 +60,12 @@ class VirtualCan:
         with self.world.lock:
             self.world.advance()
             answers = [
+                frame
+                for drive in self.drives
+                if isinstance(drive, Speaker)
+                for frame in drive.unasked()
+            ]
+            answers += [
                 answer
                 for frame in self.to_drives(frames)
                 for drive in self.drives

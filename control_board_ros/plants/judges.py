@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who judged a driver's virtual drives: clients of others that operate them (test/judged)."""
+
+from __future__ import annotations
+
+#: When the versions below last ran.
+JUDGED = "2026-11-26"
+#: By driver; a device side of another hand under the driver has "(device)".
+JUDGES: dict[str, tuple[str, ...]] = {
+    "moteus": ("moteus and moteus_tool 1.1.1",),
+    "mit_can": ("damiao-motor 1.0.6",),
+    "dynamixel": ("dynamixel-sdk 4.1.0", "dynamixel-python 0.0.8"),
+    "cia402": ("canopen 2.4.1", "durand 0.5.0 (device)"),
+    "odrive_can": ("odrive-can 2.1.0",),
+    "feetech": ("feetech-cli 0.1.8", "st3215-bus 0.1.1", "ftservo-python-sdk 2.0.1"),
+}
+
+
+def judgement(driver: str) -> str:
+    """What is known of a driver in the box, in one line."""
+    by = ", ".join(JUDGES[driver])
+    return f"{driver}: judged by {by} on {JUDGED}; it has run on no motor yet"
