@@ -12,9 +12,11 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of, press_if_there
+from hand import Hand
 from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
+from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 FRONT = "lbr_iiwa_"
@@ -441,6 +443,26 @@ def test_the_robot_is_drawn(page: Any) -> None:
         assert (
             page.get_by_label("Drag joints in the view").get_attribute("aria-pressed") == pressed
         )
+
+
+def test_a_push_is_shown(page: Any, process: BoardProcess) -> None:
+    """X1: a bar at the joint, and an arrow around its axis in the view, either way."""
+    arrow = "panel.view.pushes.get('lbr_iiwa_joint_7')?.length ?? 0"
+    bar = page.get_by_label("External torque of joint_7")
+    hand = Hand(process)
+    try:
+        until(lambda: page.evaluate(arrow) == 0)
+        for torque in (8.0, -8.0):  # of 40 N·m
+            hand.push(torque)
+            until(lambda torque=torque: page.evaluate(arrow) * torque > 80.0)
+            shown = int(bar.get_attribute("aria-valuenow"))
+            assert shown == pytest.approx(100.0 * torque / 10.0, abs=15.0)
+            assert page.evaluate("panel.view.pushes.get('lbr_iiwa_joint_7').group.visible")
+            others = "[...panel.view.pushes].filter(([, push]) => push.length).map(([n]) => n)"
+            assert page.evaluate(others) == ["lbr_iiwa_joint_7"]
+    finally:
+        hand.close()
+    until(lambda: page.evaluate(arrow) == 0)
 
 
 def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import { Details } from "./details.js";
 import { chooseOnce, h, icon, segmented, setText } from "./dom.js";
 import { INTERACTIONS, MODES, TAKES, whatFalls, whyStill } from "./modes.js";
 import { HoldSlider, PositionSlider } from "./sliders.js";
+import { pushOf } from "./push.js";
 import { LABELS, number, quantity, unitOf } from "./units.js";
 
 const SHORT = { temperature: "Temp." };
@@ -20,6 +21,8 @@ export class Card {
     this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false", "aria-label": `More of ${label}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
     this.position = this.value("position", "big");
     this.values = VALUES.map((signal) => this.value(signal));
+    this.push = h("span", { class: "push", role: "meter", "aria-label": `External torque of ${label}`, "aria-valuemin": "-100", "aria-valuemax": "100" }, h("i"));
+    this.values.find((v) => v.signal === "torque").element.append(this.push);
     this.slots = h("div", { class: "slots" });
     this.why = h("p", { class: "why" });
     this.foot = h("div", { class: "foot" }, this.why);
@@ -179,6 +182,7 @@ export class Card {
       const plotted = String(Boolean(this.panel.plots.find(joint, signal)));
       if (element.ariaPressed !== plotted) element.ariaPressed = plotted;
     }
+    this.writePush();
     this.details?.write();
     const held = this.sliders.some((slider) => slider.timer);
     const silent = joint.board.silence > 0;
@@ -190,6 +194,20 @@ export class Card {
       if (silent) this.drop();
       this.panel.permit(this.element);
     }
+  }
+
+  /** The bar of the torque from outside: to the right where it is positive. */
+  writePush() {
+    const { joint } = this;
+    const share = pushOf(joint);
+    this.push.hidden = share === null;
+    if (share === null) return;
+    const percent = Math.round(100 * share);
+    if (percent === this.pushed) return;
+    this.pushed = percent;
+    this.push.setAttribute("aria-valuenow", String(percent));
+    this.push.title = `External torque: ${quantity(joint.state.external_torque, "external_torque", joint.sliding)}; full at a quarter of the limit`;
+    this.push.firstChild.style.cssText = `left:${50 + Math.min(percent, 0) / 2}%;width:${Math.abs(percent) / 2}%`;
   }
 
   /** Cancel inputs in progress. */

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The robot in motion: as measured, its reference as a ghost, torque as colour.
+// The robot in motion: as measured, its reference as a ghost, torque as colour, pushes as arrows.
 
 import * as THREE from "three";
 import { ColladaLoader } from "three/examples/jsm/loaders/ColladaLoader.js";
@@ -7,6 +7,7 @@ import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
 import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
 import { h, icon } from "./dom.js";
 import { Grasp } from "./grasp.js";
+import { Push, pushOf } from "./push.js";
 import { OrbitControls } from "./vendor/OrbitControls.js";
 import URDFLoader from "./vendor/URDFLoader.js";
 
@@ -30,7 +31,7 @@ function wantedOf(joint) {
 
 export class View {
   constructor(element, panel) {
-    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map(), cost: 0, placed: false, checked: 0 });
+    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map(), pushes: new Map(), cost: 0, placed: false, checked: 0 });
     this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag or arrow keys turn it, + and − zoom", role: "img", tabindex: "0" });
     this.note = h("p", { class: "hint" });
     this.showGhost = true;
@@ -111,8 +112,7 @@ export class View {
     const key = board ? `${board.name}#${board.number}` : "";
     if (key === this.key) return;
     this.key = key;
-    for (const robot of [this.robot, this.ghost]) if (robot) this.scene.remove(robot);
-    this.robot = this.ghost = null;
+    this.clear();
     this.note.textContent = board ? "Loading the robot …" : "The robot's description is not known yet.";
     if (!board) return;
     const answer = await fetch(`robot/${board.number}.urdf`);
@@ -148,16 +148,23 @@ export class View {
     });
     this.robot = robot;
     this.ghost = ghost;
+    this.size = Math.max(new THREE.Box3().setFromObject(robot).getSize(new THREE.Vector3()).length() / 2, 0.2);
     this.scene.add(robot, ghost);
     this.note.textContent = "";
     this.draw(boards, true);
     this.fit();
   }
 
+  clear() {
+    for (const robot of [this.robot, this.ghost]) if (robot) this.scene.remove(robot);
+    for (const push of this.pushes.values()) push.close();
+    this.pushes.clear();
+    this.robot = this.ghost = null;
+  }
+
   /** Omit a description that cannot be drawn; the rest of the page works. */
   fail(error) {
-    for (const robot of [this.robot, this.ghost]) if (robot) this.scene.remove(robot);
-    this.robot = this.ghost = null;
+    this.clear();
     this.note.textContent = `The robot's description cannot be drawn: ${String(error.message).slice(0, 200)}`;
   }
 
@@ -236,12 +243,23 @@ export class View {
         this.colour(name, joint);
       }
     }
+    this.drawPushes(boards);
     const asked = boards.some((board) => board.joints.some((joint) => joint.proposed !== null));
     this.ghost.visible = (this.showGhost || asked) && apart.size > 0;
     for (const [part, above] of this.ghostParts) part.visible = above.some((name) => apart.has(name));
     this.keepInside();
     this.controls.update();
     this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Arrows where joints are pushed from outside. */
+  drawPushes(boards) {
+    this.robot.updateMatrixWorld();
+    for (const joint of boards.flatMap((board) => board.joints)) {
+      if (!Object.hasOwn(this.robot.joints, joint.name)) continue;
+      if (!this.pushes.has(joint.name)) this.pushes.set(joint.name, new Push(this.scene, this.robot.joints[joint.name], 0.17 * this.size));
+      this.pushes.get(joint.name).show(pushOf(joint));
+    }
   }
 
   /** Joints of the description moved by a board: measured and wanted position, axis. */
