@@ -49,7 +49,7 @@ UNITS: dict[str, dict[str, float]] = {
 LOWEST, GAP, GAP_PERIODS = 50.0, 0.1, 10.0
 #: Numbers that nothing measures: what a torn cell reads as. Times are below, in ns, too.
 BEYOND = 1e20
-#: A multiple of ``limits.velocity`` that nothing moves at: a torn row.
+#: A multiple of ``limits.velocity`` and of the hard limits that nothing is at: a torn row.
 TORN = 5.0
 #: Travel below which a joint did not move, rad and m.
 MOVED, MOVED_SLIDING = 0.05, 5e-3
@@ -286,7 +286,10 @@ def field_of(message: Any, field: Sequence[str], column: str) -> float:
 
 
 def records_of(
-    series: Mapping[str, Sequence[Series]], names: Sequence[str], speeds: Floats | float = np.inf
+    series: Mapping[str, Sequence[Series]],
+    names: Sequence[str],
+    speeds: Floats | float = np.inf,
+    places: Floats | float = np.inf,
 ) -> list[Record]:
     """The stretches of a log without gaps, at the times of its positions.
 
@@ -294,6 +297,7 @@ def records_of(
         series: By signal, one per joint.
         names: Of the joints.
         speeds: Greatest ones, rad/s: rows with more are torn.
+        places: Positions farthest from 0, rad, likewise.
 
     Raises:
         IdentificationError: it is too slow, or has nothing but gaps.
@@ -306,6 +310,7 @@ def records_of(
         for name in SIGNALS
     }
     known = np.isfinite(time) & ~(np.abs(signals[VELOCITY]) > speeds).any(axis=1)
+    known &= ~(np.abs(signals[POSITION]) > places).any(axis=1)
     for name in series.keys() & set(SIGNALS):
         known &= np.isfinite(signals[name]).all(axis=1)
     return stretches(time[known], {name: row[known] for name, row in signals.items()}, names)
@@ -368,7 +373,9 @@ def read_log(path: Path, words: Mapping[str, str], robot: Robot) -> list[Record]
     sources = sources_of(words, robot.names)
     bag = path.is_dir() or path.suffix in (".mcap", ".db3")
     whole = series_of_bag(path, sources) if bag else series_of_table(path, sources)
-    return records_of(whole, robot.names, TORN * robot.numbers("limits.velocity"))
+    ends = [np.abs(robot.numbers(f"limits.hard_{side}")) for side in ("lower", "upper")]
+    speeds = TORN * robot.numbers("limits.velocity")
+    return records_of(whole, robot.names, speeds, TORN * np.maximum(*ends))
 
 
 def read_robot(
