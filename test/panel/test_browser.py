@@ -355,7 +355,7 @@ def test_an_emergency_stop_needs_no_question_and_its_release_does(
 
     until(released)
     assert mode_of(client, "joint_1") == "hwfa"
-    until(lambda: banner.locator("button.primary").all_inner_texts() == ["Recover"])
+    until(lambda: banner.locator("button.primary:visible").all_inner_texts() == ["Recover"])
     recover(page, client, "joint_1")
     banner.wait_for(state="detached")
 
