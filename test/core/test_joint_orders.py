@@ -76,6 +76,7 @@ def test_to_move(time: float, lasts: float) -> None:
         "move_target": 1.5,
         "move_time": lasts,
         "brake_time": 0.3,
+        "brake_even": False,
         "move_cycles": 0.0,
         "moved": 0.5,
         "ramped": 0.0,
@@ -319,7 +320,7 @@ def test_a_torque_command_ends_holding(settling: bool) -> None:
 
 
 def test_a_current_command_ends_waiting() -> None:
-    one = joint(settling=True, awaited=True, holding=True)
+    one = joint(settling=True, awaited=True, holding=True, stopping=False)
     assert changes(one, "command_current", 2.0) == {
         "settling": False,
         "awaited": False,
@@ -415,6 +416,7 @@ def test_a_move_from_cycle_to_cycle(velocity: float, time: float, brake: float) 
     """P1: the quintic, and what is braked beside it; on its target in the last one."""
     one = joint(moving=True, move_cycles=0.0, move_start=0.2, move_target=1.2)
     one.move_velocity, one.move_time, one.brake_time = velocity, time, brake
+    one.brake_even = False
     end = max(time, brake)
     for k in range(1, round(end / 0.01) + 1):
         LAWS.advance_move(one)
@@ -474,14 +476,23 @@ def test_a_stop_by_a_plan() -> None:
 
 
 @pytest.mark.parametrize(
-    ("position", "velocity", "goes_on"),
-    [(0.31, 0.5, True), (0.29, -0.5, True), (0.29, 0.5, False), (0.31, 0.0059, False)],
+    ("position", "velocity", "ramp", "goes_on"),
+    [
+        (0.31, 0.5, 0.0, True),
+        (0.29, -0.5, 0.0, True),
+        (0.29, 0.5, 0.0, False),
+        (0.31, 0.0059, 0.0, False),
+        (0.31, 0.5, 0.1, True),
+        (0.31, 0.5, 0.6, False),
+        (0.29, 0.5, 0.6, False),
+    ],
 )
 def test_a_joint_that_runs_past_the_end_of_its_stop_is_not_driven_back(
-    position: float, velocity: float, goes_on: bool
+    position: float, velocity: float, ramp: float, goes_on: bool
 ) -> None:
-    """M9: it lacked torque; it stops from where it is."""
+    """M9: it lacked torque; it stops from where it is. What follows a ramp has not run past."""
     one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0, stopping=True, stop_steps=0)
+    one.ramp_velocity = ramp
     one.moved, one.moved_velocity, one.stop_rate = 0.3, 0.0, 1.0
     one.position, one.velocity = position, velocity
     LAWS.advance_stop(one)
