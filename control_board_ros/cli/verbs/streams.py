@@ -3,19 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 from ..board.session import Session
 from ..board.streaming import Send, stream
 from ..line.arguments import FOR, JOINTS, VALUES, argument, with_arguments
 from ..line.words import UsageError, quantity
 from ..text.output import conclude, note
-
-if TYPE_CHECKING:
-    from control_board_ros.core.terms.reply import Reply
-
 
 ONCE = argument(
     "--once", action="store_true", help="Send it once; it expires (0.2 s) unless repeated."
@@ -25,13 +19,13 @@ ONCE = argument(
 @with_arguments(VALUES, FOR, ONCE)
 def velocity(session: Session, words: list[str], time: float | None, once: bool) -> int:
     """Stream velocities (mode vel or mix) for a time, or until Ctrl-C; then stop."""
-    return velocities(session, words, time, once, session.client.velocity_move, "vel")
+    return velocities(session, words, time, once, "velocity_move", "vel")
 
 
 @with_arguments(VALUES, FOR, ONCE)
 def veldirect(session: Session, words: list[str], time: float | None, once: bool) -> int:
     """Stream velocities without a ramp (mode veld) for a time, or until Ctrl-C; then stop."""
-    return velocities(session, words, time, once, session.client.set_ref_velocity, "veld")
+    return velocities(session, words, time, once, "set_ref_velocity", "veld")
 
 
 def velocities(
@@ -39,14 +33,15 @@ def velocities(
     words: list[str],
     time: float | None,
     once: bool,
-    method: Callable[..., Reply],
+    method: str,
     mode: str,
 ) -> int:
     """Stream velocities, or send them once; ``method`` of the client sends them."""
     if once and time is not None:
         raise UsageError("--once and --for exclude each other")
     values = session.within_limits(words, "speed")
-    names, send = list(values), partial(method, answered=True)
+    send: Send = partial(getattr(session.client, method), answered=True)
+    names = list(values)
     if once:
         reply = send(names, list(values.values()))
         return conclude(session, reply, f"sent: {', '.join(names)}", mode=mode)
