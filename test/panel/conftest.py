@@ -34,6 +34,8 @@ ARGUMENTS = [
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 #: The joint that carries the arm, rad, away from its limits.
 CARRIER, CARRYING = "lbr_iiwa_joint_2", math.radians(30.0)
+#: m/s²: an arm that a test lets go lies down, and throws no other joint beyond its speed (F7).
+FALLING = [0.0, 0.0, -2.0]
 #: Notes down which controls are used, by what a screen reader calls them.
 USED = """
 window.used = new Set();
@@ -77,7 +79,8 @@ def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BoardProcess]:
     if CHROMIUM is None:
         pytest.skip("there is no chromium; on Debian: sudo apt-get install chromium")
     home = {"XDG_CONFIG_HOME": str(tmp_path_factory.mktemp("config"))}
-    with board_process({"allow_fault_injection": True}, env=home) as board:
+    params = {"allow_fault_injection": True, "gravity": FALLING}
+    with board_process(params, env=home) as board:
         yield board
 
 

@@ -291,15 +291,15 @@ def test_details(page: Any, client: ControlBoardClient) -> None:
 
 
 def test_a_fault_is_shown_with_its_way_out(page: Any, client: ControlBoardClient) -> None:
-    client.inject_fault("lbr_iiwa_joint_2", "external")
+    client.inject_fault("lbr_iiwa_joint_7", "external")
     banner = page.get_by_role("alert")
-    banner.get_by_text("joint_2").wait_for()
+    banner.get_by_text("joint_7").wait_for()
     assert "emergency stop" in banner.inner_text()
     client.clear_injected_faults()
     page.get_by_label("Clear faults: the joints go to idle, without power").click()
-    until(lambda: mode_of(client, "joint_2") == "idl")
+    until(lambda: mode_of(client, "joint_7") == "idl")
     banner.wait_for(state="detached")
-    choose(page, client, "joint_2", "pos")
+    choose(page, client, "joint_7", "pos")
 
 
 def recover(page: Any, client: ControlBoardClient, joint: str) -> None:
@@ -315,9 +315,9 @@ def recover(page: Any, client: ControlBoardClient, joint: str) -> None:
 def test_a_fault_is_recovered_from(page: Any, client: ControlBoardClient) -> None:
     """E1: back to the previous mode at the present position; a wait is counted down."""
     banner = page.get_by_role("alert")
-    client.inject_fault(f"{FRONT}joint_2", "overheating", True)
-    banner.get_by_text("joint_2").wait_for()
-    around = page.get_by_label("joint_2: what was around the fault")  # E3
+    client.inject_fault(f"{FRONT}joint_7", "overheating", True)
+    banner.get_by_text("joint_7").wait_for()
+    around = page.get_by_label("joint_7: what was around the fault")  # E3
     around.click()
     page.locator(".frame polyline.measured").first.wait_for(state="attached")
     page.locator(".frame figcaption").filter(has_text="Position").wait_for()
@@ -326,9 +326,9 @@ def test_a_fault_is_recovered_from(page: Any, client: ControlBoardClient) -> Non
     page.get_by_label("Recover: the joints go back to the modes before").click()
     page.locator(".toast").filter(has_text="the cause persists").wait_for()
     banner.get_by_text("wait ").first.wait_for()
-    assert mode_of(client, "joint_2") == "hwfa"
+    assert mode_of(client, "joint_7") == "hwfa"
     client.clear_injected_faults()
-    recover(page, client, "joint_2")
+    recover(page, client, "joint_7")
     banner.wait_for(state="detached")
 
 
