@@ -15,7 +15,7 @@ from control_board_ros.client import ControlBoardClient
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 #: WCAG 2.1, levels A and AA: names, roles, contrast.
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"]
-FAULT = "lbr_iiwa_joint_2"
+FAULT = "lbr_iiwa_joint_7"
 #: What may have the keyboard now.
 FOCUSABLE = """
 [...document.querySelectorAll("button, select, input, summary, [tabindex='0']")]
@@ -44,7 +44,7 @@ def busy(page: Any, client: ControlBoardClient) -> Iterator[None]:
     page.get_by_label("More of joint_3").click()
     client.inject_fault(FAULT, "external")
     try:
-        page.get_by_role("alert").get_by_text("joint_2").wait_for()
+        page.get_by_role("alert").get_by_text("joint_7").wait_for()
         page.get_by_label("Speeds: Reference speed, wanted").wait_for()
         yield
     finally:

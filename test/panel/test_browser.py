@@ -445,8 +445,9 @@ def test_the_robot_is_drawn(page: Any) -> None:
         )
 
 
-def test_a_push_is_shown(page: Any, process: BoardProcess) -> None:
+def test_a_push_is_shown(page: Any, client: ControlBoardClient, process: BoardProcess) -> None:
     """X1: a bar at the joint, and an arrow around its axis in the view, either way."""
+    client.set_control_mode(None, "pos")  # one that is free runs onto its stop, which pushes back
     arrow = "panel.view.pushes.get('lbr_iiwa_joint_7')?.length ?? 0"
     bar = page.get_by_label("External torque of joint_7")
     hand = Hand(process)
