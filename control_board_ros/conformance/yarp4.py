@@ -149,6 +149,8 @@ def brake_before_power(bench: Bench) -> str:
     offered(client.get_brake(name)[0], f"{name} has no brake")
     reply = client.set_brake(name, "automatic")
     assume(reply, f"automatic is refused: {reply.message}")
+    bench.enter(MOVES)
+    bench.until(lambda s: not s.brake[j], LATE)  # an open brake is what can close late
     bench.enter(UNPOWERED)
     longest = bench.parameter(f"{name}.brake.engage_time", ENGAGES) + LATE
     closed = bench.until(lambda s: bool(s.brake[j]), longest)
