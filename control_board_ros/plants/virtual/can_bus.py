@@ -7,7 +7,7 @@ import contextlib
 import itertools
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from ..drives.can_line import REMOTE, SHORT, message, open_bus
 from .world import World
@@ -23,19 +23,13 @@ Carry = Callable[[Iterable[Frame]], Iterator[Frame]]
 
 
 class CanDrive(Protocol):
-    """A virtual drive as its bus sees it."""
+    """A virtual drive as its bus sees it.
+
+    One that sends frames which nobody asked for has ``unasked()``, too: the frames that are due.
+    """
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[Frame]:
         """The frames that it answers with; remote ones have the flag REMOTE."""
-        ...
-
-
-@runtime_checkable
-class Speaker(Protocol):
-    """A virtual drive that sends frames which nobody asked for."""
-
-    def unasked(self) -> Iterator[Frame]:
-        """The frames that are due now."""
         ...
 
 
@@ -60,10 +54,7 @@ class VirtualCan:
         with self.world.lock:
             self.world.advance()
             answers = [
-                frame
-                for drive in self.drives
-                if isinstance(drive, Speaker)
-                for frame in drive.unasked()
+                frame for drive in self.drives for frame in getattr(drive, "unasked", tuple)()
             ]
             answers += [
                 answer
