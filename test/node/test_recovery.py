@@ -151,8 +151,9 @@ def test_the_client_recovers_and_stops(talker: Talker) -> None:
 
 def test_the_silence_of_a_heartbeat_over_ros() -> None:
     """E2: it beats, the board runs; it stops, the board stops, and says so."""
+    slowly = {"real_time_factor": 0.5, "gravity": [0.0, 0.0, -1.0]}  # a fall within F7
     with (
-        board_process({"heartbeat_timeout": 0.5, "real_time_factor": 0.5}) as process,
+        board_process({"heartbeat_timeout": 0.5} | slowly) as process,
         talking_to(process) as talker,
         ros_node(process.domain, "supervisor") as node,
     ):
