@@ -21,10 +21,14 @@ pytestmark = [pytest.mark.ros, pytest.mark.physics]
 M = ControlMode
 
 
+#: m/s²: an arm without power lies down, and no joint is thrown beyond its speed (F7).
+FALLING = [0.0, 0.0, -1.0]
+
+
 @pytest.fixture(scope="module")
 def params() -> dict[str, Any]:
     rates = {"real_time_factor": 4.0, "control_rate": 250.0, "state_rate": 25.0}
-    return {"allow_fault_injection": True, **rates}
+    return {"allow_fault_injection": True, "gravity": FALLING, **rates}
 
 
 def stop(talker: Talker, hold: bool) -> None:
@@ -151,9 +155,9 @@ def test_the_client_recovers_and_stops(talker: Talker) -> None:
 
 def test_the_silence_of_a_heartbeat_over_ros() -> None:
     """E2: it beats, the board runs; it stops, the board stops, and says so."""
-    slowly = {"real_time_factor": 0.5, "gravity": [0.0, 0.0, -1.0]}  # a fall within F7
+    params = {"heartbeat_timeout": 0.5, "real_time_factor": 0.5, "gravity": FALLING}
     with (
-        board_process({"heartbeat_timeout": 0.5} | slowly) as process,
+        board_process(params) as process,
         talking_to(process) as talker,
         ros_node(process.domain, "supervisor") as node,
     ):
