@@ -266,5 +266,5 @@ def test_the_page_asks_for_its_modules_at_once() -> None:
     """But for those of the view in 3D, which comes when the first state is shown."""
     index = (PAGE / "index.html").read_text("utf-8")
     named = set(re.findall(r'modulepreload" href="page/(.*?)"', index))
-    late = {"main.js", "view.js", "grasp.js"}
+    late = {"main.js", "view.js", "grasp.js", "push.js"}
     assert named == {path.name for path in PAGE.glob("*.js")} - late

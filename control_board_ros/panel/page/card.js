@@ -5,7 +5,6 @@ import { Details } from "./details.js";
 import { chooseOnce, h, icon, segmented, setText } from "./dom.js";
 import { INTERACTIONS, MODES, TAKES, whatFalls, whyStill } from "./modes.js";
 import { HoldSlider, PositionSlider } from "./sliders.js";
-import { pushOf } from "./push.js";
 import { LABELS, number, quantity, unitOf } from "./units.js";
 
 const SHORT = { temperature: "Temp." };
@@ -199,7 +198,7 @@ export class Card {
   /** The bar of the torque from outside: to the right where it is positive. */
   writePush() {
     const { joint } = this;
-    const share = pushOf(joint);
+    const share = joint.externalShare;
     this.push.hidden = share === null;
     if (share === null) return;
     const percent = Math.round(100 * share);

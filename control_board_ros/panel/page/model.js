@@ -16,6 +16,13 @@ class Joint {
     Object.assign(this, { board, index, name, short, label: short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
       state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null, hasBrake: false });
   }
+
+  /** External torque as a share of a quarter of the limit, −1 to 1; null where it is not known. */
+  get externalShare() {
+    const torque = this.state?.external_torque;
+    if (!Number.isFinite(torque) || !this.limits.torque) return null;
+    return Math.max(-1, Math.min(1, torque / (0.25 * this.limits.torque)));
+  }
   /** The target of the active move, of any program; null without a move, or if unknown. */
   get goal() { return this.state && !this.state.motion_done ? this.target : null; }
   get sliding() { return this.kind === "prismatic"; }

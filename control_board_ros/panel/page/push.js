@@ -7,13 +7,6 @@ const LEAST = 0.03; // share of the torque limit below which there is no arrow
 const MOST = 1.6 * Math.PI; // the longest arrow around an axis, at a quarter of the limit
 const STEPS = 24; // lengths of arrows that are drawn
 
-/** External torque as a share of a quarter of the limit, −1 to 1; null where it is not known. */
-export function pushOf(joint) {
-  const torque = joint.state?.external_torque;
-  if (!Number.isFinite(torque) || !joint.limits.torque) return null;
-  return Math.max(-1, Math.min(1, torque / (0.25 * joint.limits.torque)));
-}
-
 const material = new THREE.MeshBasicMaterial({ color: 0xff8a1f, depthTest: false, transparent: true, opacity: 0.9 });
 const NEAR_Z = new THREE.Vector3(0, 0, 1);
 

@@ -7,7 +7,7 @@ import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
 import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
 import { h, icon } from "./dom.js";
 import { Grasp } from "./grasp.js";
-import { Push, pushOf } from "./push.js";
+import { Push } from "./push.js";
 import { OrbitControls } from "./vendor/OrbitControls.js";
 import URDFLoader from "./vendor/URDFLoader.js";
 
@@ -258,7 +258,7 @@ export class View {
     for (const joint of boards.flatMap((board) => board.joints)) {
       if (!Object.hasOwn(this.robot.joints, joint.name)) continue;
       if (!this.pushes.has(joint.name)) this.pushes.set(joint.name, new Push(this.scene, this.robot.joints[joint.name], 0.17 * this.size));
-      this.pushes.get(joint.name).show(pushOf(joint));
+      this.pushes.get(joint.name).show(joint.externalShare);
     }
   }
 
