@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 from joints import Body, OneJoint, Winding, gains, outputs, started
+from lone_joint import LAWS, joint
 
 from control_board_ros.core.terms.modes import Law
 
@@ -153,3 +154,19 @@ def test_leaving_a_limit_is_free() -> None:
     body.step(200)
     assert body.position < 1.8
     assert not one.joint.on_limit
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_the_torque_from_outside_takes_its_time_whatever_the_rate_of_readings(every: int) -> None:
+    """X1, X2, B7: bandwidth and time of a contact are in time that passed, not in readings."""
+    one = joint(external_share=0.01, contact_threshold=1.0, contact_time=0.5, torque=0.0)
+    one.external = one.unobserved = one.contact_lasted = 0.0
+    one.has_torque_sensor, one.contact = True, False
+    above, contact = 0, 0
+    for cycle in range(1, 401):
+        one.missed = 0.0 if cycle % every == 0 else 0.01
+        LAWS.observe_external(one, 2.0)
+        above = above or cycle * (one.external > 1.0)
+        contact = contact or cycle * bool(one.contact)
+    assert above == pytest.approx(69, abs=every)  # 2 (1 - 0.99^k) = 1
+    assert contact - above == pytest.approx(49, abs=every)

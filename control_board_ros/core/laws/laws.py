@@ -896,7 +896,8 @@ class Joint:
     gravity = cython.declare(cython.double, visibility="public")  # of the arm's model, or 0
     forward = cython.declare(cython.double, visibility="public")  # feed-forward torque
     external = cython.declare(cython.double, visibility="public")  # torque from outside
-    contact_cycles = cython.declare(cython.int, visibility="public")  # beyond its threshold
+    unobserved = cython.declare(cython.double, visibility="public")  # since it was observed, s
+    contact_lasted = cython.declare(cython.double, visibility="public")  # beyond its threshold, s
     contact = cython.declare(cython.bint, visibility="public")  # for contact_time
     had_contact = cython.declare(cython.bint, visibility="public")  # in the last step
     lifts = cython.declare(cython.bint, visibility="public")  # compensates, and the arm is known
@@ -1344,16 +1345,18 @@ def observe_external(j: Joint, motion: cython.double) -> cython.double:
         motion: M Δq̇/T + c + g of the arm, N·m.
     """
     torque: cython.double = motion - j.torque
+    j.unobserved += j.elapsed
     if j.missed > 0.0:  # no reading since
         return j.external
     if not j.has_torque_sensor:
         torque += friction(j, j.sampled)
-    j.external += min(j.external_share * j.elapsed / j.period, 1.0) * (torque - j.external)
+    j.external += min(j.external_share * j.unobserved / j.period, 1.0) * (torque - j.external)
     if j.contact_threshold <= 0.0 or fabs(j.external) <= j.contact_threshold:
-        j.contact_cycles = 0
-    elif j.contact_cycles < 1000000:
-        j.contact_cycles += 1
-    j.contact = j.contact_cycles > 0 and j.contact_cycles * j.period >= j.contact_time
+        j.contact_lasted = 0.0
+    else:
+        j.contact_lasted += j.unobserved
+    j.contact = j.contact_lasted > 0.0 and j.contact_lasted >= j.contact_time - 1e-6 * j.period
+    j.unobserved = 0.0
     return j.external
 
 
@@ -2378,8 +2381,8 @@ class Laws:
                 self.external[k] = observe_external(j, self.arm_torque[k])
             else:
                 self.external[k] = NAN
-                j.external = 0.0
-                j.contact_cycles, j.contact = 0, False
+                j.external = j.unobserved = j.contact_lasted = 0.0
+                j.contact = False
 
     @cython.cfunc
     def sense_gravity(self) -> cython.void:
