@@ -124,7 +124,7 @@ def failure(group: JointGroup) -> str:
     ):
         if fault.active:
             return f"{joint.name} is in HW_FAULT, {fault.text}"
-        if joint.calibration is not None and joint.calibration.required and not status.calibrated:
+        if joint.requires_calibration and not status.calibrated:
             return f"{joint.name} is not calibrated"
     return ""
 

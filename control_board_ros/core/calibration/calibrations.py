@@ -112,8 +112,7 @@ class Calibrations:
 
     def lose(self, j: int) -> None:
         """Record that the angle of a joint that requires a calibration is lost (K7, S9)."""
-        calibration = self._machine.config.joints[j].calibration
-        required = calibration is not None and calibration.required
+        required = self._machine.config.joints[j].requires_calibration
         if required and self._state.calibrated[j] and j not in self.running:
             self._state.calibrated[j] = False
             self._show(j, message="its drive restarted, and lost its zero")

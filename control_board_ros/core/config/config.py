@@ -361,6 +361,11 @@ class JointConfig:
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
 
     @property
+    def requires_calibration(self) -> bool:
+        """Whether its angle is known after a calibration only (K7)."""
+        return self.calibration is not None and self.calibration.required
+
+    @property
     def set_points(self) -> tuple[SetPoint, ...]:
         """The set-points used with the drive (S1)."""
         return self.drive or (SetPoint.PWM,)

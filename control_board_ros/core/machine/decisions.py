@@ -58,8 +58,7 @@ class Facts(NamedTuple):
     @property
     def lacks_calibration(self) -> bool:
         """Whether the joint requires a calibration and has none (K7)."""
-        calibration = self.joint.calibration
-        return calibration is not None and calibration.required and not self.calibrated
+        return self.joint.requires_calibration and not self.calibrated
 
     @property
     def inactive(self) -> bool:
