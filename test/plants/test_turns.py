@@ -45,7 +45,7 @@ def connect_certainly(bench: Bench) -> None:
     bench.connect()
     bench.follow(OFF, 5)
     bench.plant.axes = tuple(replace(axis, turn=None) for axis in bench.plant.axes)
-    bench.plant._steps[:] = STEP
+    bench.plant._turn_steps[:] = STEP
 
 
 def turn(bench: Bench, turns: int, joint: int = 0) -> None:
@@ -124,7 +124,7 @@ def test_what_is_not_certain_gets_no_power() -> None:
         bench.bus.step([])
         bench.connect()
         found = recovered(bench)
-        assert "may be wrong by multiples of 1.047" in str(found.faults[0])
+        assert "may be wrong by multiples of 60.0°" in str(found.faults[0])
         bench.follow(SetPoint.IMPEDANCE, 20)
         assert [law_of(drive) for drive in bench.drives] == [OFF, OFF]
         with bench.world.lock:

@@ -67,11 +67,10 @@ class DrivesPlant:
         self._found: list[Found | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
         #: Last position of each joint while its zero was certain, rad; NaN: there is none.
-        self._certain, self._certain_at = np.full((2, len(axes)), math.nan)
+        self._seen, self._seen_at = np.full((2, len(axes)), math.nan)
         #: By which each can be wrong, rad at the joint, inf: never; fastest motion, rad/s.
-        self._steps, self._speeds = np.full((2, len(axes)), math.inf)
-        self._ends: list[tuple[float, float] | None] = [None] * len(axes)
-        self._calibrates = [False] * len(axes)
+        self._turn_steps, self._speeds = np.full((2, len(axes)), math.inf)
+        self._joints: Sequence[JointConfig | None] = [None] * len(axes)
         self._begin()
 
     def _begin(self) -> None:
@@ -91,7 +90,8 @@ class DrivesPlant:
         #: What is added to the drives' positions for lost turns, rad at their outputs (S9).
         self._turned = np.zeros(n)
         #: Whose turns are to be found; whose are not certain, in words; whose zero is lost.
-        self._unsure, self._astray, self._lost = [False] * n, [""] * n, np.zeros(n, dtype=np.bool_)
+        self._turns_due, self._turn_faults = [False] * n, [""] * n
+        self._zero_lost = np.zeros(n, dtype=np.bool_)
 
     def describe(self) -> Description:
         """What the drives have; with type, firmware and limits of each once it is connected."""
@@ -129,13 +129,9 @@ class DrivesPlant:
         self._begin()
         self._timeout, self._period = setup.timeout, setup.period
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
-        self._ends = [range_of(joint) for joint in setup.joints]
+        self._joints = setup.joints
         self._speeds[:] = [
             math.inf if joint is None else joint.limits.velocity for joint in setup.joints
-        ]
-        self._calibrates = [
-            joint is not None and joint.calibration is not None and joint.calibration.required
-            for joint in setup.joints
         ]
         self.driver.line.clock = self.clock
         self.driver.open(setup, self.answers)
@@ -152,7 +148,7 @@ class DrivesPlant:
         sent = self._axes.to_drive(wanted)
         sent[Value.POSITION] -= self._turned
         values, kinds = sent.T.tolist(), wanted.kinds.tolist()
-        self._lost &= wanted.kinds == SetPoint.OFF  # its calibration began
+        self._zero_lost &= wanted.kinds == SetPoint.OFF  # its calibration began
         orders: dict[int, Order] = {}
         for k, kind in enumerate(map(SetPoint, kinds)):
             try:
@@ -189,7 +185,7 @@ class DrivesPlant:
 
     def _wish(self, k: int, kind: SetPoint) -> Desired:
         """What the board wants of a drive; none of it while a fault lasts."""
-        if kind is SetPoint.OFF or self._latched[k] is not None or self._astray[k]:
+        if kind is SetPoint.OFF or self._latched[k] is not None or self._turn_faults[k]:
             reset, self._resets[k] = self._resets[k], False
             return Desired(None, reset=True) if reset else OFF
         return Desired(self.driver.law(k, kind), self.driver.live)
@@ -223,8 +219,8 @@ class DrivesPlant:
         if action is Action.SET_UP:
             self._found[k], reported.lost = interview.result, False
             reported.confirmed = True
-            self._unsure[k], self._astray[k] = (turn := self._turn(k)) > 0.0, ""
-            self._steps[k] = turn / self.axes[k].ratio if turn > 0.0 else math.inf
+            self._turns_due[k], self._turn_faults[k] = (turn := self._turn(k)) > 0.0, ""
+            self._turn_steps[k] = turn / self.axes[k].ratio if turn > 0.0 else math.inf
         elif action is Action.SET_LAW:
             reported.law = interview.result
         elif interview.result:
@@ -265,12 +261,12 @@ class DrivesPlant:
                     self._lose(k, fault)
         else:
             self._asked.fill(math.inf)
-        self._watch_turns(late)
+        position = self._watch_turns(late)
         for k in range(len(faults)):
             faults[k] = self._fault(k, now)
         shafts = self._at_shafts() if self._shafts or traits.motor_encoders else (None, None)
         return Readings(
-            position=axes.position(answers.position + self._turned),
+            position=position,
             velocity=answers.velocity / axes.factor,
             torque=answers.torque * axes.factor if traits.torque else None,
             current=answers.current * axes.sign if traits.current else None,
@@ -280,7 +276,7 @@ class DrivesPlant:
             motor_velocity=shafts[1],
             ages=ages,
             faults=faults,
-            lost=self._lost.copy() if self._lost.any() else None,
+            lost=self._zero_lost.copy() if self._zero_lost.any() else None,
         )
 
     def _turn(self, k: int) -> float:
@@ -289,44 +285,48 @@ class DrivesPlant:
         turn = own if own is not None else 0.0 if found is None else found.turn
         return 0.0 if math.isnan(turn) else turn
 
-    def _watch_turns(self, late: NDArray[np.bool_]) -> None:
-        """Correct turns after a set-up; a position that jumps shows a restart, too (S9)."""
-        answers, position = self.answers, self._axes.position(self.answers.position + self._turned)
-        way = np.abs(position - self._certain)
-        for k in np.flatnonzero(way > NEAR * self._steps).tolist():
-            seconds = answers.times[k] - self._certain_at[k]
-            if not self._unsure[k] and way[k] > LEAP * self._speeds[k] * (seconds + self._period):
+    def _watch_turns(self, late: NDArray[np.bool_]) -> Array:
+        """The positions, with turns corrected after a set-up; a jump shows a restart, too (S9)."""
+        answers = self.answers
+        position = self._axes.position(answers.position + self._turned)
+        way = np.abs(position - self._seen)
+        for k in np.flatnonzero(way > NEAR * self._turn_steps).tolist():
+            seconds = answers.times[k] - self._seen_at[k] + self._period
+            if not self._turns_due[k] and way[k] > LEAP * self._speeds[k] * seconds:
                 self._lose(k, RESTARTED)
         for k, reported in enumerate(answers.reported):
             if late[k] or reported.lost:
                 continue
-            if self._unsure[k]:
+            if self._turns_due[k]:
                 self._find_turns(k)
                 position = self._axes.position(answers.position + self._turned)
-            if not self._astray[k]:
-                self._certain[k], self._certain_at[k] = position[k], answers.times[k]
+            if not self._turn_faults[k]:
+                self._seen[k], self._seen_at[k] = position[k], answers.times[k]
+        return position
 
     def _find_turns(self, k: int) -> None:
         """Correct the turns that a drive lost, or say that they are not certain (S9)."""
-        self._unsure[k] = False
-        axis, last = self.axes[k], self._certain[k]
-        place, step = (
-            float(self._axes.position(self.answers.position)[k]),
-            self._turn(k) / axis.ratio,
-        )
-        if self._calibrates[k] and math.isnan(last):
+        self._turns_due[k] = False
+        axis, joint = self.axes[k], self._joints[k]
+        last = None if math.isnan(self._seen[k]) else float(self._seen[k])
+        place = float(self._axes.position(self.answers.position)[k])
+        turn = self._turn(k) / axis.ratio
+        calibrates = joint is not None and joint.requires_calibration
+        if calibrates and last is None:
             return  # it is calibrated before it moves
-        added = missing(place, step, self._ends[k], None if math.isnan(last) else float(last))
+        added = missing(place, turn, range_of(joint), last)
         if added is not None:
-            self._turned[k], self._astray[k] = added * axis.factor, ""
-        elif self._calibrates[k]:
-            self._lost[k] = True
+            self._turned[k], self._turn_faults[k] = added * axis.factor, ""
+        elif calibrates:
+            self._zero_lost[k] = True
         else:
-            near = "" if math.isnan(last) else f", or near {last:.3f}, where it was read last"
-            self._astray[k] = (
-                f"its drive may have lost turns: {place:.3f} may be wrong by multiples of "
-                f"{step:.3f}; move it to where one only is within its limits{near}; or give it a "
-                f"calibration, or set {axis.name}.turns=absolute"
+            text_of = (JointKind.REVOLUTE if joint is None else joint.kind).position
+            near = "" if last is None else f", or near {text_of(last)}, where it was read last"
+            by = "" if math.isinf(turn) else f" by multiples of {text_of(turn)}"
+            self._turn_faults[k] = (
+                f"its drive may have lost turns: {text_of(place)} may be wrong{by}; move it to "
+                f"where one only is within its limits{near}; or give it a calibration, or set "
+                f"{axis.name}.turns=absolute"
             )
 
     def _fault(self, k: int, now: float) -> Fault | None:
@@ -349,7 +349,7 @@ class DrivesPlant:
             if now - self._undone[k] > self._timeout and self._latched[k] is None:
                 self._latched[k] = DriveFault(UNCONFIRMED, unconfirmed(wish, reported))
         self._had_power[k] = reported.power and self._actions[k] in HOLDING
-        return self._latched[k] or self._astray[k] or None
+        return self._latched[k] or self._turn_faults[k] or None
 
     def _at_shafts(self) -> tuple[Array, Array]:
         """Position and velocity of the motors' shafts; NaN where they are not measured."""
@@ -381,7 +381,7 @@ class DrivesPlant:
         self._resets[joint] = reported.fault is not None
         if not (reported.power or reported.lost):
             self._latched[joint], self._undone[joint] = None, math.inf
-            self._unsure[joint] = self._unsure[joint] or bool(self._astray[joint])
+            self._turns_due[joint] = self._turns_due[joint] or bool(self._turn_faults[joint])
 
     def let_go(self) -> None:
         """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
