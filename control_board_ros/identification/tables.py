@@ -33,6 +33,8 @@ TIME, POSITION, VELOCITY, REFERENCE = "time", "position", "velocity", "position_
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 DEGREE, TURN = math.pi / 180.0, 2.0 * math.pi
 ANGLES = {"rad": 1.0, "deg": DEGREE, "rev": TURN, "m": 1.0, "mm": 1e-3}
+#: Units of turning joints alone, and of sliding ones; both take the SI unit of either.
+TURNING, SLIDING = ("deg", "rev", "rpm", "mNm", "kNm"), ("mm",)
 SPEEDS = {f"{unit}/s": factor for unit, factor in ANGLES.items()} | {"rpm": TURN / 60.0}
 TORQUES = {"Nm": 1.0, "mNm": 1e-3, "kNm": 1e3, "N": 1.0}
 UNITS: dict[str, dict[str, float]] = {
@@ -76,11 +78,14 @@ class Series:
     values: Floats
 
 
-def sources_of(words: Mapping[str, str], names: Sequence[str]) -> dict[str, Source]:
+def sources_of(
+    words: Mapping[str, str], names: Sequence[str], kinds: Sequence[JointKind]
+) -> dict[str, Source]:
     """The signals by name, of joints in the board's order.
 
     Raises:
-        IdentificationError: a signal or unit is unknown, or the number of columns is wrong.
+        IdentificationError: a signal or unit is unknown or not one of a joint's kind, or the
+            number of columns is wrong.
     """
     found = {}
     for signal, word in words.items():
@@ -95,6 +100,12 @@ def sources_of(words: Mapping[str, str], names: Sequence[str]) -> dict[str, Sour
             raise IdentificationError(
                 f"{signal}: {unit!r} is no unit of it; there are {', '.join(UNITS[signal])}"
             )
+        foreign = [n for n, kind in zip(names, kinds, strict=True) if is_foreign(plain, kind)]
+        if foreign:
+            raise IdentificationError(
+                f"{signal}: {unit!r} is no unit of {foreign[0]}; robots with joints of both kinds "
+                "take SI units: rad and m, N·m and N"
+            )
         parts = columns_of(columns, [TIME] if signal == TIME else names)
         count = 1 if signal == TIME else len(names)
         if len(parts) != count:
@@ -108,6 +119,11 @@ def sources_of(words: Mapping[str, str], names: Sequence[str]) -> dict[str, Sour
     if not {"torque", "current"} & set(found):
         raise IdentificationError("no torque and no current: nothing shows what the joints give")
     return found
+
+
+def is_foreign(unit: str, kind: JointKind) -> bool:
+    """Whether a unit is one of the other kind of joint."""
+    return unit.partition("/")[0] in (TURNING if kind.slides else SLIDING)
 
 
 def columns_of(pattern: str, names: Sequence[str]) -> list[str]:
@@ -370,7 +386,7 @@ def read_log(path: Path, words: Mapping[str, str], robot: Robot) -> list[Record]
     Raises:
         IdentificationError, RecordingError: it cannot be read, or shows nothing.
     """
-    sources = sources_of(words, robot.names)
+    sources = sources_of(words, robot.names, [robot.kind(name) for name in robot.names])
     bag = path.is_dir() or path.suffix in (".mcap", ".db3")
     whole = series_of_bag(path, sources) if bag else series_of_table(path, sources)
     ends = [np.abs(robot.numbers(f"limits.hard_{side}")) for side in ("lower", "upper")]

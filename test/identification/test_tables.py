@@ -10,6 +10,7 @@ import pytest
 import yaml
 from logs import NAMES, Log, truth, urdf_of
 
+from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.identification import IdentificationError
 from control_board_ros.identification.app import main
 from control_board_ros.identification.external import external
@@ -214,7 +215,19 @@ def test_a_bag_of_anybody_is_the_same(urdf: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(found.signals["torque"], log.torque)
         with pytest.raises(IdentificationError, match="no topic of /other"):
             read_log(folder, words | {"torque": "/other/effort/{name}"}, robot)
-    assert sources_of(words, NAMES)["torque"].factor == 1.0
+    turning = [JointKind.REVOLUTE] * len(NAMES)
+    assert sources_of(words, NAMES, turning)["torque"].factor == 1.0
+
+
+@pytest.mark.parametrize(("unit", "slides"), [("deg", True), ("rev", True), ("mm", False)])
+def test_a_unit_is_one_of_the_joint_s_kind(unit: str, slides: bool) -> None:
+    """Degrees of a slider, or millimetres of a joint that turns, are refused; SI units never."""
+    kinds = [JointKind.REVOLUTE, JointKind.PRISMATIC if slides else JointKind.REVOLUTE]
+    words = {"position": f"a,b:{unit}", "torque": "c,d:Nm"}
+    with pytest.raises(IdentificationError, match=f"'{unit}' is no unit of"):
+        sources_of(words, ["turning", "other"], kinds)
+    for fine in ("rad", "m"):
+        assert sources_of(words | {"position": f"a,b:{fine}"}, ["turning", "other"], kinds)
 
 
 def test_the_command_writes_what_identify_writes(
