@@ -6,14 +6,12 @@ from __future__ import annotations
 import math
 
 from control_board_ros.client import BoardError
+from control_board_ros.core.machine.stale import NEAR_ANGLE, NEAR_DISTANCE, PAUSE
 from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.interface import SET_CONTROL_MODE
 
 from .bench import Bench, K, M
 from .rules import NotTestable, assume, expect, inside, offered, rule
-
-#: A position so close to the joint takes it up, rad and m; s of a pause that ends a stream.
-NEAR, VOID = (0.05, 5e-3), 0.5
 
 
 @rule("F1", "a fault disables the joint")
@@ -95,7 +93,8 @@ def outlived(bench: Bench) -> str:
     """A stream of direct positions at the joint, then, recovered, of one away from it."""
     limits = bench.range
     away = limits.start + math.copysign(
-        2.0 * NEAR[bench.kind.slides], 0.5 * (limits.low + limits.high) - limits.start
+        2.0 * bench.kind.choose(NEAR_ANGLE, NEAR_DISTANCE),
+        0.5 * (limits.low + limits.high) - limits.start,
     )
     offered(limits.low < away < limits.high, "its range is too small; give a larger --range")
     bench.enter(M.POSITION_DIRECT)
@@ -130,4 +129,4 @@ def stream(bench: Bench, position: float, seconds: float) -> None:
         bench.send(K.POSITION_DIRECT, position)
         bench.following(1)
         pause, last = bench.latest().stamp - last, bench.latest().stamp
-        assume(pause < 0.5 * VOID, f"the stream paused for {pause:.2g} s")
+        assume(pause < 0.5 * PAUSE, f"the stream paused for {pause:.2g} s")
