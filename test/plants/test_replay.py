@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A log played back through the guard: no false fault, and what is written into it is found.
 
-The faults are those of docs/faults.md; benchmark/real_arms.py does the same with real logs.
+The faults are those of docs/faults.md.
 """
 
 from __future__ import annotations
