@@ -145,7 +145,7 @@ def begun_anywhere(rate: float, seed: int, lost: float) -> tuple[Due, float]:
     (30.0, 0.03, 0.03, 0.03, 0), (50.0, 0.03, 0.02, 0.03, 0),
 ])  # fmt: skip
 def test_many_timings(rate: float, lost: float, often: float, most: float, jolts: int) -> None:
-    """P4: from the third second on, of 60 timings: nine tenths of them, and all but the jolts.
+    """P4: from the third second on, of 40 timings: nine tenths of them, and all but the jolts.
 
     At 20 Hz a stream that loses several of its first ten samples is understood too late.
     """
