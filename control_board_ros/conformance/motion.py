@@ -263,6 +263,9 @@ def repeated(bench: Bench) -> str:
     return text
 
 
+inside("P16", "found outside, it moves when asked", "it would have to be put outside its limits")
+
+
 def lasted(bench: Bench, repetitions: int) -> float:
     """Duration of a move whose command is repeated, each tenth of its time, s."""
     bench.home()

@@ -420,6 +420,7 @@ def test_a_joint_is_on_a_limit_until_it_is_off_its_edge(
 def test_admissible_reference_of_a_joint(law: int, settling: bool, calibrated: bool) -> None:
     """1.02 of its speed where a position law has it; else as far as limits let it."""
     at = BOUND | {"limit_lower": -2.0, "limit_upper": 2.0, "position": 1.9, "max_velocity": 3.0}
+    at |= {"lower": -2.0, "upper": 2.0}
     at |= {"max_drive": 500.0, "velocity": 2.5, "max_acceleration": 20.0, "max_torque": 600.0}
     for position, limited in ((1.9, True), (-1.9, False), (0.0, False)):
         one = joint(**(at | {"position": position, "velocity": 2.5}))

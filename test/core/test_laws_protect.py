@@ -104,7 +104,8 @@ def test_a_push_on_a_joint_at_rest_is_held() -> None:
 @pytest.mark.parametrize("torque", [60.0, 15.0, -60.0])
 def test_no_torque_drives_a_joint_too_fast(period: float, inertia: float, torque: float) -> None:
     """P14: within 5 % of the speed limit, at the least inertia and above; and it gets there."""
-    one = commanded(torque, period=period, limit_lower=-99.0, limit_upper=99.0)
+    wide = {"limit_lower": -99.0, "limit_upper": 99.0, "lower": -99.0, "upper": 99.0}
+    one = commanded(torque, period=period, **wide)
     speeds = Body(one, inertia=inertia).step(round(1.5 / period))[:, 1]
     assert np.abs(speeds).max() <= 1.05 * SPEED
     assert speeds[-1] == pytest.approx(np.sign(torque) * SPEED, rel=0.01)
@@ -132,7 +133,7 @@ def test_no_law_drives_a_joint_over_a_limit(
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_joint_found_beyond_a_limit_comes_back(sign: float) -> None:
+def test_a_joint_that_gets_beyond_a_limit_comes_back(sign: float) -> None:
     """P9: without passing the limit to the inside when nothing else is requested."""
     one = commanded(sign * 5.0)
     body = Body(one)
@@ -141,6 +142,25 @@ def test_a_joint_found_beyond_a_limit_comes_back(sign: float) -> None:
     assert np.abs(rows[-1, 0]) == pytest.approx(2.0, abs=1e-5)
     assert np.abs(rows[:, 0]).min() >= 2.0 - 1e-5
     assert np.abs(np.diff(rows[:, 1])).max() / 0.001 <= 6.0 * ACCELERATION
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("load", [0.0, 3.0, -3.0])
+def test_a_joint_found_beyond_a_limit_goes_no_further(sign: float, load: float) -> None:
+    """P16: it stays where it was found, or came in to, whatever pushes outwards."""
+    found = {"upper": 2.1} if sign > 0.0 else {"lower": -2.1}
+    one = commanded(sign * 5.0, **found)
+    body = Body(one, load=load)
+    body.position = sign * 2.1
+    assert body.step(2000)[:, 0] == pytest.approx(sign * 2.1, abs=2e-3)
+    one.joint.command_torque(-sign * 5.0)
+    came = body.step(100)
+    assert sign * came[-1, 0] < 2.09
+    one.joint.command_torque(sign * 5.0)
+    rows = body.step(5000)
+    innermost = (sign * rows[:, 0]).min()
+    assert sign * rows[-1, 0] == pytest.approx(max(innermost, 2.0), abs=2e-3)
+    assert rows[-1, 1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_leaving_a_limit_is_free() -> None:

@@ -593,6 +593,15 @@ def test_a_limit_ends_motion_against_it() -> None:
     assert shown.position_reference[0] < 1.97
 
 
+def carry(rig: Rig, place: float) -> None:
+    """Move the plant's joint to a place by hand, at 1 rad/s."""
+    start, step = float(rig.plant.values[Row.POSITION][0]), rig.board.period
+    for k in range(1, round(abs(place - start) / step) + 1):
+        rig.plant.values[Row.POSITION] = start + math.copysign(k * step, place - start)
+        rig.tick()
+    rig.plant.values[Row.POSITION] = place
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("mode", "interaction"),
@@ -608,11 +617,12 @@ def test_protection_at_the_limits(
     """
     rig = held(joint("left"), output=output)
     rig.board.set_interaction_mode("left", interaction)
-    rig.plant.values[Row.POSITION] = 2.05 * way
+    rig.plant.values[Row.POSITION] = 2.0 * way
     rig.board.power_cycle()
     rig.tick(2)
     rig.board.set_interaction_mode("left", interaction)
     rig.enter(mode)
+    carry(rig, 2.02 * way)
     rig.board.take_events()
     rig.board.set_ref_torque("left", way * 10.0)
     rig.board.set_output("left", way * 10.0)
@@ -658,10 +668,11 @@ def test_torque_allowed_towards_a_limit(way: float, room: float, speed: float, t
             inertia_min=0.2,
         )
     )
-    rig.plant.values[Row.POSITION] = way * (2.0 - room)
+    rig.plant.values[Row.POSITION] = way * min(2.0 - room, 2.0)
     rig.board.power_cycle()
     rig.tick(2)
     rig.enter("torq")
+    carry(rig, way * (2.0 - room))
     rig.board.set_ref_torque("left", way * 100.0)
     rig.plant.values[Row.VELOCITY] = way * speed
     rig.plant.values[Row.CURRENT] = way * 7.0 / 5.0
@@ -736,6 +747,58 @@ def test_a_joint_found_outside(way: float) -> None:
     rig.board.velocity_move("left", -way, 20.0)
     rig.run(0.15)
     assert rig.board.snapshot().position_reference[0] * way < here * way
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+@pytest.mark.parametrize("mode", ACTIVE, ids=str)
+def test_a_joint_found_outside_moves_only_when_asked(
+    mode: ControlMode, interaction: Any, way: float
+) -> None:
+    """P16: it rests where it was found; only what drives it inwards moves it."""
+    rig = ready(board_config(joint("left")), home=[2.1 * way])
+    rig.board.set_interaction_mode("left", interaction)
+    rig.enter(mode)
+    assert rig.run(1.0).position[0] == pytest.approx(2.1 * way, abs=1e-3)
+    for sign in (1.0, -1.0):
+        force(rig, mode, sign * way)
+        shots = rig.record(0.3)
+        assert (way * column(shots, "position")).max() < 2.1 + 1e-3
+    assert way * shots[-1].position[0] < 2.1 - 5e-3
+
+
+def force(rig: Rig, mode: ControlMode, way: float) -> None:
+    """A command that would drive the joint by 0.5 rad and more in a direction, ±1."""
+    here = float(rig.board.snapshot().position[0])
+    board = rig.board
+    if mode in (M.POSITION, M.MIXED):
+        board.position_move("left", here + 0.5 * way, speeds=1.0)
+    elif mode is M.POSITION_DIRECT:
+        board.set_position("left", here + 0.5 * way)
+    elif mode is M.VELOCITY:
+        board.velocity_move("left", way, 20.0)
+    elif mode is M.VELOCITY_DIRECT:
+        board.set_velocity("left", way)
+    elif mode is M.CURRENT:
+        board.set_current("left", way)
+    elif mode is M.TORQUE:
+        board.set_ref_torque("left", 5.0 * way)
+    else:
+        board.set_output("left", 10.0 * way)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_direct_position_comes_in_at_the_reference_speed(way: float) -> None:
+    """P16: until the joint is inside its limits; then as fast as they allow (P4)."""
+    rig = ready(board_config(joint("left")), home=[2.15 * way])
+    rig.board.set_ref_speed("left", 0.3)
+    rig.enter("posd")
+    rig.board.set_position("left", 0.0)
+    shots = rig.record(2.0)
+    outside = way * column(shots, "position") > 2.0
+    assert np.abs(column(shots, "velocity")[outside]).max() <= 1.1 * 0.3
+    assert outside.sum() * rig.board.period == pytest.approx(0.15 / 0.3, rel=0.2)
+    assert np.abs(column(shots, "velocity")).max() > 1.0
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

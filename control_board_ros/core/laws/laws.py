@@ -838,6 +838,7 @@ class Joint:
     # --- reference --------------------------------------------------------------------------
     lower = cython.declare(cython.double, visibility="public")  # bounds of the reference
     upper = cython.declare(cython.double, visibility="public")
+    entry_speed = cython.declare(cython.double, visibility="public")  # from outside limits, rad/s
     active = cython.declare(cython.bint, visibility="public")  # the reference moves
     moving = cython.declare(cython.bint, visibility="public")  # a position move is under way
     stopping = cython.declare(cython.bint, visibility="public")  # it brakes, and holds at rest
@@ -931,7 +932,7 @@ class Joint:
 
     def __init__(self) -> None:
         self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
-        self.lower, self.upper = -INFINITE, INFINITE
+        self.lower, self.upper, self.entry_speed = -INFINITE, INFINITE, INFINITE
         self.stream = Stream()
         self.stop_plan = memoryview(array("d", [0.0]))
         self.kind = AS_PWM
@@ -1418,11 +1419,18 @@ def advance(j: Joint) -> cython.void:
     follow(j)
     if j.driven:
         j.reference = j.followed
-    # A joint found outside its limits may come in, not go out again (P9).
-    if j.lower < j.limit_lower and j.calibrated:
-        j.lower = clamp(j.reference, j.lower, j.limit_lower)
-    if j.upper > j.limit_upper and j.calibrated:
-        j.upper = clamp(j.reference, j.limit_upper, j.upper)
+    if j.calibrated:
+        come_in(j, j.followed)
+
+
+@cython.cfunc
+@cython.inline
+def come_in(j: Joint, place: cython.double) -> cython.void:
+    """The bounds of a joint found outside its limits follow it in, not out again (P9, P16)."""
+    if j.lower < j.limit_lower:
+        j.lower = clamp(place, j.lower, j.limit_lower)
+    if j.upper > j.limit_upper:
+        j.upper = clamp(place, j.limit_upper, j.upper)
 
 
 @cython.cfunc
@@ -1584,9 +1592,11 @@ def follow(j: Joint) -> cython.void:
 
     It equals the reference where the limits allow; else it is the fastest approach that ends with
     the reference's velocity: v = v_ref + brake_speed(distance). Of a stream it tracks the motion
-    fitted to the samples (``follow_stream``).
+    fitted to the samples (``follow_stream``). From outside the limits a direct position comes in
+    at the reference speed (P16).
     """
     goal: cython.double = j.reference
+    top: cython.double = j.max_velocity
     goal_velocity: cython.double = j.reference_velocity
     velocity: cython.double
     rest: cython.double
@@ -1611,11 +1621,13 @@ def follow(j: Joint) -> cython.void:
             velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.elapsed)
     up = brake_speed(j.upper - j.followed, j.max_acceleration, j.elapsed)
     down = brake_speed(j.followed - j.lower, j.max_acceleration, j.elapsed)
-    velocity = clamp(
-        velocity,
-        -(down if down < j.max_velocity else j.max_velocity),
-        up if up < j.max_velocity else j.max_velocity,
-    )
+    if (
+        j.direct_age < INFINITE
+        and j.calibrated
+        and (j.followed > j.limit_upper or j.followed < j.limit_lower)
+    ):
+        top = j.entry_speed
+    velocity = clamp(velocity, -(down if down < top else top), up if up < top else top)
     velocity = clamp(velocity, j.followed_velocity - step, j.followed_velocity + step)
     if j.coasts:  # slower at most (B7)
         up, down = max(j.followed_velocity, 0.0), max(-j.followed_velocity, 0.0)
@@ -2018,7 +2030,8 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
     """Bound the drive by the speed limit, and by the software limits (P9, P14).
 
     Where no position law keeps a joint inside its limits, its speed towards one is bounded by its
-    braking distance, and from beyond one it is driven back.
+    braking distance, and from beyond one it is driven back: to where it was found, where that is
+    outside (P16).
     """
     top: cython.double = PURSUIT * j.max_velocity
     bottom: cython.double = -top
@@ -2026,8 +2039,9 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
     if free:
         top, bottom = j.max_velocity, -j.max_velocity
         if j.calibrated:
-            top = speed_towards(j, j.limit_upper - j.position, top)
-            bottom = -speed_towards(j, j.position - j.limit_lower, -bottom)
+            come_in(j, j.position)
+            top = speed_towards(j, j.upper - j.position, top)
+            bottom = -speed_towards(j, j.position - j.lower, -bottom)
             note_limit(j)
     drive = min(drive, speed_bound(j, top, 1.0))
     drive = max(drive, -speed_bound(j, -bottom, -1.0))

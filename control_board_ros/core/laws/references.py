@@ -238,6 +238,8 @@ class References:
         state = self._state
         state.position_reference[joints] = positions
         state.done[joints] = True
+        for j in joints.tolist():
+            self._joints[j].entry_speed = self.speed[j]
         if velocities is None:
             for j, position in zip(joints.tolist(), positions.tolist(), strict=True):
                 self._joints[j].step_to(position)
