@@ -172,8 +172,9 @@ def test_any_urdf_by_its_path(tmp_path: Path) -> None:
     made = load(written(tmp_path, "robot: arm.urdf"))
     limits = made.board.joints[1].limits
     assert (limits.velocity, limits.torque) == (10.0, 300.0)
-    (line,) = made.warnings
-    assert f"{source.read_text().count('<mesh')} meshes not found" in line
+    meshes = source.read_text().count("<mesh")  # none where no pybullet_data is installed
+    assert len(made.warnings) == (meshes > 0)
+    assert all(f"{meshes} meshes not found" in line for line in made.warnings)
     kp = [joint.position_pid.kp for joint in made.board.joints]
     moved = [joint.inertia_max for joint in made.board.joints]
     assert moved[1] > moved[3] > moved[5]
