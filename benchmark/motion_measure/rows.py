@@ -202,6 +202,16 @@ ROWS = {
             together=together_rows.moves,
         ),
         Row(
+            "preempted",
+            None,
+            (
+                Quantity("path", "moves of all amid moves of all: off the path", "mrad", 5.0, 5.0),
+                Quantity("lasts", "the longest of them", "s", 0.0, 0.0),
+            ),
+            pose=0,
+            together=together_rows.preempted,
+        ),
+        Row(
             "fullsteps",
             None,
             (

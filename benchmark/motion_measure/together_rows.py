@@ -19,6 +19,8 @@ USED = 0.8
 WATCHED = 2.0  # s after a change of mode
 #: Speed of the moves as a part of the joints' limits, by the figure's key.
 PARTS = {"at_30": 0.3, "at_50": 0.5, "at_100": 1.0}
+#: Number of moves that each preempt the one before.
+PREEMPTED = 60
 #: How long a full step is recorded beyond its duration, s.
 AFTER = 1.0
 
@@ -238,6 +240,33 @@ def moves(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
                 mine[key] = max(mine.get(key, 0.0), 1e3 * float(error[j]))
                 mine["longer"] = max(mine.get("longer", 1.0), float(longer[j]))
     return found
+
+
+def preempted(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
+    """Moves of all joints at once, each preempted by the next after 5 to 400 ms.
+
+    ``path``: max |q − reference| of each joint, mrad (mm), over random targets in 80 % of the
+    windows at 0.3 to 1 of the speed limits. ``lasts``: the longest duration of such a move, s.
+    """
+    speeds = np.array([joint.limits.velocity for joint in rig.joints])
+    span, middle = _windows(rig)
+    random = np.random.default_rng(SEED)
+    most, longest = np.zeros(rig.board.count), np.zeros(rig.board.count)
+    rig.go()
+    rig.enter(None, M.POSITION, Way.STIFF)
+    for _ in range(PREEMPTED):
+        target = middle + USED * span * random.uniform(-0.5, 0.5, rig.board.count)
+        part = random.uniform(0.3, 1.0, rig.board.count)
+        rig.expect(rig.board.position_move(None, target, part * speeds))
+        longest = np.maximum(longest, rig.board.get_remaining_time(None))
+        for _ in range(round(random.uniform(0.005, 0.4) / rig.period)):
+            rig.simulation.step()
+            now = rig.board.snapshot()
+            most = np.maximum(most, np.abs(now.position - now.position_reference))
+    rig.check()
+    rig.expect(rig.board.stop(None))
+    rig.settle(2.0)
+    return {j: {"path": 1e3 * float(most[j]), "lasts": float(longest[j])} for j in joints}
 
 
 def _errors(rig: Rig, seconds: float) -> Array:

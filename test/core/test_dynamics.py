@@ -281,6 +281,9 @@ def excess_by_matrices(arm: Arm, links: list[Link], gravity: np.ndarray, samples
     for end in ends:
         if 0.0 < end < 0.9 * longest:
             times += [end * k / samples for k in range(1, samples)]
+    times += [
+        0.25 * k * (b.brake - b.past) for b in arm.bodies for k in (1, 2, 3) if b.brake > b.past
+    ]
     most = 0.0
     for time in times:
         q, dq, ddq = np.array([placed(b, time) for b in arm.bodies]).T

@@ -58,6 +58,23 @@ def test_all_joints_need_longer_than_each_alone(panda: Simulation) -> None:
     assert not [event for event in board.take_events() if event.key == "torque limit"]
 
 
+def test_moves_amid_others_keep_their_paths(panda: Simulation) -> None:
+    """P1: also where all joints are in fast motion, and each new move turns some of them round."""
+    board, joints = panda.board, list(range(7))
+    limits = [joint.limits for joint in board.config.joints[:7]]
+    low, span = np.array([(one.lower, one.upper - one.lower) for one in limits]).T
+    speed = np.array([one.velocity for one in limits])
+    random = np.random.default_rng(7)
+    for _ in range(12):
+        target = low + span * random.uniform(0.1, 0.9, 7)
+        assert board.position_move(joints, target, speed * random.uniform(0.3, 1.0, 7))
+        for _ in range(round(random.uniform(0.05, 0.4) / board.period)):
+            panda.step()
+            now = board.snapshot()
+            assert np.abs(now.position - now.position_reference)[:7].max() < 5e-3
+        assert board.get_remaining_time(joints).max() < 12.0
+
+
 def test_a_torque_at_its_limit_is_reported(panda: Simulation) -> None:
     """A joint that is pushed away in POSITION: one warning with its name, not those of others."""
     board, j = panda.board, 1

@@ -155,6 +155,15 @@ def test_a_move_of_given_duration_continues_or_brakes() -> None:
     assert shortest < brake <= 1.2 * shortest  # the move turns in the same direction meanwhile
 
 
+def test_a_stretched_move_brakes_for_longer() -> None:
+    """P1: by as much as the move, within its time; never harder than a_max."""
+    limits = VELOCITY, ACCELERATION
+    least = 1.5 * 0.5 / ACCELERATION
+    assert durations_within(-1.0, 20.0, 0.5, *limits, stretch=3.0) == (20.0, 3.0 * least)
+    assert durations_within(-1.0, 20.0, 0.5, *limits, stretch=1e4) == (20.0, 20.0)
+    assert durations_within(0.0, 0.5 * least, 0.5, *limits, stretch=3.0)[1] >= least
+
+
 @pytest.mark.parametrize(
     ("distance", "time", "velocity", "brake"),
     [

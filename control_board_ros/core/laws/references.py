@@ -203,8 +203,9 @@ class References:
         def plan(some: list[int], factor: float) -> list[Plan]:
             if factor == 1.0:
                 return [plans[k] for k in some]
+            longer = partial(durations_within, stretch=factor)
             return [
-                planned(durations_within, self._joints[chosen[k]], places[k], factor * times[k])
+                planned(longer, self._joints[chosen[k]], places[k], factor * times[k])
                 for k in some
             ]
 

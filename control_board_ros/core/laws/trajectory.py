@@ -10,7 +10,8 @@ v0(1 − 3u² + 2u³), u = t/T_b, whose distance the quintic covers as well.
 Joints that move together load each other. The torque
 of the arm's motion grows with the square of its speed, so moves that are k times as long
 need 1/k² of it (Hollerbach, Dynamic scaling of manipulator trajectories, 1984); gravity and
-friction do not change. Where other moves are under way, only the new ones are stretched.
+friction do not change. What brakes a velocity at the start lasts k times as long, too. Where other
+moves are under way, only the new ones are stretched.
 """
 
 from __future__ import annotations
@@ -104,14 +105,21 @@ def durations(
 
 
 def durations_within(
-    distance: float, time: float, velocity: float, max_velocity: float, max_acceleration: float
+    distance: float,
+    time: float,
+    velocity: float,
+    max_velocity: float,
+    max_acceleration: float,
+    stretch: float = 1.0,
 ) -> tuple[float, float]:
     """Durations of a move that arrives at a given time, and of its braking, s.
 
     T is the time given. A start velocity continues in the move where that neither overshoots nor
-    passes a limit within T; else it is braked within T_b ≥ 1.5|v0|/a_max.
+    passes a limit within T; else it is braked within T_b ≥ 1.5|v0|/a_max, times ``stretch`` where
+    that is within T.
 
-    Arguments and results are those of :func:`durations`; T is no less than what that asks for.
+    Other arguments and results are those of :func:`durations`; T is no less than what that asks
+    for.
     """
     limits = max_velocity, max_acceleration
     if velocity == 0.0:
@@ -120,6 +128,7 @@ def durations_within(
     if smooth and _fits(distance, time, velocity, 0.0, *limits):
         return time, 0.0
     brake = 1.5 * abs(velocity) / max_acceleration
+    brake = max(brake, min(stretch * brake, time))
     while brake < time and not _fits(distance, time, velocity, brake, *limits):
         brake *= LONGER
     return time, brake

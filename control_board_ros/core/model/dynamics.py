@@ -288,7 +288,8 @@ class Arm:
         where it never does. Moves of k times the duration need 1/k² of it.
 
         Args:
-            samples: in each joint's own move; twice as many in the longest.
+            samples: in each joint's own move; twice as many in the longest, and three where a
+                joint brakes.
         """
         most: cython.double = 0.0
         longest: cython.double = 0.0
@@ -304,6 +305,10 @@ class Arm:
             if 0.0 < end < 0.9 * longest:
                 for k in range(1, samples):
                     most = max(most, self.taken(end * k / samples))
+            end = b.brake - b.past
+            if end > 0.0:
+                for k in range(1, 4):
+                    most = max(most, self.taken(0.25 * k * end))
         return most
 
     @cython.cfunc
