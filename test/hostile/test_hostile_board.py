@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import signal
 import subprocess
 import sys
@@ -70,8 +71,25 @@ def run(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def cbctl(verb: str, domain: int, _: Path) -> None:
-    """Every verb ends, with a table or with a line that says what is wrong."""
-    run(domain, *COMMAND, *verb.split(), "--board", "hostile", "--timeout", str(WHILE))
+    """Every verb ends, with a table or with a line that says what is wrong.
+
+    With --json each line is standard JSON, in which names and texts are clean, too.
+    """
+    done = run(domain, *COMMAND, *verb.split(), "--board", "hostile", "--timeout", str(WHILE))
+    if "--json" in verb:
+        assert done.stdout
+        for line in done.stdout.splitlines():
+            said = json.loads(line, parse_constant=pytest.fail)
+            assert all(c.isprintable() for c in texts_in(said)), line
+
+
+def texts_in(value: object) -> str:
+    """All keys and texts of JSON, together."""
+    if isinstance(value, dict):
+        return "".join(map(str, value)) + texts_in(list(value.values()))
+    if isinstance(value, list):
+        return "".join(map(texts_in, value))
+    return value if isinstance(value, str) else ""
 
 
 def recorder_and_report(domain: int, folder: Path) -> None:
@@ -124,12 +142,13 @@ def panel_server(domain: int, _: Path) -> None:
     assert len(err) < 20_000
 
 
+VERBS = ("modes --json", "faults --json", "mode __proto__ pos", "watch --once")
 #: What listens to boards, each in a process of its own.
 LISTENERS: list[Callable[[int, Path], None]] = [
     recorder_and_report,
     conformance,
     panel_server,
-    *(partial(cbctl, verb) for verb in ("modes --json", "mode __proto__ pos", "watch --once")),
+    *(partial(cbctl, verb) for verb in VERBS),
 ]
 OTHER_VERBS = ("modes", "faults", "poses", "impedance", "clear", "move constructor=0.1")
 
