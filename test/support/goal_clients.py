@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import random
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -63,10 +64,16 @@ class GoalClient:
         for _ in range(AT_A_TIME):
             self._node.executor.create_task(self._send)  # so no answer comes before it is awaited
 
-    def wait(self, timeout: float) -> None:
-        assert self._ended.wait(timeout), (
-            f"{self.results.total()} of {self.count} goals have ended"
-        )
+    def wait(self, board: BoardProcess) -> None:
+        """Wait for the last end: as long as the board lives and goals end."""
+        seen, since = -1, 0.0
+        while not self._ended.wait(1.0):
+            ended = self.results.total()
+            said = f"{ended} of {self.count} goals have ended"
+            assert board.process.poll() is None, f"{said}, and the board:\n{board.tail()}"
+            if ended != seen:
+                seen, since = ended, time.monotonic()
+            assert time.monotonic() < since + GUARD, f"{said}, and no other one since"
 
     def _send(self) -> None:
         if self._left:
@@ -105,14 +112,13 @@ def ends_of_goals(
     *,
     count: int,
     clients: int = 4,
-    timeout: float,
 ) -> Counter[str]:
     """Let clients, each in a node of its own, send ``count`` goals; how they ended.
 
-    ``goal`` makes one from a number of 0 to 1; the last has ended within ``timeout`` (s).
+    ``goal`` makes one from a number of 0 to 1.
 
     Raises:
-        AssertionError: a goal has no result, or several.
+        AssertionError: a goal has no result, or several, or the board has ended.
     """
     with ExitStack() as stack:
         nodes = [stack.enter_context(ros_node(board.domain, f"goals_{k}")) for k in range(clients)]
@@ -123,7 +129,7 @@ def ends_of_goals(
         for one in all_of:
             one.start()
         for one in all_of:
-            one.wait(timeout)
+            one.wait(board)
     ends: Counter[str] = Counter()
     for one in all_of:
         assert set(one.results.values()) == {1}
