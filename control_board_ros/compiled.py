@@ -17,6 +17,7 @@ from pathlib import Path
 MODULES = (
     "control_board_ros.core.model.dynamics",
     "control_board_ros.core.laws.laws",
+    "control_board_ros.core.laws.stepping",
     "control_board_ros.core.laws.stopping",
     "control_board_ros.core.watch.freeze_frame",
     "control_board_ros.core.watch.monitor",

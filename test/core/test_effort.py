@@ -107,6 +107,7 @@ class Listening:
 
     def __init__(self, *excess: float) -> None:
         self.bodies = [SimpleNamespace() for _ in range(3)]
+        self.rows = [memoryview(np.zeros(3)) for _ in range(4)]
         self.excesses, self.looks = list(excess), list[int]()
 
     def excess(self, samples: int) -> float:

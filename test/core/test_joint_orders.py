@@ -58,7 +58,7 @@ def test_to_hold(velocity: float, followed: float) -> None:
     speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
     expected |= dict.fromkeys(speeds, followed)
     expected |= dict.fromkeys(("stopping", "stop_due", "active"), followed != 0.0)
-    expected |= {"stop_rate": 20.0, "stop_steps": 0}
+    expected |= {"stop_rate": 20.0, "plan_steps": 0}
     assert changes(one, "hold", 1.25) == expected | {"direct_age": INFINITE}
     assert (one.stream.count, one.stream.flows) == (0.0, False)
 
@@ -467,7 +467,7 @@ def test_a_stop_by_a_plan() -> None:
         one.position, one.velocity = one.moved, one.moved_velocity
         speeds.append(one.moved_velocity)
     assert speeds == pytest.approx([0.95, 0.9, 0.92, 0.94, 0.54, 0.14, 0.0])
-    assert one.stop_steps == 0
+    assert one.plan_steps == 0
     one.hold(0.0)
     one.brake_by(memoryview(array("d", [-5.0])), 1, 0.02)
     one.brake(4.0)
@@ -491,7 +491,7 @@ def test_a_joint_that_runs_past_the_end_of_its_stop_is_not_driven_back(
     position: float, velocity: float, ramp: float, goes_on: bool
 ) -> None:
     """M9: it lacked torque; it stops from where it is. What follows a ramp has not run past."""
-    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0, stopping=True, stop_steps=0)
+    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0, stopping=True, plan_steps=0)
     one.ramp_velocity = ramp
     one.moved, one.moved_velocity, one.stop_rate = 0.3, 0.0, 1.0
     one.position, one.velocity = position, velocity

@@ -40,7 +40,6 @@ RESTING = "panda"
 #: turn round with friction that is large beside it.
 REACHED_BY = {
     "halt": ("iiwa", "xarm6"),
-    "fullsteps": ("iiwa", "xarm6"),
     "slow_reversal": ("panda", "xarm6"),
 }
 #: All joints at full speed into TORQUE: furthest way beyond v²/(2a), mrad, where braking at the

@@ -88,6 +88,8 @@ LOSS = cython.declare(cython.double, 3.0)
 EARLY_LOSS = cython.declare(cython.double, 100.0)
 MOST_OF_ARRIVAL = cython.declare(cython.double, 40.0)
 MOST_OF_VALUE = cython.declare(cython.double, 60.0)
+#: Direct positions nearer than what a joint accelerates through in this time, s, have no plan.
+SHORT_STEP = cython.declare(cython.double, 0.02)
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
 QUICKEST = cython.declare(cython.double, 60.0)
 QUICK = cython.declare(cython.double, 1.2)
@@ -844,10 +846,11 @@ class Joint:
     stopping = cython.declare(cython.bint, visibility="public")  # it brakes, and holds at rest
     stop_due = cython.declare(cython.bint, visibility="public")  # its stop is still to be planned
     stop_rate = cython.declare(cython.double, visibility="public")  # deceleration, rad/s²
-    stop_plan: cython.double[::1]  # accelerations, rad/s²
-    stop_steps = cython.declare(cython.int, visibility="public")  # of the plan; 0: none
-    stop_step = cython.declare(cython.double, visibility="public")  # s
-    stop_time = cython.declare(cython.double, visibility="public")  # past, s
+    stepping = cython.declare(cython.bint, visibility="public")  # a direct position by a plan
+    plan: cython.double[::1]  # accelerations of a stop or a step, rad/s²
+    plan_steps = cython.declare(cython.int, visibility="public")  # 0: none
+    plan_step = cython.declare(cython.double, visibility="public")  # s
+    plan_time = cython.declare(cython.double, visibility="public")  # past, s
     move_start = cython.declare(cython.double, visibility="public")
     move_target = cython.declare(cython.double, visibility="public")
     move_velocity = cython.declare(cython.double, visibility="public")  # at its start
@@ -934,7 +937,7 @@ class Joint:
         self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
         self.lower, self.upper, self.entry_speed = -INFINITE, INFINITE, INFINITE
         self.stream = Stream()
-        self.stop_plan = memoryview(array("d", [0.0]))
+        self.plan, self.stepping = memoryview(array("d", [0.0])), False
         self.kind = AS_PWM
         self.set_current = self.set_torque = self.set_velocity = 0.0
         self.set_position = self.set_stiffness = self.set_damping = 0.0
@@ -951,7 +954,7 @@ class Joint:
         self.moving = False
         self.moved = self.reference = self.followed = position
         self.ramped = self.ramp_velocity = self.ramp_target = 0.0
-        self.driven = False
+        self.driven = self.stepping = False
         self.stopping = self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
         self.stop_due = self.stopping
         self.brake(self.max_acceleration)
@@ -966,15 +969,41 @@ class Joint:
     @cython.ccall
     def brake(self, rate: cython.double) -> cython.void:
         """Stop with a deceleration, rad/s²."""
-        self.stop_rate, self.stop_steps = rate, 0
+        self.stop_rate, self.plan_steps = rate, 0
 
     @cython.ccall
     def brake_by(
         self, plan: cython.double[::1], steps: cython.int, step: cython.double
     ) -> cython.void:
         """Stop by a plan: accelerations (rad/s²) of steps (s); its rest at the limit."""
-        self.stop_plan, self.stop_steps, self.stop_step = plan, steps, step
-        self.stop_rate, self.stop_time = self.max_acceleration, 0.0
+        self.plan, self.plan_steps, self.plan_step = plan, steps, step
+        self.stop_rate, self.plan_time = self.max_acceleration, 0.0
+
+    @cython.ccall
+    def is_far(self) -> cython.bint:
+        """Whether its direct position is a step: further off than a sample of a stream."""
+        return (
+            not (self.stepping or self.moving or self.stream.flows)
+            and self.limit_lower <= self.followed <= self.limit_upper
+            and fabs(self.reference - self.followed) > SHORT_STEP**2 * self.max_acceleration
+        )
+
+    @cython.ccall
+    def step_by(
+        self, plan: cython.double[::1], steps: cython.int, step: cython.double
+    ) -> cython.void:
+        """Approach the direct position by a plan: accelerations (rad/s²) of steps (s)."""
+        self.plan, self.plan_steps, self.plan_step = plan, steps, step
+        self.plan_time, self.stepping = 0.0, True
+
+    @cython.ccall
+    def give_back(self) -> cython.double:
+        """Take a direct position back, to go on from the followed reference; the position."""
+        position: cython.double = self.reference
+        self.reference = self.moved = self.followed
+        self.reference_velocity = self.moved_velocity = self.followed_velocity
+        self.direct_age, self.direct_velocity = INFINITE, 0.0
+        return position
 
     @cython.ccall
     def move(
@@ -988,7 +1017,7 @@ class Joint:
             brake: time to brake the present velocity, s; 0: the move starts with that velocity.
         """
         self.active = self.moving = True
-        self.stopping = False
+        self.stopping = self.stepping = False
         self.move_start = self.reference
         self.move_velocity = self.moved_velocity
         self.move_target = target
@@ -1047,17 +1076,27 @@ class Joint:
     def take_sample(
         self, position: cython.double, velocity: cython.double, given: cython.bint
     ) -> cython.void:
+        if not given and self.goes_to(position):
+            return
         self.stream.take(
             position, velocity, given, self.direct_age, self.period, self.max_velocity,
             self.max_acceleration,
         )  # fmt: skip
         self.active, self.moving, self.stopping = True, False, False
+        self.stepping = False
         self.moved, self.ramped = position, 0.0
         self.moved_velocity = self.ramp_velocity = self.ramp_target = 0.0
         self.reference, self.reference_velocity = position, 0.0
         self.direct_velocity = self.stream.velocity()
         self.direct_age = 0.0
         self.awaited = self.settling
+
+    @cython.cfunc
+    def goes_to(self, position: cython.double) -> cython.bint:
+        """Whether a planned step, or a move, to a position is under way (P15)."""
+        if self.moving:
+            return position == self.move_target
+        return self.stepping and position == self.moved
 
     @cython.ccall
     def at_rest(self) -> cython.bint:
@@ -1300,6 +1339,7 @@ def restart_at(j: Joint, place: cython.double) -> cython.void:
     j.followed = clamp(place, j.lower, j.upper)
     j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
     j.followed_acceleration = 0.0
+    j.stepping = False
     if j.stopping:
         go_on_stopping(j, j.followed)
     j.active = True
@@ -1525,7 +1565,7 @@ def keep_inside(j: Joint) -> cython.void:
 @cython.cfunc
 def advance_stop(j: Joint) -> cython.void:
     """Brake as planned (``stopping``), to hold where the joint comes to rest (M9, P3)."""
-    step: cython.int = j.stop_steps
+    step: cython.int = j.plan_steps
     elapsed: cython.double = min(j.elapsed, GAP * j.period)
     span: cython.double = min(j.span, GAP * j.period)
     change: cython.double = j.stop_rate * span
@@ -1533,20 +1573,20 @@ def advance_stop(j: Joint) -> cython.void:
     ahead: cython.double
     over: cython.double = j.velocity - j.ramp_velocity
     if step > 0:
-        step = cython.cast(cython.int, j.stop_time / j.stop_step + 1e-9)
-    if step < j.stop_steps:
-        j.stop_time += elapsed
-        j.moved_velocity += j.stop_plan[step] * span
+        step = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
+    if step < j.plan_steps:
+        j.plan_time += elapsed
+        j.moved_velocity += j.plan[step] * span
     else:
-        j.stop_steps = 0
+        j.plan_steps = 0
         j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
     j.moved += j.moved_velocity * elapsed
     place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
     if place != j.moved:  # too fast to stop before a limit
-        j.moved, j.moved_velocity, j.stop_steps = place, 0.0, 0
+        j.moved, j.moved_velocity, j.plan_steps = place, 0.0, 0
         j.stopping = False
         return
-    j.stopping = j.moved_velocity != 0.0 or j.stop_steps > 0
+    j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
     if not j.stopping and fabs(over) > REST_SPEED * j.max_velocity:
         ahead = j.position - j.moved - j.ramped
         # it runs past the end, for want of torque
@@ -1587,16 +1627,30 @@ def advance_ramp(j: Joint) -> cython.void:
 
 
 @cython.cfunc
+@cython.inline
+def top_speed(j: Joint) -> cython.double:
+    """Of the followed reference, rad/s: a direct position comes in from outside limits (P16)."""
+    if (
+        j.direct_age < INFINITE
+        and j.calibrated
+        and (j.followed > j.limit_upper or j.followed < j.limit_lower)
+    ):
+        return j.entry_speed
+    return j.max_velocity
+
+
+@cython.cfunc
 def follow(j: Joint) -> cython.void:
     """The followed reference: the reference within speed, acceleration and position limits (P14).
 
     It equals the reference where the limits allow; else it is the fastest approach that ends with
     the reference's velocity: v = v_ref + brake_speed(distance). Of a stream it tracks the motion
-    fitted to the samples (``follow_stream``). From outside the limits a direct position comes in
-    at the reference speed (P16).
+    fitted to the samples (``follow_stream``). Joints that lack the torque to step together have a
+    plan (``stepping``).
     """
+    k: cython.int
     goal: cython.double = j.reference
-    top: cython.double = j.max_velocity
+    top: cython.double = top_speed(j)
     goal_velocity: cython.double = j.reference_velocity
     velocity: cython.double
     rest: cython.double
@@ -1609,7 +1663,13 @@ def follow(j: Joint) -> cython.void:
             j.stream.flows = False  # it has ended
         if not j.stream.flows:
             j.reference_velocity = j.direct_velocity = 0.0
-    if j.direct_age < INFINITE and j.stream.flows:
+    if j.stepping and (j.coasts or j.plan_time >= j.plan_steps * j.plan_step - 1e-9):
+        j.stepping = False
+    if j.stepping:
+        k = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
+        velocity = j.followed_velocity + j.plan[k] * j.span
+        j.plan_time += j.elapsed
+    elif j.direct_age < INFINITE and j.stream.flows:
         velocity = follow_stream(j)
         goal_velocity = j.reference_velocity
     else:
@@ -1621,12 +1681,6 @@ def follow(j: Joint) -> cython.void:
             velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.elapsed)
     up = brake_speed(j.upper - j.followed, j.max_acceleration, j.elapsed)
     down = brake_speed(j.followed - j.lower, j.max_acceleration, j.elapsed)
-    if (
-        j.direct_age < INFINITE
-        and j.calibrated
-        and (j.followed > j.limit_upper or j.followed < j.limit_lower)
-    ):
-        top = j.entry_speed
     velocity = clamp(velocity, -(down if down < top else top), up if up < top else top)
     velocity = clamp(velocity, j.followed_velocity - step, j.followed_velocity + step)
     if j.coasts:  # slower at most (B7)

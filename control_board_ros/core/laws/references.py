@@ -244,11 +244,24 @@ class References:
         if velocities is None:
             for j, position in zip(joints.tolist(), positions.tolist(), strict=True):
                 self._joints[j].step_to(position)
+            self._step_together([j for j in joints.tolist() if self._joints[j].is_far()])
             return
         for j, position, velocity in zip(
             joints.tolist(), positions.tolist(), velocities.tolist(), strict=True
         ):
             self._joints[j].step_with(position, velocity)
+
+    def _step_together(self, joints: list[int]) -> None:
+        """Plan steps of several joints of an arm; those from motion may become moves (P4, P14)."""
+        for effort in dict.fromkeys(self._efforts[j] for j in joints):
+            chosen = [j for j in joints if self._efforts[j] is effort]
+            if effort is None or len(chosen) < 2 or effort.step(chosen):
+                continue
+            which = np.array(chosen)
+            targets = np.array([self._joints[j].give_back() for j in chosen])
+            fastest = np.array([self._joints[j].max_velocity for j in chosen])
+            self._start(which, targets, self.plan_moves(which, targets, fastest))
+            self._state.done[which] = True
 
     def ramp(self, joints: Indices, velocities: Array, accelerations: Array) -> None:
         """Ramp the velocity references to new values (P5); shapes (k,)."""

@@ -23,6 +23,7 @@ import numpy as np
 
 from ..model.dynamics import Arm
 from .laws import Joint
+from .stepping import Steps
 
 #: The longest move, s: keeps a denormal speed from making an infinite duration.
 LONGEST = 1e6
@@ -182,6 +183,20 @@ class Effort:
 
     def __init__(self, arm: Arm, joints: Sequence[Joint], first: int) -> None:
         self._arm, self._joints, self._first = arm, joints, first
+        self._steps = Steps(list(joints), arm)
+
+    def step(self, chosen: Sequence[int]) -> bool:
+        """Plan direct steps that need more torque together than there is (``stepping``).
+
+        Args:
+            chosen: the board's numbers of the joints that step.
+
+        Returns:
+            Whether they get there: False where they are to move instead.
+        """
+        if not all(joint.calibrated for joint in self._joints):
+            return True
+        return self._steps.plan([j - self._first for j in chosen])
 
     def stretched(
         self,
