@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
+from contextlib import suppress
+from pathlib import Path
 
 #: s between two looks, and without progress that are a hang.
 LOOK, HANG = 0.1, 1.0
-#: s of the processor that a thread uses in HANG at most if it is blocked.
-BLOCKED = 1e-3
+#: s of the processor that a thread uses between two looks at most if it is blocked.
+BLOCKED = 1e-4
+#: The threads of this process (Linux).
+TASKS = Path("/proc/self/task")
 
 
 class Pulse:
@@ -37,29 +41,47 @@ class Watched:
 
     def __init__(self, thread: threading.Thread, pulse: Pulse) -> None:
         self.thread, self._pulse = thread, pulse
-        self._rounds, self._since, self._used = -1, 0.0, 0.0
+        self._rounds, self._blocked, self._begin, self._used = -1, 0.0, 0.0, 0.0
 
-    def hangs(self, passed: float) -> bool:
+    def is_stuck(self) -> bool:
+        """Whether it is in the same round as at the last look."""
+        pulse = self._pulse
+        if pulse.busy and pulse.rounds == self._rounds:
+            return True
+        self._rounds, self._blocked = pulse.rounds, 0.0
+        self._begin = self._used = self._processor_time()
+        return False
+
+    def hangs(self, granted: float, ready: Set[int]) -> bool:
         """Whether its round takes too long: it is blocked, or computes without end.
 
-        A thread that waits for a busy processor does neither.
+        A thread that waits for a busy processor does neither, nor does one behind it.
 
         Args:
-            passed: Time since the last look, s.
+            granted: Time since the last look in which the process could go on, s.
+            ready: Threads that run or wait for a processor.
         """
-        pulse = self._pulse
-        if not pulse.busy or pulse.rounds != self._rounds:
-            self._rounds, self._since, self._used = pulse.rounds, 0.0, self._processor_time()
-            return False
-        self._since += passed
-        used = self._processor_time() - self._used
-        return self._since >= HANG and (used < BLOCKED or used >= HANG)
+        before, self._used = self._used, self._processor_time()
+        works = self.thread.native_id in ready or self._used - before >= BLOCKED
+        self._blocked = 0.0 if works else self._blocked + granted
+        return self._blocked >= HANG or self._used - self._begin >= HANG
 
     def _processor_time(self) -> float:
         ident = self.thread.ident
         if ident is None or not self.thread.is_alive():
             return 0.0
         return time.clock_gettime(time.pthread_getcpuclockid(ident))
+
+
+def ready_threads() -> set[int]:
+    """The other threads of this process that run or wait for a processor; where known (Linux)."""
+    ready = set()
+    with suppress(OSError):
+        for task in TASKS.iterdir():
+            with suppress(OSError):  # it has ended
+                if (task / "stat").read_text().rpartition(")")[2].split()[0] == "R":
+                    ready.add(int(task.name))
+    return ready - {threading.get_native_id()}
 
 
 class ThreadWatch:
@@ -74,14 +96,21 @@ class ThreadWatch:
 
     def wait(self, ended: threading.Event) -> str:
         """Wait for the end; returns the reason if it is a thread, else an empty text."""
-        before = time.monotonic()
+        before, used_before = time.monotonic(), time.process_time()
         while not ended.wait(LOOK):
-            now = time.monotonic()
+            now, used = time.monotonic(), time.process_time()
             # A process that was stopped as a whole did not hang.
             passed, before = min(now - before, 2.0 * LOOK), now
+            worked, used_before = used - used_before, used
+            stuck = []
             for name, watched in self._threads.items():
                 if not watched.thread.is_alive() and not ended.is_set():
                     return f"the {name} thread ended"
-                if watched.hangs(passed):
+                if watched.is_stuck():
+                    stuck.append((name, watched))
+            ready = ready_threads() if stuck else set()
+            granted = min(passed, worked) if ready else passed
+            for name, watched in stuck:
+                if watched.hangs(granted, ready):
                     return f"the {name} thread hangs for {HANG:g} s"
         return ""
