@@ -60,25 +60,44 @@ def required_torque(load: Load, velocity: float) -> float:
     return load.gravity + ACCELERATION_RATE * velocity * (1.0 + ROTOR_SHARE) * load.inertia_max
 
 
-def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
-    """Speed and torque limit: the URDF's where plausible."""
+def speed_limit(values: dict[str, Any], joint: UrdfJoint, assumed: Assumed) -> None:
+    """The URDF's where plausible."""
     name, kind = joint.name, joint.kind
-    speed_unit, unit = f"{kind.unit}/s", kind.force_unit
-    if "limits.velocity" not in values:
-        velocity = joint.velocity or kind.choose(DEFAULT_VELOCITY, DEFAULT_SLIDE_VELOCITY)
-        values["limits.velocity"] = min(velocity, MAX_VELOCITY)
-        if joint.velocity is None:
-            text = f"{velocity:.3g} {speed_unit}"
-            assumed.warn(
-                name, text, "no speed above 0 in the URDF, assumed", "give limits.velocity"
-            )
-        elif velocity > MAX_VELOCITY:
-            top = f"{MAX_VELOCITY:g}"
-            what = f"speeds of the URDF above {top} rad/s or m/s are limited to {top}"
-            assumed.warn(name, f"{velocity:.3g} {speed_unit}", what, "give limits.velocity")
+    if "limits.velocity" in values:
+        return
+    velocity = joint.velocity or kind.choose(DEFAULT_VELOCITY, DEFAULT_SLIDE_VELOCITY)
+    values["limits.velocity"] = min(velocity, MAX_VELOCITY)
+    text = f"{velocity:.3g} {kind.unit}/s"
+    if joint.velocity is None:
+        what = "no speed above 0 in the URDF, assumed"
+        assumed.warn(name, text, what, "give limits.velocity")
+    elif velocity > MAX_VELOCITY:
+        top = f"{MAX_VELOCITY:g}"
+        what = f"speeds of the URDF above {top} rad/s or m/s are limited to {top}"
+        assumed.warn(name, text, what, "give limits.velocity")
+
+
+def torque_limit(
+    values: dict[str, Any], joint: UrdfJoint, load: Load, shared: float, assumed: Assumed
+) -> None:
+    """The URDF's where plausible; else what all joints ask for when they accelerate together.
+
+    Args:
+        values: of the joint; its torque limit is set.
+        joint: of the URDF.
+        load: that it moves.
+        shared: torque (force) of all joints' target accelerations at once.
+        assumed: what is assumed.
+    """
+    name, unit = joint.name, joint.kind.force_unit
     need = required_torque(load, values["limits.velocity"])
     if "limits.torque" not in values:
-        enough = max(3.0 * load.gravity, 1.25 * need)
+        damping = joint.damping or 0.0
+        if joint.kind.slides:
+            damping = min(damping, stable_damping(load))
+        rubbing = (joint.friction or 0.0) + damping * values["limits.velocity"]
+        together = load.gravity + shared + ROTOR_SHARE * (need - load.gravity) + rubbing
+        enough = max(3.0 * load.gravity, 1.25 * max(need, together))
         effort = joint.effort
         if effort is None:
             text = f"{enough:.3g} {unit}"
@@ -99,11 +118,16 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
         assumed.warn(name, text, what, "give limits.torque, or stay near the other poses")
 
 
+def stable_damping(load: Load) -> float:
+    """The greatest damping of a sliding joint within a physics step, N·s/m."""
+    return load.inertia_min / (4.0 * STEP)
+
+
 def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
     """Friction: the URDF's <dynamics>, else a share of the torque limit."""
     velocity, torque = values["limits.velocity"], values["limits.torque"]
     viscous = joint.damping or 0.5 * FRICTION_SHARE * torque / velocity
-    stable = load.inertia_min / (4.0 * STEP)
+    stable = stable_damping(load)
     if joint.kind.slides and viscous > stable and "motor.viscous" not in values:
         text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
         what = "damping unstable for this mass within a physics step, ignored"
@@ -237,9 +261,14 @@ def complete(
     robot_loads = loads(urdf, ranges, gravity)
     load_of = robot_loads.by_name
     for name, given in values.items():
+        speed_limit(given, joints[name], assumed)
+    shared = robot_loads.shared(
+        {name: ACCELERATION_RATE * given["limits.velocity"] for name, given in values.items()}
+    )
+    for name, given in values.items():
         load = load_of[name]
         given.setdefault("inertia", max(load.inertia_mean, LEAST_INERTIA))
-        limits(given, joints[name], load, assumed)
+        torque_limit(given, joints[name], load, shared[name], assumed)
         friction(given, joints[name], load, assumed)
         electrical(given, joints[name], load)
         current_loop(given, 1.0 / control_rate)

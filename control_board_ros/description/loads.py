@@ -83,6 +83,16 @@ class Loads:
             for name, row, torque in rows
         }
 
+    def shared(self, accelerations: Mapping[str, float]) -> dict[str, float]:
+        """The greatest Σ_k |M_jk| q̈_k over the poses, of each joint; N·m (N where it slides).
+
+        Args:
+            accelerations: q̈_k by name, rad/s² (m/s²); default none.
+        """
+        given = np.array([accelerations.get(name, 0.0) for name in self.names])
+        most = (np.abs(self._of_axes(self.matrix)) @ given).max(axis=0)
+        return dict(zip(self.names, most.tolist(), strict=True))
+
     def _of_axes(self, matrix: Array) -> Array:
         """Jᵀ M J, shape (P, a, a)."""
         if self.shares is None:

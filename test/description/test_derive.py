@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pybullet_data
 import pytest
 from plants import link, robot
 
 from control_board_ros.description.loads import loads
 from control_board_ros.settings.loading import Settings, load
+from control_board_ros.simulation import Simulation
 
 DATA = pybullet_data.getDataPath()
 FOREIGN = [f"{DATA}/{name}" for name in ("kuka_iiwa/model.urdf", "cartpole.urdf", "r2d2.urdf")]
@@ -117,6 +120,61 @@ def test_assumptions_are_reported(tmp_path: Path) -> None:
     quick = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="50" velocity="50"/>'))
     assert quick.board.joints[0].limits.velocity == 20.0
     assert "hinge 50 rad/s" in quick.warnings[0]
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A KUKA whose URDF has neither masses nor efforts, but some friction."""
+    text = Path(pybullet_data.getDataPath(), "kuka_iiwa/model.urdf").read_text()
+    text = re.sub(r"<(inertial|visual)>.*?</\1>", "", text, flags=re.DOTALL)
+    text = re.sub(r'effort="[^"]*"', 'effort="0"', text)
+    text = re.sub(r"<dynamics [^>]*>", '<dynamics damping="0.5" friction="0.2"/>', text)
+    path = tmp_path_factory.mktemp("bare") / "bare.urdf"
+    path.write_text(text)
+    return path
+
+
+def test_assumed_efforts_suffice_for_all_joints_at_once(bare: Path) -> None:
+    """P14: gravity, friction, and all at ten times their speed limits per second, in any pose."""
+    made = load(None, {"robot": str(bare)})
+    found = loads(
+        made.urdf, {one.name: (one.limits.lower, one.limits.upper) for one in made.board.joints}
+    )
+    shared = found.shared({one.name: 10.0 * one.limits.velocity for one in made.board.joints})
+    for one in made.board.joints:
+        alone = found.by_name[one.name]
+        assert shared[one.name] >= 10.0 * one.limits.velocity * alone.inertia_max * 0.999
+        rubbing = 0.2 + 0.5 * one.limits.velocity
+        assert one.limits.torque >= alone.gravity + shared[one.name] + rubbing
+        assert one.limits.acceleration == pytest.approx(10.0 * one.limits.velocity)
+
+
+def test_an_arm_of_assumptions_keeps_its_limits(bare: Path) -> None:
+    """P9, P14: whatever modes and commands its joints get, all at once."""
+    with Simulation.load(robot=str(bare)) as simulation:
+        board, n = simulation.board, simulation.board.count
+        limits = [joint.limits for joint in board.config.joints]
+        low, high, fastest, torque = np.array(
+            [(one.lower, one.upper, one.velocity, one.torque) for one in limits]
+        ).T
+        simulation.run(0.3)
+        random = np.random.default_rng(3)
+        for _ in range(80):
+            some = sorted(random.choice(n, random.integers(1, n + 1), replace=False).tolist())
+            mode = str(random.choice(["pos", "posd", "vel", "mix", "torq"]))
+            board.set_control_mode(some, mode)
+            board.set_interaction_mode(some, str(random.choice(["stiff", "compliant"])))
+            simulation.step()
+            target = random.uniform(low[some], high[some])
+            board.position_move(some, target, fastest[some])
+            board.set_position(some, target)
+            board.velocity_move(some, fastest[some] * random.uniform(-1.0, 1.0, len(some)), 20.0)
+            board.set_ref_torque(some, torque[some] * random.uniform(-0.5, 0.5, len(some)))
+            for _ in range(round(random.uniform(0.01, 0.4) / board.period)):
+                simulation.step()
+                now = board.snapshot()
+                assert (np.abs(now.velocity) / fastest).max() <= 1.05
+                assert np.maximum(low - now.position, now.position - high).max() <= 5e-3
 
 
 def test_damping_too_high_for_a_sliding_mass_is_reported(tmp_path: Path) -> None:
