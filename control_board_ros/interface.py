@@ -171,8 +171,9 @@ DIAGNOSTICS = topic(
     "diagnostic_msgs/msg/DiagnosticArray",
     STREAM,
     "Once a second: loop rate, overruns, worst latency, rejected commands (those for unknown "
-    "joints, too), faults; of drives the answers that came too late for their exchange. One entry "
-    "for the board and one per joint, whose names begin with the board's full name.",
+    "joints, too), faults; of drives the answers that came too late for their exchange, and the "
+    "frames that their bus had no room for; with `timing`, where the time of the cycles went. One "
+    "entry for the board and one per joint, whose names begin with the board's full name.",
 )
 CLOCK = topic(
     "/clock",

@@ -14,7 +14,7 @@ level after level (R4).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from .config.config import BoardConfig, Zone
 from .config.parameter import ConfigError
@@ -151,17 +151,23 @@ class Board(JointGroup):
         self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), engine.events)
         self._start_up()
 
-    def tick(self, measurement: Measurement, now: float | None = None) -> Actuation:
+    def tick(
+        self,
+        measurement: Measurement,
+        now: float | None = None,
+        on_checked: Callable[[], None] | None = None,
+    ) -> Actuation:
         """One control cycle: from what was measured to what the motors get.
 
         Args:
             measurement: values of shape (ROWS, n), read before this cycle acts.
             now: time on the clock of the heartbeat, s; None: that of the measurement.
+            on_checked: called when the reading is checked, before the laws.
 
         Returns:
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
-        actuation = self.engine.tick(measurement, now)
+        actuation = self.engine.tick(measurement, now, on_checked)
         self.bring_up.step()
         return actuation
 

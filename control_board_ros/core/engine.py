@@ -79,7 +79,12 @@ class Engine:
         for zone in zones:
             self._start(zone)
 
-    def tick(self, measurement: Measurement, now: float | None = None) -> Actuation:
+    def tick(
+        self,
+        measurement: Measurement,
+        now: float | None = None,
+        on_checked: Callable[[], None] | None = None,
+    ) -> Actuation:
         """One control cycle; see :meth:`Board.tick`."""
         machine, monitor = self.machine, self.monitor
         if self.torques.joints:
@@ -103,6 +108,8 @@ class Engine:
             machine.calibrations.step()
         if (late := self.timeouts.expired(self.state.clock)) is not None:
             machine.expire(late)
+        if on_checked is not None:
+            on_checked()
         if self.controller.step(measurement.elapsed or 0.0):
             machine.raise_divergence()
             machine.warn_of_limits()

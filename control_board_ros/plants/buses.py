@@ -26,6 +26,8 @@ from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings,
 PATIENCE = 0.6
 #: Timeouts of letting go and of the first answer, s; s until a bus is connected again.
 LEAVING, FIRST, RETRY = 1.0, 5.0, 0.2
+#: Readings that are 0 for the joints of a bus that has none, where another one has.
+COUNTED: dict[str, type] = {"lost": np.bool_, "dropped": np.float64}
 
 
 class Bus:
@@ -172,8 +174,8 @@ class Buses:
             if name in OF_MOTORS and any(part is not None for part in parts):
                 nothing = [np.full_like(one.position, np.nan) for one in found]
                 parts = [n if p is None else p for p, n in zip(parts, nothing, strict=True)]
-            if name == "lost" and any(part is not None for part in parts):
-                none = [np.zeros(len(one.position), dtype=np.bool_) for one in found]
+            if name in COUNTED and any(part is not None for part in parts):
+                none = [np.zeros(len(one.position), dtype=COUNTED[name]) for one in found]
                 parts = [n if p is None else p for p, n in zip(parts, none, strict=True)]
             if all(part is not None for part in parts):
                 rows[name] = np.concatenate(parts)
@@ -207,4 +209,5 @@ def unread(columns: slice) -> Readings:
     """Readings of joints that were never read."""
     nothing = np.full(columns.stop - columns.start, np.nan)
     rows: dict[str, Any] = dict.fromkeys((field.name for field in fields(Readings)), nothing)
-    return Readings(**rows | {"ages": np.zeros_like(nothing), "faults": (), "lost": None})
+    none: dict[str, Any] = {"ages": np.zeros_like(nothing), "faults": (), **dict.fromkeys(COUNTED)}
+    return Readings(**rows | none)

@@ -27,7 +27,8 @@ class Sample:
     """The result of an exchange.
 
     Attributes: values (shape (ROWS, n)), faults (of the drives, by joint), applied (percent of
-    PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)), motors
+    PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)), dropped
+    (frames to each joint's bus so far that were dropped, shape (n,)), motors
     (rows of Motor, NaN where there is no sensor; None: there is none), lost (joints whose zero is
     lost, by number).
     """
@@ -36,6 +37,7 @@ class Sample:
     faults: dict[int, str]
     applied: Array
     late: NDArray[np.bool_]
+    dropped: Array
     motors: Array | None = None
     lost: tuple[int, ...] = ()
 
@@ -148,10 +150,14 @@ class Exchange:
         warm = found.temperature
         values[Row.TEMPERATURE] = self._ambient if warm is None else self._row("temperature", warm)
         late = values[Row.ENCODER_AGE] > 0.0
+        dropped = (
+            np.zeros_like(age) if found.dropped is None else self._row("dropped", found.dropped)
+        )
         lost: tuple[int, ...] = ()
         if found.lost is not None:
             lost = tuple(np.flatnonzero(self._row("lost", found.lost)).tolist())
-        return Sample(values, self._faults(found), applied, late, self._motors(found), lost)
+        faults, motors = self._faults(found), self._motors(found)
+        return Sample(values, faults, applied, late, dropped, motors, lost)
 
     def _settled(self, applied: Array, velocity: Array, torque: Array, wanted: SetPoints) -> Array:
         """The steady current of the winding, i = (V − Ke dq)/R, or that of the torque."""

@@ -89,6 +89,7 @@ class GuardedPlant:
     Attributes:
         applied: PWM that the plant reports as applied last, percent, shape (n,).
         late: Answers of each joint that came too late for their exchange so far, shape (n,).
+        dropped: Frames to each joint's bus that its interface had no room for, shape (n,).
         limits: Of the drives that are connected, by joint; replaced whole when they differ.
         processes: The ids of those that run the plant, beside this one.
     """
@@ -119,6 +120,7 @@ class GuardedPlant:
         self._values[Row.TEMPERATURE] = [joint.motor.ambient for joint in board.joints]
         self.applied: Array = np.zeros(n)
         self.late: NDArray[np.int64] = np.zeros(n, dtype=np.int64)
+        self.dropped: Array = np.zeros(n)
         limits = [joint.timeouts for joint in board.joints]
         self._oldest = np.array([[one.encoder, one.torque_sensor] for one in limits]).T
         self._off = SetPoints.off(n)
@@ -286,6 +288,7 @@ class GuardedPlant:
         while True:
             self._sample, self._error = (self._clock(), wanted.cycle, sample), ""
             self.late += sample.late
+            self.dropped = sample.dropped
             self._answered.set()
             if not self._owns_clock or self._is_old(wanted, self._clock()):
                 self._await_turn(wanted)

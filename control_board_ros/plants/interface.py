@@ -158,6 +158,8 @@ class Readings:
         ages: s since the joints' readings were made, 0 where they are of this exchange: a joint
             whose answer is late has its last reading again, with the age that it has by now.
         faults: What each drive reports as its fault; empty, or None, where it is healthy.
+        dropped: Frames to each joint's bus so far that its interface had no room for (S11);
+            None: none were, or they are not counted.
         lost: Joints that require a calibration, whose zero is lost since their last one (S9);
             None: none is.
     """
@@ -172,6 +174,7 @@ class Readings:
     voltage: Array | None = None
     applied: Array | None = None
     ages: Array | None = None
+    dropped: Array | None = None
     faults: Sequence[str | DriveFault | None] = ()
     lost: NDArray[np.bool_] | None = None
 

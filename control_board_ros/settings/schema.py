@@ -102,6 +102,12 @@ NODE = (
         run_time=True,
     ),
     _row(
+        "timing",
+        False,
+        "Time the phases of each control cycle, for /diagnostics and cbctl watch --timing",
+        run_time=True,
+    ),
+    _row(
         "real_time_factor",
         1.0,
         "Simulated seconds per second; 0: as fast as every state can be published",

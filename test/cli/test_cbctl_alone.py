@@ -34,6 +34,7 @@ from control_board_ros import __version__
         (["watch", "--rate", "x"], "--rate: 'x' is no number; see cbctl watch --help"),
         (["modes", "--timeout", "x"], "--timeout: 'x' is no number; see cbctl --help"),
         (["watch", "--rate", "0"], "--rate 0 is not valid"),
+        (["watch", "0", "--timing"], "--timing shows the cycles of the whole board"),
         (["conformance"], "no terminal for the confirmation to move; give --yes"),
         (["conformance", "--yes", "--rules", "M1,M99"], "rule M99 unknown; see --list"),
         (["conformance", "--yes", "--range", "2"], "--range: 2 is not valid"),

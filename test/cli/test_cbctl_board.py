@@ -382,6 +382,18 @@ def test_watch(cbctl: Any, ask: Any) -> None:
     assert (done.code, done.err) == (0, "")
 
 
+def test_watch_where_the_time_of_cycles_goes(cbctl: Any, ask: Any) -> None:
+    """Timed while it is watched, and no longer."""
+    found = cbctl("watch", "--timing", "--once", "--json").json
+    assert found["laws"]["mean"] > 0.0
+    assert found["cycle"]["worst"] >= found["cycle"]["mean"] >= found["laws"]["mean"]
+    shown = cbctl("watch", "--timing", "--once")
+    assert shown.code == 0
+    heads = ["phase", "cycle", "wait", "read", "check", "laws", "write", "snapshot", "publish"]
+    assert [line.split()[0] for line in shown.out.splitlines() if line.strip()] == heads
+    assert ask("param", "get", "timing") == {"timing": False}
+
+
 def test_watch_into_a_pipe(cbctl: Any, ask: Any) -> None:
     """Frames arrive one by one; a closed pipe ends it: cbctl watch | head -3."""
     with cbctl.start("watch", "--rate", "20") as live:

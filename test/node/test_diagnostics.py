@@ -12,10 +12,13 @@ import yaml
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rig import Rig, board_config, joint
+from waiting import until
 
+from control_board_ros.cli.board.timing import phases_of
 from control_board_ros.compiled import describe
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop.loop import ControlLoop
+from control_board_ros.node.loop.timing import PHASES
 from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.settings.layers import SettingsError, find_config
 
@@ -37,12 +40,12 @@ class Watched:
         joints = (joint(name, limits=limits, startup_mode=ControlMode.POSITION) for name in names)
         self.rig = Rig(board_config(*joints))
         self.rig.tick(2)
-        self._loop = ControlLoop(self.rig.board, self.rig.plant)
-        self._told = Diagnostics(self._loop, "rig")
+        self.loop = ControlLoop(self.rig.board, self.rig.plant)
+        self._told = Diagnostics(self.loop, "rig")
 
     def statuses(self) -> list[DiagnosticStatus]:
-        self._loop.note_changes()
-        self._loop.main.snapshots.note_state()
+        self.loop.note_changes()
+        self.loop.main.snapshots.note_state()
         return list(self._told.message(Time()).status)
 
 
@@ -84,6 +87,23 @@ def test_rejected_commands_are_reported_once() -> None:
     ok, warning = DiagnosticStatus.OK, DiagnosticStatus.WARN
     assert [loop.level, joint_a.level, joint_b.level] == [warning, warning, ok]
     assert {status.level for status in watched.statuses()} == {ok}
+
+
+def test_where_the_time_of_cycles_goes_is_shown_on_request() -> None:
+    """As ``cbctl watch --timing`` reads it; a part of a robot has that of the robot."""
+    watched = Watched("a")
+    assert not phases_of(iter(watched.statuses()), "/control_board")
+    watched.loop.set_timing(True)
+    watched.loop.start()
+    until(lambda: watched.rig.board.cycle > 20)
+    watched.loop.stop()
+    statuses = watched.statuses()
+    found = phases_of(iter(statuses), "/control_board/left_arm")
+    assert found == phases_of(iter(statuses), "/control_board")
+    assert list(found) == ["cycle", *PHASES]
+    assert list(found["read"]) == ["mean", "worst", "longest cycle"]
+    assert found["cycle"]["worst"] == found["cycle"]["longest cycle"] > 0.0
+    assert not phases_of(iter(statuses), "/other")
 
 
 @pytest.mark.parametrize(("left", "level"), [(11.0, b"\0"), (9.0, b"\1")])

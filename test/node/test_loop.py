@@ -23,7 +23,7 @@ from control_board_ros.core.terms.measurement import Actuation, Measurement
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import timing
 from control_board_ros.node.loop.loop import ControlLoop, FairLock
-from control_board_ros.node.loop.timing import MAX_LAG, Pacer, Standstill
+from control_board_ros.node.loop.timing import MAX_LAG, PHASES, Pacer, Standstill
 from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.node.wiring.publishing import StateThread
 from control_board_ros.node.wiring.services import Services
@@ -110,6 +110,41 @@ def test_a_slow_cycle_is_caught_up_and_counted(rig: Rig) -> None:
     assert time.monotonic() - begun > 0.29
     assert found.overruns + found.skipped >= 20
     assert found.worst >= 0.025
+
+
+def test_the_phases_of_a_cycle_are_timed_on_request(rig: Rig) -> None:
+    """The phase that made a cycle late is told, and nothing where nobody asks."""
+    rig.plant.slow = {100: 0.03}
+    rig.loop.start()
+    rig.run_to(20)
+    assert rig.loop.take_phases() is None
+    rig.loop.set_timing(True)
+    rig.run_to(200)
+    found = rig.loop.take_phases()
+    assert found is not None
+    assert list(found.mean) == ["cycle", *PHASES]
+    assert found.worst["cycle"] >= found.worst["write"] >= 0.03
+    assert found.worst["cycle"] == found.longest["cycle"]
+    for figures in (found.mean, found.longest):
+        assert sum(figures[phase] for phase in PHASES) == pytest.approx(figures["cycle"])
+    assert all(0.0 <= found.mean[phase] <= found.worst[phase] for phase in PHASES)
+    rig.loop.set_timing(False)
+    rig.run_to(rig.board.cycle + 2)
+    rig.loop.take_phases()
+    rig.run_to(rig.board.cycle + 20)
+    assert rig.loop.take_phases() is None
+
+
+def test_steps_of_a_paused_board_are_not_timed(rig: Rig) -> None:
+    """They are never due, so none is late."""
+    rig.loop.start()
+    rig.run_to(5)
+    rig.loop.pause(True)
+    rig.loop.set_timing(True)
+    done = threading.Event()
+    assert rig.loop.step(10, lambda _: done.set()) == ""
+    until(done.is_set)
+    assert rig.loop.take_phases() is None
 
 
 #: What the system's clock is ahead of the monotonic one, ns.

@@ -34,6 +34,7 @@ class Servos:
         self.trouble: Exception | None = None
         self.went = self.cleared = -1
         self.voltage: np.ndarray | None = None
+        self.dropped: np.ndarray | None = None
 
     def describe(self):
         return self.description
@@ -50,6 +51,7 @@ class Servos:
         return Readings(
             position=self.position.copy(),
             voltage=self.voltage,
+            dropped=self.dropped,
             faults=[self.fault] * len(self.position),
         )
 
@@ -99,6 +101,14 @@ def test_motor_readings_of_one_bus_are_kept(three) -> None:
     found = buses.exchange(at(*[0.0] * 6)).voltage
     assert np.isnan(found).tolist() == [True, True, False, True, True, True]
     assert found[2] == 24.0
+
+
+def test_dropped_frames_of_one_bus_are_kept(three) -> None:
+    """S11: none were dropped of the joints of the others."""
+    servos, buses = three
+    assert buses.exchange(at(*[0.0] * 6)).dropped is None
+    servos[1].dropped = np.array([4.0])
+    assert buses.exchange(at(*[0.0] * 6)).dropped.tolist() == [0.0, 0.0, 4.0, 0.0, 0.0, 0.0]
 
 
 def test_a_late_bus_is_not_waited_for_and_its_answer_is_used_next(three) -> None:
@@ -152,7 +162,7 @@ def test_a_bus_that_raises_takes_no_other_down(three) -> None:
     for _ in range(50):
         assert buses.exchange(at(*[0.5] * 6)).faults[2:] == [None] * 4
     assert len(servos[1].asked) > before
-    assert servos[0].went == 0
+    assert servos[0].went >= 0  # it let its motors go, and tries again
     asked = len(servos[0].asked)
     servos[0].trouble = None
     found = until(buses, lambda found: not any(found.faults))

@@ -183,6 +183,9 @@ def test_a_full_queue_drops_a_frame_and_faults_nothing(
         for _ in range(30):
             assert not any(bench.follow(kind).faults)
         assert line.dropped == 3
+        dropped = bench.follow(kind).dropped
+        assert dropped is not None
+        assert set(dropped) == {3.0}
         full[0] = 1
         bench.plant.let_go()
         bench.pass_time(0.01)

@@ -494,9 +494,11 @@ def test_a_drive_that_leaves_a_joint_no_room_is_a_fault() -> None:
 
 
 def test_late_answers_are_counted_and_shown() -> None:
-    """S4: of each joint, in /diagnostics."""
+    """S4, S11: of each joint, in /diagnostics, beside the frames that its bus dropped."""
     plant = Levers("left", "right")
-    plant.answer = Readings(position=np.zeros(2), ages=np.array([0.0, 0.004]))
+    plant.answer = Readings(
+        position=np.zeros(2), ages=np.array([0.0, 0.004]), dropped=np.array([0.0, 3.0])
+    )
     with benched(plant) as bench:
         bench.until(lambda: bench.guarded.late[1] >= 2)
         loop = ControlLoop(bench.board, bench.guarded)
@@ -504,3 +506,4 @@ def test_late_answers_are_counted_and_shown() -> None:
         shown = [{one.key: one.value for one in status.values} for status in statuses]
         assert shown[0]["late answers"] == "0"
         assert int(shown[1]["late answers"]) >= 2
+        assert [one["dropped frames"] for one in shown] == ["0", "3"]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -12,10 +13,11 @@ from ...joint_limits import JointLimits
 from ..board.boards import sessions_meant
 from ..board.reading import UNCALIBRATED, Rows, lacks_calibration, read_state
 from ..board.session import Session
+from ..board.timing import FIGURES, Phases, timed_cycles
 from ..line.arguments import JOINTS, argument, number, patterns, with_arguments
 from ..line.words import UsageError, short_names
 from ..text.output import bar, console, mode_text, put, show
-from ..text.tables import drawn, needed, text_of
+from ..text.tables import drawn, grid, needed, text_of
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -106,13 +108,23 @@ def dense(
     JOINTS,
     argument("--once", action="store_true", help="Show it once and end."),
     argument("--rate", type=number, default=10.0, metavar="RATE", help="Frames per second."),
+    argument(
+        "--timing",
+        action="store_true",
+        help="Show where the time of the board's control cycles goes instead, each second.",
+    ),
 )
-def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
+def watch(session: Session, joints: list[str], once: bool, rate: float, timing: bool) -> None:
     """Show joints live; Ctrl-C ends it. In a pipe or file: one frame after another.
 
     Joints beyond the lines of the terminal are shown in blocks side by side. With --json: a line
     per frame.
     """
+    if timing:
+        if joints:
+            raise UsageError("--timing shows the cycles of the whole board; leave out the joints")
+        watch_timing(session, once)
+        return
     if not 0.0 < rate <= 100.0:
         raise UsageError(f"--rate {rate:g} is not valid; give a rate above 0, up to 100 Hz")
     with sessions_meant(session, joints) as sessions:
@@ -124,6 +136,25 @@ def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
             follow(session, views, 1.0 / rate)
         except KeyboardInterrupt:
             return
+
+
+def watch_timing(session: Session, once: bool) -> None:
+    """Show where the time of control cycles goes, once or each second."""
+    with timed_cycles(session) as seconds, contextlib.suppress(KeyboardInterrupt):
+        for phases in seconds:
+            show(session, phases, partial(timing_table, phases))
+            if once:
+                return
+            if not session.options.json:
+                put("")
+
+
+def timing_table(phases: Phases) -> Any:
+    """A line for each phase of a cycle, and for the whole."""
+    columns = {"phase": list(phases)} | {
+        f"{figure}, µs": [f"{row[figure]:.1f}" for row in phases.values()] for figure in FIGURES
+    }
+    return grid(columns, right=[*columns][1:])
 
 
 class View:

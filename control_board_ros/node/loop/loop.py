@@ -33,9 +33,11 @@ from ...core.terms.measurement import (
 from .pulse import Pulse
 from .snapshots import Snapshots
 from .timing import (
+    KEPT,
     NANOSECONDS,
     Divider,
     Pacer,
+    PhaseTimes,
     Standstill,
     Statistics,
     TimeBase,
@@ -97,6 +99,9 @@ class ControlLoop:
         self.pulse = Pulse()
         self._stopping = self._paused = False
         self._stepping = Stepping()
+        self._clock: Callable[[], float] | None = None  # of the phases, while they are timed
+        self._checked = 0.0
+        self._cycles: deque[tuple[float, ...]] = deque(maxlen=KEPT)
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(self._read().time, time.time_ns())
@@ -111,6 +116,12 @@ class ControlLoop:
         """Answers of each joint's drive that came too late for their exchange; or no entries."""
         late = getattr(self._plant, "late", None)
         return [] if late is None else late.tolist()
+
+    @property
+    def dropped_frames(self) -> list[int]:
+        """Frames to each joint's bus that its interface had no room for; or no entries."""
+        dropped = getattr(self._plant, "dropped", None)
+        return [] if dropped is None else dropped.astype(int).tolist()
 
     def news(self) -> list[str]:
         """Reports of the plant since the last call, one line each."""
@@ -180,6 +191,16 @@ class ControlLoop:
     def statistics(self) -> Statistics:
         """Timing statistics since the last call, and in total."""
         return self._pacer.take()
+
+    def set_timing(self, on: bool) -> None:
+        """Whether the phases of each cycle are timed from now on."""
+        self._clock = time.monotonic if on else None
+
+    def take_phases(self) -> PhaseTimes | None:
+        """Where the time of the cycles since the last call went; None: none was timed."""
+        cycles = self._cycles
+        taken = [cycles.popleft() for _ in range(len(cycles))]
+        return PhaseTimes.of(taken) if taken else None
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -290,20 +311,33 @@ class ControlLoop:
     def _cycle(self) -> None:
         """One control cycle, unless the loop was paused while it waited for its turn."""
         with self.pulse:
+            times: tuple[float, ...] = ()
             with self.lock:
                 if not self._paused or self._stepping.left:
-                    self._run_cycle()
+                    times = self._run_cycle()
             self.after_lock()
+            if times:
+                self._cycles.append((*times, time.monotonic()))
 
-    def _run_cycle(self) -> None:
-        """With the lock held; the reading of t precedes the effect of the command of t."""
+    def _run_cycle(self) -> tuple[float, ...]:
+        """With the lock held; the reading of t precedes the effect of the command of t.
+
+        Returns:
+            The begin of the cycle and the ends of its phases so far, where they are timed.
+        """
+        clock = None if self._paused else self._clock
+        waited = clock() if clock is not None else 0.0
         show = self._states.pick()
         measurement = self._read()
         if show and not self._paused:
             self.time_base.note(measurement.time, self._pacer.due_time())
         for hook in self.hooks:
             hook(self.board, measurement.time)
-        self._plant.write(self.board.tick(measurement, time.monotonic()))
+        read = time.monotonic()
+        actuation = self.board.tick(measurement, read, self._note_checked if clock else None)
+        controlled = clock() if clock is not None else 0.0
+        self._plant.write(actuation)
+        written = clock() if clock is not None else 0.0
         self.note_changes()
         if show:
             self._note_state()
@@ -311,6 +345,12 @@ class ControlLoop:
         if self._paused and self._stepping.count():
             self._note_state()  # of the last step, before its answer
             self.when_shown(self._stepping.ended())
+        if clock is None:
+            return ()
+        return self._pacer.began, waited, read, self._checked, controlled, written, clock()
+
+    def _note_checked(self) -> None:
+        self._checked = time.monotonic()
 
     def _read(self) -> Measurement:
         return self._intake.take(self._plant.read())

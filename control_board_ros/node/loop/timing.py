@@ -65,6 +65,33 @@ class Statistics:
     worst: float
 
 
+#: What a control cycle does, in its order: ``wait`` for requests that hold the board; ``read`` the
+#: plant; ``check`` the reading; the ``laws``; ``write`` to the plant; make a ``snapshot``;
+#: ``publish`` it, or wake the thread that does.
+PHASES = ("wait", "read", "check", "laws", "write", "snapshot", "publish")
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseTimes:
+    """Where the time of control cycles went, s, by phase; ``cycle``: the sum.
+
+    Attributes: mean, worst, longest (of the cycle that lasted longest).
+    """
+
+    mean: dict[str, float]
+    worst: dict[str, float]
+    longest: dict[str, float]
+
+    @classmethod
+    def of(cls, cycles: Sequence[Sequence[float]]) -> PhaseTimes:
+        """From the clock at the begin of each cycle and at the end of each phase, s."""
+        durations = np.diff(np.array(cycles), axis=1)
+        rows = np.column_stack((durations.sum(axis=1), durations))
+        figures = rows.mean(axis=0), rows.max(axis=0), rows[rows[:, 0].argmax()]
+        names = ("cycle", *PHASES)
+        return cls(*(dict(zip(names, row.tolist(), strict=True)) for row in figures))
+
+
 class Pacer:
     """Absolute deadlines on the monotonic clock.
 
@@ -77,7 +104,7 @@ class Pacer:
         catches_up: whether late cycles are run.
 
     Attributes: due (when the present cycle was to begin, s of the monotonic clock), late (by how
-    much it began later than it was first due, s).
+    much it began later than it was first due, s), began (when it did).
     """
 
     def __init__(
@@ -90,7 +117,7 @@ class Pacer:
         self._kept = 0
         self._since = time.monotonic()
         self._cycles_since = 0
-        self._deadline = self.due = self._since
+        self._deadline = self.due = self.began = self._since
         self.late = 0.0
         self._runs = False
 
@@ -115,7 +142,7 @@ class Pacer:
         period = self.period
         if period <= 0.0:
             self.cycles += 1
-            self.due = time.monotonic()
+            self.due = self.began = time.monotonic()
             return True
         ahead = self._deadline - time.monotonic()
         if ahead > EXACT:
@@ -125,9 +152,10 @@ class Pacer:
         self.cycles += 1
         if ahead > 0.0:
             time.sleep(ahead)
-            self.late = late = time.monotonic() - self._deadline
+            self.began = began = time.monotonic()
+            self.late = late = began - self._deadline
         else:
-            self.late = -ahead
+            self.began, self.late = self._deadline - ahead, -ahead
             late = self._overrun(-ahead, period)
         kept = self._kept
         self._lateness[kept % KEPT] = late

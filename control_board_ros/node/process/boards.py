@@ -222,6 +222,7 @@ class Boards:
             simulated_stamps=values["publish_clock"] or simulated,
             on_end=on_end,
         )
+        self.loop.set_timing(values["timing"])
         self._start, self._context = start, context
         self.parts: dict[str, BoardNode] = {}
         self.main = self._offer()
@@ -314,6 +315,8 @@ class Boards:
         """Apply a changed parameter of the loop."""
         if name == "state_rate":
             self.loop.set_state_rate(value)
+        elif name == "timing":
+            self.loop.set_timing(value)
         elif name == "real_time_factor":
             parting = value != 1.0 and self.loop.time_base.follows_system
             self.loop.set_real_time_factor(value)

@@ -6,7 +6,7 @@ of several parts one per part.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -17,7 +17,7 @@ from ...core.terms.faults import FaultCode, FaultRecord
 from ...core.watch.causes import HOT, STRAINED
 from ..loop.loop import ControlLoop
 from ..loop.snapshots import StampedModes
-from ..loop.timing import scheduling
+from ..loop.timing import PhaseTimes, scheduling
 
 
 class Diagnostics:
@@ -55,9 +55,18 @@ class Diagnostics:
     def joint_statuses(self) -> list[DiagnosticStatus]:
         snapshots = self._snapshots
         state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
-        late = self._loop.late_answers
+        counts = {
+            "late answers": self._loop.late_answers,
+            "dropped frames": self._loop.dropped_frames,
+        }
         found = [
-            self._joint_status(j, state, modes, faults.records[j], late[j] if late else None)
+            self._joint_status(
+                j,
+                state,
+                modes,
+                faults.records[j],
+                {name: count[j] for name, count in counts.items() if count},
+            )
             for j in range(len(self._names))
         ]
         self._rejected = state.rejected_commands.tolist()
@@ -101,10 +110,17 @@ class Diagnostics:
             "laws": describe(),
             "joints in fault": sum(r.active for r in records),
         }
+        if (phases := self._loop.take_phases()) is not None:
+            values |= phase_values(phases)
         return self._status("loop", level, text, values.items())
 
     def _joint_status(
-        self, j: int, state: Snapshot, modes: StampedModes, fault: FaultRecord, late: int | None
+        self,
+        j: int,
+        state: Snapshot,
+        modes: StampedModes,
+        fault: FaultRecord,
+        counts: Mapping[str, int],
     ) -> DiagnosticStatus:
         mode, rejected = modes.control[j], int(state.rejected_commands[j])
         temperature, overload = float(state.temperature[j]), float(state.overload[j])
@@ -133,8 +149,7 @@ class Diagnostics:
             "I2t (%)": f"{100.0 * overload:.0f}",
             "brake": "slips" if state.brake_slips[j] else brake,
         }
-        if late is not None:
-            values["late answers"] = late
+        values |= counts
         return self._status(self._names[j], level, text, values.items())
 
     def _status(
@@ -147,6 +162,19 @@ class Diagnostics:
             hardware_id=self._hardware_id,
             values=[KeyValue(key=key, value=str(value)) for key, value in values],
         )
+
+
+def phase_values(phases: PhaseTimes) -> dict[str, str]:
+    """Where the time of the cycles went, by phase; what ``cbctl watch --timing`` reads."""
+    return {
+        f"{phase}, {text} (µs)": f"{1e6 * seconds:.1f}"
+        for text, figures in (
+            ("mean", phases.mean),
+            ("worst", phases.worst),
+            ("longest cycle", phases.longest),
+        )
+        for phase, seconds in figures.items()
+    }
 
 
 def summary(name: str, joints: Sequence[DiagnosticStatus]) -> DiagnosticStatus:

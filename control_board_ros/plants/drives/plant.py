@@ -275,9 +275,14 @@ class DrivesPlant:
             motor_position=shafts[0],
             motor_velocity=shafts[1],
             ages=ages,
+            dropped=self._dropped(),
             faults=faults,
             lost=self._zero_lost.copy() if self._zero_lost.any() else None,
         )
+
+    def _dropped(self) -> Array | None:
+        count = getattr(self.driver.line, "dropped", 0)
+        return np.full(len(self.axes), float(count)) if count else None
 
     def _turn(self, k: int) -> float:
         """By which the position of a drive can be wrong after a restart, rad at its output."""
