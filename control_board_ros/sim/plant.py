@@ -147,10 +147,12 @@ class SimulatedPlant:
         if self._faults.active:
             values = values.copy()
             self._faults.corrupt(values, self._cycle)
+        applied = self._applied
         if self._wire is not None:
-            values = self._wire.from_drives(self._cycle, values)
+            acted = np.zeros(len(self._names)) if applied is None else applied
+            values, applied = self._wire.from_drives(self._cycle, values, acted)
         if self._link is not None:
-            reading.reasons, reading.applied = self._link.reasons or None, self._applied
+            reading.reasons, reading.applied = self._link.reasons or None, applied
             if reading.reasons:
                 values = values.copy()
                 values[Row.ALARM, list(reading.reasons)] = 1.0 + FaultCode.DRIVE

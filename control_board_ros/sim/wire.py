@@ -88,11 +88,11 @@ class Wire:
         self._to_drives: list[Line[tuple[int, Array, float]]] = [
             Line(model, 0.0, rate, 2 * j) for j, model in enumerate(models)
         ]
-        self._from_drives: list[Line[Array]] = [
+        self._from_drives: list[Line[tuple[Array, float]]] = [
             Line(model, model.latency, rate, 2 * j + 1) for j, model in enumerate(models)
         ]
         self._cycle = -1
-        self._read: Array = np.zeros(0)
+        self._read: tuple[Array, Array] = np.zeros(0), np.zeros(0)
 
     def to_drives(self, cycle: int, sent: SetPoints) -> tuple[SetPoints, set[int]]:
         """The set-points that have arrived, and the joints whose drive gets none now."""
@@ -108,21 +108,30 @@ class Wire:
                 kinds[j], values[:, j], released[j] = line.last.content
         return SetPoints(kinds, values, released), deaf
 
-    def from_drives(self, cycle: int, values: Array) -> Array:
-        """The readings that have arrived, with their ages, once per cycle; shape (ROWS, n)."""
+    def from_drives(self, cycle: int, values: Array, applied: Array) -> tuple[Array, Array]:
+        """The readings that have arrived, with their ages, once per cycle.
+
+        Args:
+            cycle: The present one.
+            values: The readings now, shape (ROWS, n).
+            applied: The outputs that act now, percent, shape (n,).
+
+        Returns:
+            Both as they have arrived.
+        """
         if cycle == self._cycle:
             return self._read
-        self._cycle, read = cycle, values.copy()
+        self._cycle, read, acted = cycle, values.copy(), np.zeros_like(applied)
         for j, line in enumerate(self._from_drives):
-            line.send(cycle, values[:, j].copy())
+            line.send(cycle, (values[:, j].copy(), float(applied[j])))
             if line.last is None:
                 read[UNREAD, j] = np.nan
                 age = (cycle + 1) * self._period
             else:
-                read[:, j] = line.last.content
+                read[:, j], acted[j] = line.last.content
                 age = (cycle - line.last.sent) * self._period
             read[Row.ENCODER_AGE, j] += age
             read[Row.TORQUE_AGE, j] += age
             read[Row.ALARM, j] = values[Row.ALARM, j]
-        self._read = read
-        return read
+        self._read = read, acted
+        return self._read

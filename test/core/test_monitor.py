@@ -250,6 +250,75 @@ def test_a_disagreement_is_found_either_way() -> None:
     assert not Bench(max_travel=math.nan).step(SLOW)
 
 
+def late(bench: Bench, cycles: int, speed: float, shown: float, age: float = 0.0) -> None:
+    """A motor at a speed, rad a cycle, that is read every second cycle, as long ago as ``age``.
+
+    Args:
+        bench: Its travel per percent is 0.01.
+        cycles: To run.
+        speed: Of the motor.
+        shown: Of the encoder, in its stead.
+        age: Of a new reading, s.
+    """
+    for k in range(cycles):
+        again = k % 2
+        place = bench.rows["position"][0] + (0.0 if again else 2.0 * shown)
+        bench.step(position=place, applied=100.0 * speed, encoder_age=age + again * PERIOD)
+
+
+@pytest.mark.parametrize("age", [0.0, 0.5 * PERIOD, 1.5 * PERIOD])
+def test_travel_is_compared_over_late_readings(age: float) -> None:
+    """F1, B7: a frozen or reversed encoder is found by drives that answer every second cycle."""
+    limits = {"max_travel": 0.12, "max_jump": 1.0, "max_encoder_age": 1.0}
+    for shown, good in ((0.02, True), (0.0, False), (-0.02, False)):
+        bench = Bench(**limits)
+        late(bench, 10 * SLOW, 0.02, shown, age)
+        assert bench.failed() is (None if good else Check.TRAVEL), shown
+
+
+def test_travel_is_integrated_evenly_between_readings() -> None:
+    """Output and current changed evenly in the cycles of which nothing was read."""
+    bench = Bench(max_jump=1.0)
+    bench.step(applied=10.0, joint_current=1.0)
+    for age in (PERIOD, 2.0 * PERIOD):
+        bench.step(encoder_age=age)
+    bench.step(encoder_age=0.0, applied=40.0, joint_current=2.0, position=0.3)
+    outputs, currents = 10.0 + 2 * 25.0 + 40.0, 1.0 + 2 * 1.5 + 2.0
+    travelled = 0.01 * outputs - 0.1 * currents - 0.05 * 2.0
+    assert bench.rows["travelled"][0] == pytest.approx(travelled)
+
+
+def test_travel_begins_anew_after_a_long_silence() -> None:
+    """What a motor did in it is not known; what was found before counts on."""
+    bench = Bench(max_jump=10.0, max_encoder_age=1.0)
+    bench.step(SLOW, applied=10.0)
+    before = bench.one.travel
+    for k in range(1, SLOW):
+        bench.step(encoder_age=k * PERIOD)
+    bench.step(encoder_age=0.0, position=3.0, applied=50.0)
+    assert bench.one.travel == pytest.approx(0.5 * before)
+
+
+def test_late_readings_show_a_bridge_that_is_switched_later() -> None:
+    """An order reaches a drive as late as its readings come: twice their age has to pass."""
+    bench = Bench(max_encoder_age=1.0)
+    bench.step(encoder_age=1.5 * PERIOD)
+    bench.one.switched, bench.one.since = True, 0.0
+    seen = []
+    for _ in range(5):
+        bench.step(applied=10.0)
+        seen.append(bench.one.switched)
+    assert seen == [True, True, True, False, False]
+
+
+def test_late_readings_allow_for_the_output_in_between() -> None:
+    """Of a joint that turns round: twice its speed for the age."""
+    bench = Bench(max_travel=0.25, travel_per_age=10.0, max_encoder_age=1.0)
+    late(bench, 2 * SLOW, 0.06, 0.0, 0.02)
+    assert bench.one.travel > 0.25
+    assert bench.failed() is None
+
+
 # --- limits and heat -------------------------------------------------------------------------
 
 

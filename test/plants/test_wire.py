@@ -122,6 +122,64 @@ def test_random_modes_on_a_bad_wire_raise_no_fault(row: str, count: int) -> None
     assert not bench.faults
 
 
+@pytest.mark.parametrize("kind", ["encoder_frozen", "encoder_reversed"])
+@pytest.mark.parametrize("wire", WIRES)
+def test_an_encoder_that_lies_is_found_on_a_bad_wire(wire: str, kind: str) -> None:
+    """F1: as where no reading is late."""
+    bench = BadWire("torque", WIRES[wire])
+    bench.run(100)
+    bench.enter("pos")
+    lie(bench, kind, 600)
+
+
+@pytest.mark.parametrize("kind", ["encoder_frozen", "encoder_reversed"])
+def test_an_encoder_that_lies_is_found_by_slow_drives(kind: str) -> None:
+    """F1: drives that answer at 100 Hz under a board of 250 Hz, as servos on a serial bus do."""
+    bench = BadWire("torque", {}, control_rate=250.0)
+    bench.run(25)
+    bench.enter("pos", 75)
+    answer_at(bench, 100.0)
+    move(bench, [1.0, -1.0])
+    bench.run(400)
+    assert not bench.faults
+    lie(bench, kind, 150)
+
+
+def lie(bench: BadWire, kind: str, cycles: int) -> None:
+    """The encoder of a joint lies: found within 5 degrees, and what 10 ms late readings hide."""
+    before = bench.position
+    bench.plant.inject([0], kind, persistent=True)
+    move(bench, [-1.0, 1.0])
+    while cycles and not bench.faults:
+        bench.run(1)
+        cycles -= 1
+    assert [fault.name for fault in bench.board.get_faults(None) if fault.active] == [
+        bench.board.names[0]
+    ]
+    assert "encoder" in str(bench.faults)
+    allowed = np.radians(5.0) + 2.0 * bench.limit[0] * 0.01
+    assert abs(bench.position - before)[0] < allowed
+
+
+def answer_at(bench: BadWire, rate: float) -> None:
+    """From now on the drives answer at a rate below that of control, Hz."""
+    read, period = bench.plant.read, bench.period
+    last = np.full_like(read().values, np.nan), np.zeros(0), -np.inf
+
+    def answer() -> object:
+        nonlocal last
+        now = read()
+        if now.time >= last[2] + 1.0 / rate - 1e-9:
+            due = max(last[2] + 1.0 / rate, now.time - period)
+            last = now.values.copy(), now.applied, due
+        values = last[0].copy()
+        values[[Row.ENCODER_AGE, Row.TORQUE_AGE]] = now.time - last[2]
+        now.applied = last[1]
+        return replaced(now, values)
+
+    bench.plant.read = answer  # type: ignore[method-assign]
+
+
 def offers(bench: BadWire, joint: str) -> set[str]:
     modes: tuple[ControlMode, ...] = bench.board.get_available_modes(joint)[0][0]
     return {mode.code for mode in modes} | {"fidl"}

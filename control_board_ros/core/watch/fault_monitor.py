@@ -211,7 +211,7 @@ class FaultMonitor:
         for j in joints:
             joint, on = self.joints[j], float(powered[j])
             joint.live = joint.fed = on
-            joint.switched, self._fed = True, b""
+            joint.switched, joint.since, self._fed = True, 0.0, b""
 
     def feed(self, powered: Array) -> None:
         """Set which bridges of coupled motors are on, whatever the power of their axes."""
@@ -320,6 +320,7 @@ def travel_constants(joint: JointConfig, period: float) -> dict[str, float]:
         "travel_per_output": motor.supply_voltage / 100.0 / motor.back_emf * period,
         "travel_per_current": motor.resistance / motor.back_emf * period,
         "travel_per_change": change / motor.back_emf,
+        "travel_per_age": 2.0 * limits.velocity,
         "middle": 0.5 * (low + high) if math.isfinite(high - low) else 0.0,
     }
 

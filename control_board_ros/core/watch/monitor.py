@@ -4,7 +4,8 @@
 1. ``take``          a reading, into the rows of the board; those of the reading before are kept
 2. ``first_passed``  the bounds of a reading; NaN and infinity pass every bound, and the last
                      valid reading replaces them from here on
-3. ``restart``       where the motor's bridge was switched: its travel counts from here on
+3. ``integrate``     of each new reading the motor's output and current, over the time since the
+                     last one; ``restart`` where its bridge was switched, or readings stayed away
 4. ``look``          every SLOW cycles the slow checks: travel of encoder against motor, hard
                      limits, I²t; and the warnings
 
@@ -44,6 +45,9 @@ OVERSPEED = cython.declare(cython.int, 12)
 #: Fresh readings in a row that are a joint's overspeed (F7).
 RACES = cython.declare(cython.int, 5)
 
+#: Longest time between two readings over which a motor's travel is integrated, s.
+LONGEST = cython.declare(cython.double, 0.03)
+
 #: Hysteresis of the warnings: part of the budget, K.
 RELIEF = cython.declare(cython.double, 0.1)
 COOLER = cython.declare(cython.double, 2.0)
@@ -61,6 +65,7 @@ class JointMonitor:
     travel_per_output = cython.declare(cython.double, visibility="public")
     travel_per_current = cython.declare(cython.double, visibility="public")
     travel_per_change = cython.declare(cython.double, visibility="public")
+    travel_per_age = cython.declare(cython.double, visibility="public")  # 1/s
     middle = cython.declare(cython.double, visibility="public")  # between the hard limits
     nominal_squared = cython.declare(cython.double, visibility="public")  # i_nom², A²
     budget = cython.declare(cython.double, visibility="public")  # S, A² s
@@ -83,7 +88,8 @@ class JointMonitor:
     # --- state ------------------------------------------------------------------------------
     live = cython.declare(cython.double, visibility="public")  # 1 with power, 0 without
     fed = cython.declare(cython.double, visibility="public")  # the same of its motor, if coupled
-    switched = cython.declare(cython.bint, visibility="public")  # since the last reading
+    switched = cython.declare(cython.bint, visibility="public")  # no reading shows it yet
+    since = cython.declare(cython.double, visibility="public")  # it was switched, s
     read = cython.declare(cython.bint, visibility="public")  # there was a position
     seen = cython.declare(cython.bint, visibility="public")  # there is a last position
     last = cython.declare(cython.double, visibility="public")  # position, no offset taken off
@@ -97,6 +103,7 @@ class JointMonitor:
     mark = cython.declare(cython.double, visibility="public")  # position where they begin
     first = cython.declare(cython.double, visibility="public")  # current where they begin
     current = cython.declare(cython.double, visibility="public")  # at the last reading, A
+    drove = cython.declare(cython.double, visibility="public")  # the output then, percent
     drawn = cython.declare(cython.double, visibility="public")  # that of its motor, if coupled
     travel = cython.declare(cython.double, visibility="public")  # of motor less encoder
     overrun = cython.declare(cython.double, visibility="public")  # position from the middle
@@ -194,11 +201,38 @@ def check_speed(m: JointMonitor, velocity: cython.double) -> cython.void:
 
 
 @cython.cfunc
+@cython.inline
+def integrate(
+    m: JointMonitor, current: cython.double, output: cython.double, periods: cython.double
+) -> cython.void:
+    """Add a new reading to the sums, of the periods since the last one.
+
+    What a reading shows acted in its own period; between two that are further apart it is taken
+    to have changed evenly.
+    """
+    unseen: cython.double
+    if periods > 1.0:
+        unseen = 0.5 * (periods - 1.0)
+        m.currents += unseen * (m.current + current)
+        m.outputs += unseen * (m.drove + output)
+        periods = 1.0
+    m.currents += current * periods
+    m.outputs += output * periods
+    m.current, m.drove = current, output
+
+
+@cython.cfunc
 def restart(m: JointMonitor, position: cython.double, current: cython.double) -> cython.void:
     """Compare motor and encoder from this reading on."""
     m.mark, m.first = position, current
     m.currents = m.outputs = 0.0
-    m.switched = False
+
+
+@cython.cfunc
+def is_shown(m: JointMonitor, elapsed: cython.double) -> cython.bint:
+    """Whether a reading shows a bridge as it was switched: it went there as late as it comes."""
+    m.since += elapsed
+    return m.since > 2.0 * m.age
 
 
 @cython.cfunc
@@ -226,11 +260,14 @@ def check_travel(
     current: cython.double,
     forget: cython.double,
 ) -> cython.void:
-    """Compare the travel of motor and encoder, with slow forgetting (F1)."""
+    """Compare the travel of motor and encoder, with slow forgetting (F1).
+
+    Where readings are late, the output that acts may be known that much earlier, or later.
+    """
     m.travel = forget * m.travel + (travelled - (position - m.mark) * m.live)
     m.mark, m.first = position, current
     m.currents = m.outputs = 0.0
-    m.slipped = not fabs(m.travel) <= m.max_travel
+    m.slipped = not fabs(m.travel) <= m.max_travel + m.travel_per_age * m.age
 
 
 @cython.cfunc
@@ -385,10 +422,10 @@ class Monitor:
         """
         k: cython.Py_ssize_t
         m: JointMonitor
-        position: cython.double
         current: cython.double
         between: cython.double
         healthy: cython.bint = True
+        again: cython.bint
         self.countdown -= 1
         slowly: cython.bint = self.countdown == 0
         if slowly:
@@ -399,26 +436,27 @@ class Monitor:
             if self.encoder_age[k] > 0.0 or m.age > 0.0:
                 between = max(periods + (m.age - self.encoder_age[k]) / self.period, 0.0)
                 m.age = known(self.encoder_age[k], 0.0)
-                m.switched = True  # encoder and motor may be read at different times
+            again = between < 0.5 and self.position[k] == m.last  # the same reading
             if between > 1.0:
                 expect_later(m, between)
             m.passed = self.first_passed(m, k)
             if fabs(self.position[k]) <= BEYOND:
                 m.read = True
-                if between >= 0.5 or self.position[k] != m.last:  # else the same reading again
+                if not again:
                     expect(m, self.position[k])
                     check_speed(m, self.velocity[k])
             else:
                 m.seen = False
                 m.expect_anything()
-            position, current = m.last, known(self.joint_current[k], m.current)
-            m.current, m.drawn = current, known(self.current[k], m.drawn)
-            m.currents += current * periods
-            m.outputs += self.applied[k] * periods
-            if m.switched:
-                restart(m, position, current)
+            m.drawn = known(self.current[k], m.drawn)
+            if not again:
+                current = known(self.joint_current[k], m.current)
+                integrate(m, current, self.applied[k], between)
+            if m.switched or (between > 1.5 and between * self.period > LONGEST):
+                restart(m, m.last, m.current)
+                m.switched = m.switched and not is_shown(m, periods * self.period)
             if slowly:
-                self.look(m, k, position, current)
+                self.look(m, k, m.last, m.current)
             if m.passed or m.slipped or m.overran or m.overloaded or m.raced:
                 healthy = False
         return healthy
