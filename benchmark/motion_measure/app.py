@@ -22,12 +22,16 @@ from .rig import Rig
 from .robots import ROBOTS, find, poses
 from .rows import ROWS
 from .scenes import SCENES, play
+from .wire_rows import ROWS as DRIVE_ROWS
+from .wire_rows import STALLS, WIRES, print_wires
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print one table per robot, write what was requested; 0, or 2 for bad usage."""
     parser = _parser()
     asked = parser.parse_args(arguments)
+    if asked.wire:
+        return _wires(parser, asked)
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
@@ -103,8 +107,25 @@ def _parser() -> argparse.ArgumentParser:
         help="of every joint; else pwm (S7); with --page a column of docs/motion.md",
     )
     parser.add_argument("--delay", type=float, default=0.0, help="of those drives, s")
+    parser.add_argument(
+        "--wire",
+        nargs="?",
+        const="all",
+        help="move behind bad wires, by each kind of set-point or by --drive: all, or of "
+        + ", ".join((*WIRES, *STALLS)),
+    )
     parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")
     return parser
+
+
+def _wires(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> int:
+    """Print the table of wires; exit code."""
+    known = [*WIRES, *STALLS]
+    wires = known if asked.wire == "all" else asked.wire.split(",")
+    if unknown := [wire for wire in wires if wire not in known]:
+        parser.error(f"--wire {unknown[0]!r} unknown; choose from {','.join(known)}")
+    print_wires([asked.drive] if asked.drive else DRIVE_ROWS, wires)
+    return 0
 
 
 def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str, object]:
