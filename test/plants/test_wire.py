@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -206,3 +207,49 @@ def test_a_joint_that_is_never_read_is_in_fault() -> None:
     bench.run(30)
     assert all("encoder silent" in text for text in bench.faults)
     assert len(bench.faults) > 0
+
+
+# --- cycles that are lost (B6) -----------------------------------------------------------------
+
+
+def until_so(bench: BadWire, reached: Callable[[], bool], longest: float) -> float:
+    """Run two of three cycles until something is so; the time that it took at the drives, s."""
+    begin = bench.plant.time
+    while not reached() and bench.plant.time < begin + longest:
+        bench.stall(2)  # three periods pass in two cycles
+    return bench.plant.time - begin
+
+
+def test_a_reference_expires_in_seconds_where_cycles_are_lost() -> None:
+    """B6, P12: a velocity after 0.2 s, not after as many cycles as that has."""
+    bench = BadWire("torque", {})
+    bench.run(100)
+    bench.enter("vel")
+    assert bench.board.velocity_move(None, 0.01)
+    state = bench.board.state
+    took = until_so(bench, lambda: bool((state.velocity_reference > 0.0099).all()), 0.2)
+    took += until_so(bench, lambda: bool((state.velocity_reference < 0.009).all()), 0.5)
+    assert took == pytest.approx(0.2, abs=0.015)
+
+
+def test_a_move_takes_its_seconds_where_cycles_are_lost() -> None:
+    """B6, P1, P3: as long as it was to take, and it arrives."""
+    bench = BadWire("torque", {})
+    bench.run(100)
+    bench.enter("pos")
+    target = move(bench, [1.0, -1.0], 0.4)
+    planned = float(bench.board.get_remaining_time(None).max())
+    took = until_so(bench, lambda: all(bench.board.check_motion_done(None)), 2.0 * planned)
+    assert took == pytest.approx(planned, abs=0.01)
+    bench.run(100)
+    assert np.abs(bench.position - target).max() < 2e-3
+
+
+def test_a_heartbeat_is_missed_after_its_seconds_where_cycles_are_lost() -> None:
+    """B6, E2: 0.3 s without one."""
+    bench = BadWire("torque", {}, heartbeat_timeout=0.3)
+    bench.run(100)
+    bench.board.beat()
+    took = until_so(bench, lambda: bool(bench.faults), 1.0)
+    assert took == pytest.approx(0.3, abs=0.01)
+    assert "heartbeat" in str(bench.faults)
