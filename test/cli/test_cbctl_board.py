@@ -391,7 +391,7 @@ def test_watch_where_the_time_of_cycles_goes(cbctl: Any, ask: Any) -> None:
     assert shown.code == 0
     heads = ["phase", "cycle", "wait", "read", "check", "laws", "write", "snapshot", "publish"]
     assert [line.split()[0] for line in shown.out.splitlines() if line[:1].isalpha()] == heads
-    assert ask("param", "get", "timing") == {"timing": False}
+    assert ask("param", "show", "timing") == {"timing": False}
 
 
 def test_watch_into_a_pipe(cbctl: Any, ask: Any) -> None:
