@@ -27,7 +27,7 @@ PATIENCE = 0.6
 #: Timeouts of letting go and of the first answer, s; s until a bus is connected again.
 LEAVING, FIRST, RETRY = 1.0, 5.0, 0.2
 #: Readings that are 0 for the joints of a bus that has none, where another one has.
-COUNTED: dict[str, type] = {"lost": np.bool_, "dropped": np.float64}
+COUNTED: dict[str, Any] = {"lost": np.bool_, "dropped": np.float64}
 
 
 class Bus:
@@ -175,8 +175,8 @@ class Buses:
                 nothing = [np.full_like(one.position, np.nan) for one in found]
                 parts = [n if p is None else p for p, n in zip(parts, nothing, strict=True)]
             if name in COUNTED and any(part is not None for part in parts):
-                none = [np.zeros(len(one.position), dtype=COUNTED[name]) for one in found]
-                parts = [n if p is None else p for p, n in zip(parts, none, strict=True)]
+                zeros = [np.zeros(len(one.position), COUNTED[name]) for one in found]
+                parts = [z if p is None else p for p, z in zip(parts, zeros, strict=True)]
             if all(part is not None for part in parts):
                 rows[name] = np.concatenate(parts)
         own = rows.get("ages")
