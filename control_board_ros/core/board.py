@@ -155,19 +155,19 @@ class Board(JointGroup):
         self,
         measurement: Measurement,
         now: float | None = None,
-        on_checked: Callable[[], None] | None = None,
+        clock: Callable[[], float] | None = None,
     ) -> Actuation:
         """One control cycle: from what was measured to what the motors get.
 
         Args:
             measurement: values of shape (ROWS, n), read before this cycle acts.
             now: time on the clock of the heartbeat, s; None: that of the measurement.
-            on_checked: called when the reading is checked, before the laws.
+            clock: read into ``engine.checked`` when the reading is checked, before the laws.
 
         Returns:
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
-        actuation = self.engine.tick(measurement, now, on_checked)
+        actuation = self.engine.tick(measurement, now, clock)
         self.bring_up.step()
         return actuation
 

@@ -38,13 +38,14 @@ class Engine:
         config: of the joints, of all parts where there are several.
         zones: the parts, each with events of its own.
 
-    Attributes: config, limits, state, torque_sensor (where a torque is known, shape (n,)), and
-    the components that the module names.
+    Attributes: config, limits, state, torque_sensor (where a torque is known, shape (n,)),
+    checked (when the last reading was, s of the clock handed to ``tick``), and the components that
+    the module names.
     """
 
     def __init__(self, config: BoardConfig, zones: Sequence[Zone]) -> None:
         self.config, self.limits = config, BoardLimits.of(config)
-        self._asked = config
+        self._asked, self.checked = config, 0.0
         self._narrowed: Callable[[BoardConfig], BoardConfig] = lambda config: config
         self.state = state = StateArrays(config.names)
         state.measured[UNREAD] = np.nan  # until the first reading (B7)
@@ -83,7 +84,7 @@ class Engine:
         self,
         measurement: Measurement,
         now: float | None = None,
-        on_checked: Callable[[], None] | None = None,
+        clock: Callable[[], float] | None = None,
     ) -> Actuation:
         """One control cycle; see :meth:`Board.tick`."""
         machine, monitor = self.machine, self.monitor
@@ -108,8 +109,8 @@ class Engine:
             machine.calibrations.step()
         if (late := self.timeouts.expired(self.state.clock)) is not None:
             machine.expire(late)
-        if on_checked is not None:
-            on_checked()
+        if clock is not None:
+            self.checked = clock()
         if self.controller.step(measurement.elapsed or 0.0):
             machine.raise_divergence()
             machine.warn_of_limits()

@@ -100,8 +100,7 @@ class ControlLoop:
         self._stopping = self._paused = False
         self._stepping = Stepping()
         self._clock: Callable[[], float] | None = None  # of the phases, while they are timed
-        self._checked = 0.0
-        self._cycles: deque[tuple[float, ...]] = deque(maxlen=KEPT)
+        self._cycles: deque[list[float]] = deque(maxlen=KEPT)
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(self._read().time, time.time_ns())
@@ -311,15 +310,16 @@ class ControlLoop:
     def _cycle(self) -> None:
         """One control cycle, unless the loop was paused while it waited for its turn."""
         with self.pulse:
-            times: tuple[float, ...] = ()
+            times: list[float] | None = None
             with self.lock:
                 if not self._paused or self._stepping.left:
                     times = self._run_cycle()
             self.after_lock()
-            if times:
-                self._cycles.append((*times, time.monotonic()))
+            if times is not None:
+                times.append(time.monotonic())
+                self._cycles.append(times)
 
-    def _run_cycle(self) -> tuple[float, ...]:
+    def _run_cycle(self) -> list[float] | None:
         """With the lock held; the reading of t precedes the effect of the command of t.
 
         Returns:
@@ -334,23 +334,22 @@ class ControlLoop:
         for hook in self.hooks:
             hook(self.board, measurement.time)
         read = time.monotonic()
-        actuation = self.board.tick(measurement, read, self._note_checked if clock else None)
+        actuation = self.board.tick(measurement, read, clock)
         controlled = clock() if clock is not None else 0.0
         self._plant.write(actuation)
-        written = clock() if clock is not None else 0.0
+        written = noted = clock() if clock is not None else 0.0
         self.note_changes()
         if show:
             self._note_state()
+            noted = clock() if clock is not None else 0.0
         self._stepping.notify_cycle()
         if self._paused and self._stepping.count():
             self._note_state()  # of the last step, before its answer
             self.when_shown(self._stepping.ended())
         if clock is None:
-            return ()
-        return self._pacer.began, waited, read, self._checked, controlled, written, clock()
-
-    def _note_checked(self) -> None:
-        self._checked = time.monotonic()
+            return None
+        checked = self.board.engine.checked
+        return [self._pacer.began, waited, read, checked, controlled, written, noted]
 
     def _read(self) -> Measurement:
         return self._intake.take(self._plant.read())
