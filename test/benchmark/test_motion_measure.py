@@ -21,6 +21,7 @@ try:
     from motion_measure.rig import Failure, Record, Rig, Window
     from motion_measure.robots import ROBOTS, poses
     from motion_measure.rows import ROWS
+    from motion_measure.wire_rows import STALLS, figures
 finally:
     sys.path.remove(str(BENCHMARK))
 
@@ -64,6 +65,33 @@ def test_the_worst_is_the_largest_magnitude_and_a_failure_is_not_reached() -> No
 def test_a_cause_is_reported_without_joint_and_numbers() -> None:
     text = "x: encoder mismatch, encoder and motor disagree by 0.0118 m > 0.005 m"
     assert Failure("step", "x, home", text).cause == "encoder mismatch"
+
+
+def test_a_wire_is_measured_against_a_good_one() -> None:
+    """B7: a good one deviates by nothing; a long interruption is seen in every figure."""
+    good, cut = figures(["torque"], ["good", "bursts of 60 ms"])
+    assert (good.row, good.wire, good.faults) == ("torque", "good", ())
+    assert good.reversal == pytest.approx(0.0, abs=1e-3)
+    assert (good.speed, good.deviation) == (pytest.approx(0.9375, abs=0.01), 0.0)
+    assert cut.reversal > 0.1
+    assert cut.deviation > 5.0
+
+
+def test_a_stall_of_the_loop_is_a_wire_too() -> None:
+    """B6: it makes the move later."""
+    (stalled,) = figures(["position"], [max(STALLS, key=STALLS.__getitem__)])
+    assert stalled.deviation > 50.0
+    assert not stalled.faults
+
+
+@pytest.mark.parametrize("words", ["--wire glass", "--wire good --drive steam"])
+def test_unknown_wires_and_drives_are_refused(
+    words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        app.main(words.split())
+    assert ended.value.code == 2
+    assert words.rsplit(maxsplit=1)[-1] in capsys.readouterr().err
 
 
 @pytest.mark.physics

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from bad_wire import WIRES
 from conformance_sessions import ARM, RATE, not_held, tried
 
 from control_board_ros.conformance import Outcome
@@ -53,6 +54,18 @@ def test_all_rules_are_held_on_each_row(kind: SetPoint) -> None:
     assert not not_held(results)
     held = [name for name, one in results.items() if one.outcome is Outcome.HELD]
     assert len(held) >= (HELD_BY_ALL if kind in WITHOUT_TORQUE else HELD_WITH_TORQUE), results
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", KINDS, ids=[kind.code for kind in KINDS])
+def test_rules_are_held_on_a_bad_wire(kind: SetPoint) -> None:
+    """B7, S7: behind frames that come 5 to 10 ms late, or not at all."""
+    wire = {f"joint_defaults.drive_model.{name}": value for name, value in WIRES["all"].items()}
+    patient = {f"joint_defaults.timeouts.{sensor}": 0.1 for sensor in ("encoder", "torque_sensor")}
+    drive = {"physics": "mujoco", "joint_defaults.drive": [kind.code]}
+    with board_process(RATE | drive | wire | patient, config=ARM) as board:
+        results = tried(board, joint="left")
+    assert not not_held(results)
 
 
 AXES = ["lbr_iiwa_joint_1", "lbr_iiwa_joint_2", "lbr_iiwa_joint_3"]
