@@ -121,6 +121,10 @@ def tracking_charts(
     if following.any():
         wanted = np.where(following, recording.signal("torque_reference", joint), np.nan)
         torques.append(Trace("reference", time, wanted, "reference"))
+    outside = recording.signals.get("external_torque")
+    if outside is not None and np.isfinite(outside[:, recording.names.index(joint)]).any():
+        external = recording.signal("external_torque", joint)
+        torques.append(Trace("from outside", time, external, "error"))
     spans = [(begin, end, MODE_COLOURS.get(code, "#cccccc")) for begin, end, code in controlling]
     marks = [(fault.time, "fault") for fault in recording.faults if fault.joint == joint]
     return [

@@ -110,6 +110,22 @@ def test_the_figures_of_a_step() -> None:
     assert move.until <= 6.0
 
 
+def test_the_torque_from_outside_is_drawn_where_it_is_known() -> None:
+    """X1: beside what is measured; boards without a model record NaN, older ones nothing."""
+
+    def torques(given: BoardRecording, joint: str) -> list[str]:
+        charts = joint_charts(given)[JOINTS.index(joint)].charts
+        return [trace.label for trace in charts[2].traces]
+
+    old = recording()
+    pushed = np.full_like(old.signals["torque"], np.nan)
+    pushed[:, 0] = 5.0
+    new = replace(old, signals=old.signals | {"external_torque": pushed})
+    assert "from outside" in torques(new, JOINTS[0])
+    assert "from outside" not in torques(new, JOINTS[1])
+    assert "from outside" not in torques(old, JOINTS[0])
+
+
 def test_saturation_counts_within_a_move() -> None:
     hard = recording()
     hard.signals["output"][:, 0] = np.where((hard.time > 1.2) & (hard.time < 1.5), -100.0, 0.0)
