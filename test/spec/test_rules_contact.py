@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from control_board_ros.core.state import Reference
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.settings.loading import load
 from control_board_ros.simulation import Simulation
 
 #: s within which a push is to be seen, and how right its torque is then.
 SEEN, RIGHT = 0.03, 0.1
 ENGINES = ["pybullet", "mujoco"]
+STARTING = {ControlMode.NOT_CONFIGURED, ControlMode.CALIBRATING}
 
 
 class Arm:
@@ -27,7 +30,7 @@ class Arm:
         self.simulation = Simulation.load(robot, physics=physics, **values)
         self.board, self.plant = self.simulation.board, self.simulation.plant
         self.limits = [joint.limits for joint in self.board.config.joints]
-        while ControlMode.CALIBRATING in self.board.get_control_mode():
+        while STARTING.intersection(self.board.get_control_mode()):
             self.simulation.run(0.1)
         self.simulation.run(0.3)
 
@@ -60,6 +63,7 @@ def test_nothing_outside_is_no_torque(robot: str, physics: str) -> None:
         arm.move_everything(random)
         for _ in range(60):
             arm.simulation.step(10)
+            assert np.isfinite(arm.external).all()
             share = max(share, float(np.max(np.abs(arm.external) / torques)))
     arm.simulation.close()
     assert share < 0.01
@@ -142,3 +146,106 @@ def test_reactions(reaction: str) -> None:
         assert "above 10.00 N·m" in texts
     if reaction == "fault":
         assert fault.code == FaultCode.CONTACT
+
+
+NAME, PUSHED = "lbr_iiwa_joint_4", 3
+
+
+def watched(**values: Any) -> Arm:
+    """An iiwa whose joint 4 reports contacts above 10 N·m."""
+    contact = {"threshold": 10.0, "reaction": "report"} | values
+    return Arm(
+        "iiwa", "mujoco", **{f"{NAME}__contact__{key}": one for key, one in contact.items()}
+    )
+
+
+@pytest.mark.parametrize(
+    "mode", ["pos", "posd", "vel", "mix", "torq", "open", "idl", "comp"], ids=str
+)
+def test_in_every_mode(mode: str) -> None:
+    """X1, X2: a push is shown and is a contact, whatever moves or holds the arm."""
+    arm = watched()
+    arm.board.position_move(None, [0.3] * 7, [0.5] * 7)
+    arm.simulation.run(3.0)
+    if mode == "comp":
+        arm.board.set_interaction_mode(None, InteractionMode.COMPLIANT)
+    else:
+        arm.board.set_control_mode(None, mode)
+    arm.simulation.run(0.2)
+    before = arm.external[PUSHED]
+    arm.plant.push(PUSHED, 20.0)
+    arm.simulation.run(SEEN)
+    counts, shown = arm.board.snapshot().contacts, arm.external[PUSHED]
+    arm.simulation.close()
+    assert shown - before == pytest.approx(20.0, rel=RIGHT)
+    assert counts is not None
+    assert counts.tolist() == [0, 0, 0, 1, 0, 0, 0]
+
+
+def test_no_contact_while_calibrating() -> None:
+    """X2: a calibrator touches stops by intent, and the pose of the arm is not known yet."""
+    name = "l_wrist_prosup"
+    values = {f"{name}__contact__threshold": 0.3, f"{name}__contact__reaction": "fault"}
+    arm = Arm("icub_left_arm", "mujoco", **values)
+    board, j = arm.board, arm.board.config.names.index(name)
+    assert board.calibrate([name])
+    arm.simulation.step(2)
+    cycles = 0
+    while board.get_control_mode()[j] is ControlMode.CALIBRATING:
+        assert np.isnan(arm.external).all()
+        arm.plant.push(j, -0.5)
+        arm.simulation.step()
+        cycles += 1
+    arm.plant.push(j, 0.0)
+    arm.simulation.run(0.5)
+    counts, mode = board.snapshot().contacts, board.get_control_mode()[j]
+    arm.plant.push(j, 2.0)
+    arm.simulation.run(0.1)
+    fault = board.get_faults([j])[0]
+    arm.simulation.close()
+    assert cycles > 1000
+    assert mode is ControlMode.POSITION
+    assert counts is not None
+    assert not counts.any()
+    assert fault.code == FaultCode.CONTACT
+
+
+def test_a_contact_is_configured_live() -> None:
+    """X2: threshold, time and reaction act from the next cycle on."""
+    settings = load("iiwa", {"physics": "mujoco"})
+    simulation = Simulation(settings.board, settings.simulation)
+    simulation.run(0.5)
+    simulation.plant.push(PUSHED, 20.0)
+    simulation.run(0.1)
+    assert not np.any(simulation.board.snapshot().contacts)
+    changes = {f"{NAME}.contact.threshold": 10.0, f"{NAME}.contact.reaction": "fault"}
+    simulation.board.reconfigure(settings.changed(changes).board)
+    simulation.run(0.02)
+    board = simulation.board
+    frame, fault = board.get_freeze_frame(NAME), board.get_faults([PUSHED])[0]
+    simulation.close()
+    assert fault.code == FaultCode.CONTACT
+    assert frame is not None  # E3
+    shown = np.array(frame.block)[:, Reference.EXTERNAL_TORQUE]
+    assert np.nanmax(shown) == pytest.approx(20.0, rel=RIGHT)
+
+
+def test_a_contact_stops_as_a_stop_does() -> None:
+    """X2, M9: the same way to rest as by stop, from the same cycle on."""
+    ways = []
+    for stopped in (False, True):
+        arm = watched(reaction="report" if stopped else "stop")
+        board = arm.board
+        board.position_move(None, [0.5] * 7, [1.0] * 7)
+        arm.simulation.run(0.3)
+        arm.plant.push(PUSHED, 20.0)
+        while not np.any(board.snapshot().contacts):
+            arm.simulation.step()
+        if stopped:
+            board.stop()
+        arm.plant.push(PUSHED, 0.0)
+        arm.simulation.run(1.0)
+        ways.append(board.snapshot().position.copy())
+        assert all(board.check_motion_done())
+        arm.simulation.close()
+    assert ways[0] == pytest.approx(ways[1], abs=5e-3)
