@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from logs import NAMES, Log, truth, urdf_of
-from replayed import Damage, play
+from replayed import Damage, frozen, play, reversed_sign, silent, spike
 from replayed import board_of as board_of_log
 
 from control_board_ros.core.config.config import BoardConfig
@@ -44,38 +43,6 @@ def board(urdf: Path, record: Record) -> BoardConfig:
     return board_of_log(urdf, record, truth())
 
 
-def frozen() -> Damage:
-    """The encoder stays where it is; velocity, made of it, is 0."""
-    last: dict[str, float] = {}
-
-    def damage(time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        if time >= SINCE:
-            row["position"][LIFT] = last.setdefault("position", row["position"][LIFT])
-            row["velocity"][LIFT] = 0.0
-        return row
-
-    return damage
-
-
-def spike(time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """One row is off by more than the catalogue allows at 100 readings a second."""
-    if SINCE <= time < SINCE + 0.015:
-        row["position"][LIFT] += 2.0
-    return row
-
-
-def reversed_sign(_time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    row["position"][LIFT] *= -1.0
-    row["velocity"][LIFT] *= -1.0
-    return row
-
-
-def nothing(time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    if time >= SINCE:
-        row["position"][LIFT] = np.nan
-    return row
-
-
 def only(faults: list[FaultRecord]) -> FaultRecord:
     (fault,) = faults
     assert fault.name == NAMES[LIFT]
@@ -90,18 +57,23 @@ def test_a_whole_log_gives_no_fault(record: Record, board: BoardConfig) -> None:
 @pytest.mark.parametrize(
     ("damage", "code", "within"),
     [
-        (frozen(), FaultCode.ENCODER_MISMATCH, 1.0),
-        (spike, FaultCode.ENCODER_SPIKE, 0.02),
-        (reversed_sign, FaultCode.ENCODER_MISMATCH, 1.0),
-        (nothing, FaultCode.ENCODER_INVALID, 0.02),
+        (frozen(LIFT, SINCE), FaultCode.ENCODER_MISMATCH, 1.0),
+        (spike(LIFT, SINCE, 2.0), FaultCode.ENCODER_SPIKE, 0.02),
+        (reversed_sign(LIFT), FaultCode.ENCODER_MISMATCH, 1.0),
+        (silent(LIFT, SINCE), FaultCode.ENCODER_INVALID, 0.02),
     ],
     ids=["frozen", "spike", "sign", "nan"],
 )
 def test_what_is_written_into_it_is_found(
-    record: Record, board: BoardConfig, damage: Damage, code: FaultCode, within: float
+    record: Record,
+    board: BoardConfig,
+    damage: Damage,
+    code: FaultCode,
+    within: float,
+    request: pytest.FixtureRequest,
 ) -> None:
     """F1: on the damaged joint alone, with the code of the catalogue."""
     fault = only(play(record, board, damage, until=SINCE + 2.0))
     assert fault.code == code
-    since = 0.0 if damage is reversed_sign else SINCE
+    since = 0.0 if "sign" in request.node.callspec.id else SINCE
     assert since - 0.005 <= fault.stamp < since + within

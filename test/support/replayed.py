@@ -40,6 +40,54 @@ def untouched(_time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]
     return row
 
 
+def frozen(joint: int, since: float) -> Damage:
+    """The encoder of a joint stays where it is; velocity, made of it, is 0."""
+    last: dict[str, float] = {}
+
+    def damage(time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        if time >= since:
+            row["position"][joint] = last.setdefault("position", row["position"][joint])
+            row["velocity"][joint] = 0.0
+        return row
+
+    return damage
+
+
+def spike(joint: int, since: float, size: float) -> Damage:
+    """One reading of a joint is off by ``size``, rad."""
+    spoilt: list[float] = []
+
+    def damage(time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        if time >= since and spoilt[:1] in ([], [time]):
+            spoilt.append(time)
+            row["position"][joint] += size
+        return row
+
+    return damage
+
+
+def reversed_sign(joint: int) -> Damage:
+    """Position and velocity of a joint count in the other direction."""
+
+    def damage(_time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        row["position"][joint] *= -1.0
+        row["velocity"][joint] *= -1.0
+        return row
+
+    return damage
+
+
+def silent(joint: int, since: float) -> Damage:
+    """The position of a joint is not a number."""
+
+    def damage(time: float, row: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        if time >= since:
+            row["position"][joint] = np.nan
+        return row
+
+    return damage
+
+
 class LoggedDrives:
     """Drives that answer what a log has; a ``DrivePlant``."""
 
@@ -134,17 +182,26 @@ def play(
     return faults
 
 
-def board_of(urdf: Path, record: Record, values: Mapping[str, Any]) -> BoardConfig:
-    """A board at the log's rate on drives that take positions, with parameters of its motors."""
+def board_of(
+    robot: Path | None, record: Record, values: Mapping[str, Any], config: str | None = None
+) -> BoardConfig:
+    """A board at the log's rate on drives that take positions, with parameters of its motors.
+
+    Args:
+        robot: The URDF; None: that of ``config``.
+        record: The log.
+        values: Parameters.
+        config: The name of a shipped configuration.
+    """
     base = {
-        "robot": str(urdf),
         "plant": "replayed",
         "control_rate": round(1.0 / float(np.median(np.diff(record.time)))),
         "joint_defaults.drive": ["position"],
         "joint_defaults.torque_sensor": False,
         "joint_defaults.calibration.required": False,
     }
-    settings = load(None, base | dict(values))
+    base |= {} if robot is None else {"robot": str(robot)}
+    settings = load(config, base | dict(values))
     return within(
         settings,
         "replayed",
