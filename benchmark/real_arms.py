@@ -1,25 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """The board's model held against logs of real arms: the tables of docs/real_arms.md.
 
-    python benchmark/real_arms.py FOLDER [--page]
+    python benchmark/real_arms.py FOLDER [--pictures] [--page]
 
 FOLDER has copies of the repositories that the page names, under their names; whatever is there is
-measured. Nothing is fetched, and nothing of it is kept but figures (``real_arms.json``) and, with
-``--page``, the page's tables and pictures (matplotlib).
+measured. Nothing is fetched, and nothing of it is kept but figures (``real_arms.json``), which
+``--page`` writes into the page's tables; it draws the page's pictures (matplotlib) of a synthetic
+log. ``--pictures`` draws those of the real logs into FOLDER.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.core.laws.control import SLIP
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.watch.fault_monitor import checked_limits
 from control_board_ros.identification.equations import KT, ROTOR, SENSOR
 from control_board_ros.identification.external import External, external, threshold
 from control_board_ros.identification.fit import Estimate
@@ -31,11 +38,14 @@ from control_board_ros.identification.tables import Series, read_log, records_of
 from control_board_ros.settings.loading import load
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parent / "test" / "support")]
+from logs import NAMES, Log, urdf_of  # noqa: E402
+from replayed import Damage, board_of, frozen, play, reversed_sign, spike  # noqa: E402
 from report import replace_between  # noqa: E402
 
 ROWS, PAGE = HERE / "real_arms.json", HERE.parent / "docs" / "real_arms.md"
 IMAGES = HERE.parent / "docs" / "images"
+MOTION, PUSH = "real_arm_motion.png", "real_arm_push.png"
 Figures = dict[str, Any]
 
 UR10E, PANDA = "dynamic_calibration", "FrankaEmikaPandaDynModel"
@@ -48,33 +58,42 @@ LOADED, CARRIED = "ur-20_02_19_14harm50secLoad.csv", 2.805
 LIFTING = ("shoulder_lift_joint", "elbow_joint")
 #: False alarms an hour.
 ALARMS = 1.0
-#: Pictures: a joint and its s.
-MOTION, PUSH = ("elbow_joint", 10.0, 30.0), "elbow_joint"
+#: Parameters of motors that the fit gives.
+MOTORS = tuple(f"motor.{key}" for key in ("torque_constant", "coulomb", "viscous", "inertia"))
+#: Replay: s at the start of a record in which nothing is damaged, and in which it is to be found.
+SETTLED, PATIENCE = 1.0, 3.0
+#: rad by which the steps of positions differ from those of velocities where rows are torn.
+TORN = 0.05
+#: Pictures: a joint, and s of a motion.
+SHOWN, WINDOW = "elbow_joint", (10.0, 30.0)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(allow_abbrev=False)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--pictures", action="store_true")
     parser.add_argument("--page", action="store_true")
     given = parser.parse_args()
     found: Figures = json.loads(ROWS.read_text("utf-8")) if ROWS.exists() else {}
     for name, measure in ((UR10E, of_ur10e), (PANDA, of_panda)):
         if (given.folder / name).is_dir():
-            found[name] = measure(given.folder / name, given.page)
+            found[name] = measure(given.folder / name, given.folder if given.pictures else None)
             ROWS.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
             print("\n".join(PAGES[name](found[name])))
         else:
             print(f"{given.folder / name} is not there: left out")
     if given.page:
+        draw_synthetic()
         for name, lines in PAGES.items():
             if name in found:
                 marks = (f"<!-- {word}: {name} -->" for word in ("begin", "end"))
                 replace_between(PAGE, *marks, "\n".join(["", *lines(found[name]), ""]))
 
 
-def of_ur10e(folder: Path, pictures: bool) -> Figures:
+def of_ur10e(folder: Path, pictures: Path | None) -> Figures:
     """Six joints with currents; free, with a load, and pushed by hand."""
-    robot = Robot.of_metal(str(folder / "URe" / "urdf" / "ur10e.urdf"))
+    urdf = folder / "URe" / "urdf" / "ur10e.urdf"
+    robot = Robot.of_metal(str(urdf))
     data = folder / "dataset_ur10e"
 
     def logs(paths: Sequence[Path]) -> list[Record]:
@@ -92,14 +111,24 @@ def of_ur10e(folder: Path, pictures: bool) -> Figures:
     outcome = identify(robot, learned, robot.names, payload=False, alarms=ALARMS)
     own = believed(outcome)
     seen, new = outcome.external, external(own, unseen)
-    limits = [limit(seen, k) for k in range(len(robot.names))]
-    pushes = external(own, logs(sorted((data / "collision").glob("*.csv"))))
+    limits = [limit(own, seen, k) for k in range(len(robot.names))]
+    touched = logs(sorted((data / "collision").glob("*.csv")))
+    pushes = external(own, touched)
     of_learned, of_unseen = explained(own, learned), explained(own, unseen)
     carrying = logs([data / "identification_data" / LOADED])
     heavy = identify(own, carrying, LIFTING)
     mass = next(one for one in heavy.findings if one.quantity == "mass")
-    if pictures:
-        draw_ur10e(own, unseen, new, pushes, limits)
+    if pictures is not None:
+        title = f"UR10e, {SHOWN}"
+        name = f"{title}: motion that the fit has not seen"
+        draw_motion(pictures / MOTION, own, unseen[-1], new[-1], SHOWN, name)
+        draw_pushes(pictures / PUSH, pushes, robot.names.index(SHOWN), limits, title)
+    free = learned + unseen
+    motors = {
+        one.parameter: one.value[0]
+        for one in outcome.written
+        if one.parameter.split(".", 1)[-1] in MOTORS
+    }
     return {
         "robot": [
             {
@@ -117,8 +146,9 @@ def of_ur10e(folder: Path, pictures: bool) -> Figures:
         ],
         "minutes": minutes(learned),
         "unseen minutes": minutes(unseen),
-        "rows": sum(record.time.size for record in learned + unseen),
+        "rows": sum(record.time.size for record in free),
         "mass": [mass.value[0], mass.sure[0]],
+        "replay": replayed(free, board_of(urdf, free[0], motors)),
     }
 
 
@@ -149,8 +179,9 @@ def gain_of(outcome: Outcome, joint: str) -> list[float]:
     return [ratio * found.value, ratio * found.sure]
 
 
-def limit(torques: Sequence[External], column: int) -> float | None:
-    found = threshold(torques, column, 0.01, ALARMS)
+def limit(robot: Robot, torques: Sequence[External], column: int) -> float | None:
+    rubbing = robot.numbers("motor.coulomb")[column]
+    found = threshold(torques, column, 0.01, ALARMS, float(rubbing))
     return None if found is None else found.value
 
 
@@ -160,7 +191,7 @@ def explained(robot: Robot, records: Sequence[Record], *, rotors: bool = True) -
     gain = robot.numbers("motor.torque_constant") * robot.numbers("motor.gear_ratio")
     samples = samples_of(records, names, robot.numbers("motor.supply_voltage"), gain)
     model = robot.loaded_model() if rotors else robot.model(names)
-    weight = torques(model.arm(), samples, range(len(names)))
+    weight = torques(model.arm(), samples.position, samples.velocity, samples.acceleration)
     velocity, shares = samples.velocity, []
     for k, name in enumerate(names):
         given, left = samples.torque[:, k], samples.torque[:, k] - weight[:, k]
@@ -195,7 +226,70 @@ def minutes(records: Sequence[Record]) -> float:
     return float(sum(np.ptp(record.time) for record in records) / 60.0)
 
 
-def of_panda(folder: Path, _pictures: bool) -> Figures:
+def replayed(records: Sequence[Record], board: BoardConfig) -> Figures:
+    """Logs of free motion played to a board as its drives would answer (docs/faults.md).
+
+    Into the record in which a joint is fastest, an encoder that freezes at half of that speed, a
+    wrong sign, and a reading that is off by twice what may be are written, each in its turn.
+    """
+    torn = [torn_rows(record) for record in records]
+    records = [beyond(record, rows) for record, rows in zip(records, torn, strict=True)]
+    false = [one.text for record in records for one in play(record, board)]
+    found, travel, tried = 0, 0.0, 0
+    for k, joint in enumerate(board.joints):
+        record = max(records, key=lambda one: float(np.abs(one.signals["velocity"][:, k]).max()))
+        time = record.time - record.time[0]
+        speed = np.abs(record.signals["velocity"][:, k])
+        fast = (speed > 0.5 * speed.max()) & (time > SETTLED)
+        row = int(np.argmax(fast))
+        since, size = float(time[row]), 2.0 * checked_limits(joint, board.period)["max_jump"]
+        mismatch, spiked = FaultCode.ENCODER_MISMATCH, FaultCode.ENCODER_SPIKE
+        damages: list[tuple[Damage, float, set[FaultCode]]] = [
+            (frozen(k, since), since, {mismatch}),
+            (reversed_sign(k), 0.0, {mismatch, FaultCode.HARD_LIMIT}),
+            (spike(k, since, size), since, {spiked}),
+        ]
+        for damage, begin, codes in damages:
+            faults = play(record, board, damage, until=since + PATIENCE)
+            tried += 1
+            if [one.name for one in faults] != [joint.name] or faults[0].code not in codes:
+                continue
+            found += 1
+            between = (time >= begin) & (time <= faults[0].stamp)
+            if between.any():
+                place = record.signals["position"][between, k]
+                travel = max(travel, math.degrees(float(np.ptp(place))))
+    return {
+        "false": false,
+        "rows": int(sum(record.time.size for record in records)),
+        "torn": [rows for rows in torn if rows],
+        "found": found,
+        "tried": tried,
+        "travel": travel,
+    }
+
+
+def torn_rows(record: Record) -> int:
+    """The row of the last reading whose position contradicts its velocity; 0: there is none."""
+    position, velocity = record.signals["position"], record.signals["velocity"]
+    steps = np.diff(record.time)[:, None] * 0.5 * (velocity[1:] + velocity[:-1])
+    apart = np.abs(np.diff(position, axis=0) - steps).max(axis=1)
+    return int(np.max(np.flatnonzero(apart > TORN) + 1, initial=0))
+
+
+def beyond(record: Record, rows: int) -> Record:
+    """A record without its first rows."""
+    signals = {name: values[rows:] for name, values in record.signals.items()}
+    return replace(record, time=record.time[rows:], signals=signals)
+
+
+def with_currents(record: Record, gain: np.ndarray) -> Record:
+    """A record whose drives measure currents, made of its torques; gain in N·m/A, shape (n,)."""
+    signals = dict(record.signals)
+    return replace(record, signals=signals | {"current": signals["torque"] / gain})
+
+
+def of_panda(folder: Path, pictures: Path | None) -> Figures:
     """Seven joints with torques at the links, on one exciting motion."""
     names = [f"panda_joint{k}" for k in range(1, 8)]
     robot = Robot.of(load("panda", {"joints": names, "physics": "mujoco"}))
@@ -214,6 +308,14 @@ def of_panda(folder: Path, _pictures: bool) -> Figures:
     bare = explained(robot, records, rotors=False)
     still = {f"{name}.motor.inertia": 0.0 for name in names}
     left = external(robot.with_values(still), records)
+    if pictures is not None:
+        path = pictures / f"panda_{MOTION}"
+        draw_motion(
+            path, robot.with_values(still), records[0], left[0], names[1], f"Panda, {names[1]}"
+        )
+    own = {"joints": names, "physics": "mujoco"}
+    gain = robot.numbers("motor.torque_constant") * robot.numbers("motor.gear_ratio")
+    driven = [with_currents(record, gain) for record in records]
     return {
         "robot": [
             {
@@ -228,6 +330,7 @@ def of_panda(folder: Path, _pictures: bool) -> Figures:
         ],
         "minutes": minutes(records),
         "rows": int(sum(record.time.size for record in records)),
+        "replay": replayed(driven, board_of(None, driven[0], own, "panda")),
     }
 
 
@@ -279,6 +382,7 @@ def lines_of_ur10e(found: Figures) -> list[str]:
         f"Learned from {found['minutes']:.1f} minutes, held against {found['unseen minutes']:.1f} "
         f"minutes of other motions; {found['rows']} rows. Payload, from {' and '.join(LIFTING)} "
         f"with the gains of the table: {mass:.2f} ± {sure:.2f} kg of {CARRIED} kg.",
+        *line_of_replay(found["replay"]),
     ]
 
 
@@ -302,7 +406,21 @@ def lines_of_panda(found: Figures) -> list[str]:
             f"{row['worst']:.2g} N·m",
         ]
         lines.append(row_of(cells))
-    return [*lines, "", f"{found['rows']} rows, {60.0 * found['minutes']:.1f} s."]
+    rows = f"{found['rows']} rows, {60.0 * found['minutes']:.1f} s."
+    return [*lines, "", rows, *line_of_replay(found["replay"])]
+
+
+def line_of_replay(found: Figures) -> list[str]:
+    torn = "".join(
+        f" The first {rows} rows of a table are left out: positions contradict velocities there."
+        for rows in found["torn"]
+    )
+    return [
+        "",
+        f"Played back through the guard: {len(found['false'])} false faults in {found['rows']} "
+        f"rows. Written into them and found: {found['found']} of {found['tried']} faults, after "
+        f"{found['travel']:.1f}° of travel at most.{torn}",
+    ]
 
 
 def row_of(cells: Sequence[str]) -> str:
@@ -316,50 +434,75 @@ def percent(share: float) -> str:
 PAGES = {UR10E: lines_of_ur10e, PANDA: lines_of_panda}
 
 
-def draw_ur10e(
-    robot: Robot,
-    records: Sequence[Record],
-    torques: Sequence[External],
-    pushes: Sequence[External],
-    limits: Sequence[float | None],
+def draw_motion(
+    path: Path, robot: Robot, record: Record, left: External, joint: str, title: str
 ) -> None:
-    """Measured against model; the residual with pushes, and the threshold."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    name, begin, end = MOTION
-    k = robot.names.index(name)
-    gain = robot.number(name, "motor.torque_constant") * robot.number(name, "motor.gear_ratio")
-    record, left = records[-1], torques[-1]
+    """What a joint gave against what the model explains of it, and what is left."""
+    k, (begin, end) = robot.names.index(joint), WINDOW
+    gain = robot.number(joint, "motor.torque_constant") * robot.number(joint, "motor.gear_ratio")
     given = np.interp(left.time, record.time, given_by(record, k, gain))
     time = left.time - left.time[0]
-    shown = (time > begin) & (time < end)
-    figure, axes = plt.subplots(2, 1, figsize=(9, 5), sharex=True, constrained_layout=True)
-    axes[0].plot(time[shown], given[shown], label="motor's current × gain", lw=0.8)
-    axes[0].plot(time[shown], (given + left.torque[:, k])[shown], label="model", lw=1.2)
+    shown = (time > begin) & (time < end) if time[-1] > end else time >= 0.0
+    figure, axes = picture(2)
+    axes[0].plot(time[shown], given[shown], label="measured", lw=2.5, alpha=0.5)
+    axes[0].plot(time[shown], (given + left.torque[:, k])[shown], label="model", lw=0.9)
     axes[0].legend(fontsize=8)
     axes[0].set_ylabel("N·m")
-    axes[0].set_title(f"UR10e, {name}: motion that the fit has not seen", fontsize=9)
+    axes[0].set_title(title, fontsize=9)
     axes[1].plot(time[shown], left.torque[shown, k], lw=0.8, color="C2")
     axes[1].set_ylabel("residual, N·m")
     axes[1].set_xlabel("s")
-    figure.savefig(IMAGES / "real_arm_motion.png", dpi=110, metadata={"Software": None})
-    plt.close(figure)
-    j = robot.names.index(PUSH)
-    figure, rows = plt.subplots(len(pushes), 1, figsize=(9, 5), constrained_layout=True)
-    for one, axis in zip(pushes, np.atleast_1d(rows), strict=True):
-        axis.plot(one.time - one.time[0], one.torque[:, j], lw=0.9)
-        if (own := limits[j]) is not None:
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def draw_pushes(
+    path: Path, pushes: Sequence[External], k: int, limits: Sequence[float | None], title: str
+) -> None:
+    """The external torque of a joint in records with pushes, and its threshold."""
+    figure, axes = picture(len(pushes))
+    for one, axis in zip(pushes, axes, strict=True):
+        axis.plot(one.time - one.time[0], one.torque[:, k], lw=0.9)
+        if (own := limits[k]) is not None:
             for side in (own, -own):
                 axis.axhline(side, color="C3", ls="--", lw=0.9)
         axis.set_ylabel("N·m")
-    title = f"UR10e, {PUSH}: external torque while pushed by hand, and threshold"
-    np.atleast_1d(rows)[0].set_title(title, fontsize=9)
-    np.atleast_1d(rows)[-1].set_xlabel("s")
-    figure.savefig(IMAGES / "real_arm_push.png", dpi=110, metadata={"Software": None})
-    plt.close(figure)
+    axes[0].set_title(f"{title}: external torque while pushed, and threshold", fontsize=9)
+    axes[-1].set_xlabel("s")
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def picture(rows: int) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    return figure, figure.subplots(rows, 1, sharex=rows > 1, squeeze=False)[:, 0]
+
+
+def draw_synthetic() -> None:
+    """The page's pictures, of the log of test/support/logs.py."""
+    name, title = "lift", "Synthetic log, lift"
+    k = NAMES.index(name)
+    with TemporaryDirectory() as folder:
+        urdf = urdf_of(Path(folder))
+
+        def records(**more: Any) -> list[Record]:
+            log = Log(urdf, **more)
+            columns = {
+                key: [Series(log.time, row) for row in getattr(log, key).T]
+                for key in ("position", "velocity", "current")
+            }
+            return records_of(columns, NAMES)
+
+        learned, new = records(seconds=150.0), records(seed=7)
+        robot = Robot.of_metal(str(urdf))
+        outcome = identify(robot, learned, NAMES, payload=False, alarms=ALARMS)
+        own = believed(outcome)
+        limits = [limit(own, outcome.external, j) for j in range(len(NAMES))]
+        hands = [0.0 if one is None else 2.0 * one for one in limits]
+        touched = records(seed=8, push=hands, pushed=(40.0, 40.5))
+        seen = f"{title}: motion that the fit has not seen"
+        draw_motion(IMAGES / MOTION, own, new[0], external(own, new)[0], name, seen)
+        draw_pushes(IMAGES / PUSH, external(own, touched), k, limits, title)
 
 
 if __name__ == "__main__":

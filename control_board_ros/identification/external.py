@@ -15,8 +15,8 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from ..core.laws.control import SLIP
-from ..core.model.arm_model import ArmModel
 from ..protocols import Floats
+from .rigid import torques
 from .robot import Robot
 from .samples import Record
 
@@ -57,7 +57,7 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
     Raises:
         IdentificationError: the URDF's masses have no effect on the joints.
     """
-    model = robot.loaded_model()
+    arm = robot.loaded_model().arm()
     gain = (
         robot.numbers("motor.torque_constant")
         * robot.numbers("motor.gear_ratio")
@@ -72,16 +72,18 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
         senses = np.isfinite(torque).all(axis=0)
         friction = dry * np.clip(velocity / slip, -1.0, 1.0) + wet * velocity
         given = np.where(senses, torque, gain * record.signals["current"] - friction)
-        left = motion(model, record)[1:] - given[1:]
+        # M Δq̇/T + c + g, as the board has it at each reading
+        rates = np.diff(velocity, axis=0) / np.diff(record.time)[:, None]
+        left = torques(arm, record.signals["position"][1:], velocity[1:], rates) - given[1:]
         rate = 2.0 * math.pi * np.minimum(wanted, bandwidth(record))
         share = -np.expm1(-rate * np.diff(record.time)[:, None])
-        torques, now = np.empty_like(left), np.zeros(left.shape[1])
+        shown, now = np.empty_like(left), np.zeros(left.shape[1])
         for k, (value, part) in enumerate(zip(left, share, strict=True)):
             now = now + part * (value - now)
-            torques[k] = now
+            shown[k] = now
         time = record.time[1:]
         settled = time >= record.time[0] + SETTLING
-        found.append(External(time[settled], torques[settled]))
+        found.append(External(time[settled], shown[settled]))
     return found
 
 
@@ -90,36 +92,23 @@ def bandwidth(record: Record) -> float:
     return float(1.0 / (READINGS * np.median(np.diff(record.time))))
 
 
-def motion(model: ArmModel, record: Record) -> Floats:
-    """M Δq̇/T + c + g at each reading, shape (m, n); 0 at the first one."""
-    arm = model.arm()
-    position, velocity, acceleration, torque = (np.asarray(row) for row in arm.rows)
-    rates = np.diff(record.signals["velocity"], axis=0) / np.diff(record.time)[:, None]
-    found = np.zeros_like(record.signals["position"])
-    for k in range(1, len(found)):
-        position[:] = record.signals["position"][k]
-        velocity[:] = record.signals["velocity"][k]
-        acceleration[:] = rates[k - 1]
-        arm.inverse(1.0)
-        found[k] = torque
-    return found
-
-
 def threshold(
-    torques: Sequence[External], column: int, lasting: float, alarms: float
+    shown: Sequence[External], column: int, lasting: float, alarms: float, least: float = 0.0
 ) -> Threshold | None:
     """The threshold of a joint; None: too short, or not known.
 
     Peaks of each second beyond the highest tenth of them are taken as exponentially distributed.
 
     Args:
-        torques: From outside, where nothing touches the arm.
+        shown: Torques from outside, where nothing touches the arm.
         column: The joint.
         lasting: ``contact.time``, s.
         alarms: False ones per hour that are permitted.
+        least: The threshold is not below it, N·m: dry friction, where a current is all that tells
+            the torque, which a gearbox at rest may hold.
     """
     peaks, squares, count = [], 0.0, 0
-    for one in torques:
+    for one in shown:
         if one.time.size < 2:
             continue
         size = np.abs(one.torque[:, column])
@@ -142,5 +131,5 @@ def threshold(
     mean = float(above.mean())
     sure = 1.96 * way * mean / math.sqrt(above.size)
     worst = float(row.max())
-    value = max(start + way * mean + sure, worst)
+    value = max(start + way * mean + sure, worst, least)
     return Threshold(value, sure, math.sqrt(squares / count), worst)

@@ -196,7 +196,8 @@ def with_thresholds(outcome: Outcome, records: Sequence[Record], alarms: float) 
     values = {
         one.parameter: one.value if len(one.value) > 1 else one.value[0] for one in outcome.written
     }
-    torques = external(robot.with_values(values), records)
+    known = robot.with_values(values)
+    torques = external(known, records)
     findings, fitted = list(outcome.findings), outcome.fitted
     assert fitted is not None
     for joint in fitted.joints:
@@ -206,8 +207,10 @@ def with_thresholds(outcome: Outcome, records: Sequence[Record], alarms: float) 
         if without_constant(robot, fitted, findings, joint):
             findings.append(Finding(joint, THRESHOLD, (0.0,), (0.0,), before, NO_CONSTANT))
             continue
-        lasting = robot.number(joint, "contact.time")
-        found = threshold(torques, robot.names.index(joint), lasting, alarms)
+        lasting, column = robot.number(joint, "contact.time"), robot.names.index(joint)
+        sensed = (joint, SENSOR) in fitted.traces
+        rubbing = 0.0 if sensed else known.number(joint, "motor.coulomb")
+        found = threshold(torques, column, lasting, alarms, rubbing)
         findings.append(of_threshold(joint, found, before, alarms))
         configured_to = robot.number(joint, "contact.bandwidth")
         if (slow := min(bandwidth(record) for record in records)) < configured_to:

@@ -50,14 +50,15 @@ def loads_of(
     """
     arm = model.arm()
     bodies: list[Body] = arm.bodies
-    known = torques(arm, samples, columns)
+    motion = samples.position, samples.velocity, samples.acceleration
+    known = torques(arm, *motion)[:, columns]
     link = model.links[carrier]
 
     def added(body: Body, **numbers: float) -> Floats:
         before = {name: getattr(body, name) for name in numbers}
         for name, value in numbers.items():
             setattr(body, name, before[name] + value)
-        found = torques(arm, samples, columns) - known
+        found = torques(arm, *motion)[:, columns] - known
         for name, value in before.items():
             setattr(body, name, value)
         return found
@@ -77,14 +78,13 @@ def loads_of(
     return Loads(known, np.array(rotors), np.array(payload))
 
 
-def torques(arm: Arm, samples: Samples, columns: Sequence[int]) -> Floats:
-    """Torques of the samples' motion, shape (m, k)."""
-    position, velocity, acceleration, torque = (np.asarray(row) for row in arm.rows)
-    found = np.empty((len(samples.position), len(columns)))
-    for k, rows in enumerate(
-        zip(samples.position, samples.velocity, samples.acceleration, strict=True)
-    ):
-        position[:], velocity[:], acceleration[:] = rows
+def torques(arm: Arm, position: Floats, velocity: Floats, acceleration: Floats) -> Floats:
+    """Torques of a motion, shape (m, n), as all arguments."""
+    rows = [np.asarray(row) for row in arm.rows]
+    found = np.empty_like(position)
+    for k, moving in enumerate(zip(position, velocity, acceleration, strict=True)):
+        for row, values in zip(rows, moving, strict=False):
+            row[:] = values
         arm.inverse(1.0)
-        found[k] = torque[columns]
+        found[k] = rows[-1]
     return found

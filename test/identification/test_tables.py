@@ -95,6 +95,7 @@ def test_a_threshold_holds_over_other_motions_and_a_push_is_above(urdf: Path) ->
     found = written(outcome)
     board = with_written(robot, found)
     limits = np.array([found[f"{name}.contact.threshold"].value[0] for name in NAMES])
+    assert (limits >= board.numbers("motor.coulomb")).all()  # which a gearbox at rest may hold
     (free,) = external(board, records(Log(urdf, seed=7), *signals))
     assert (np.abs(free.torque).max(axis=0) < limits).all()
     push = 1.5 * limits
