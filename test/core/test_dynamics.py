@@ -251,19 +251,27 @@ def placed(b: Any, time: float) -> tuple[float, float, float]:
     run = 0.0
     if b.brake > 0.0:
         u = min(elapsed / b.brake, 1.0)
-        reach -= b.start_velocity * b.brake / 2.0
+        bend = b.start_acceleration * b.brake
+        reach -= b.start_velocity * b.brake / 2.0 + bend * b.brake / 12.0
         braked = np.polynomial.Polynomial([0.0, 1.0, 0.0, -1.0, 0.5]) * b.start_velocity
+        if u < 1.0:
+            braked += np.polynomial.Polynomial([0.0, 0.0, 0.5, -2.0 / 3.0, 0.25]) * bend
+        else:
+            q += bend * b.brake / 12.0
         q += b.brake * braked(u)
         dq += braked.deriv()(u)
         ddq += braked.deriv(2)(u) / b.brake
+        bend = 0.0
     else:
         run = b.start_velocity * b.time
+        bend = 0.5 * b.start_acceleration * b.time**2
     if elapsed >= b.time:
         q += reach
     else:
         quintic = np.polynomial.Polynomial(
             [0, run, 0, 10 * reach - 6 * run, 8 * run - 15 * reach, 6 * reach - 3 * run]
         )
+        quintic += np.polynomial.Polynomial([0, 0, bend, -3 * bend, 3 * bend, -bend])
         s = elapsed / b.time
         q += quintic(s)
         dq += quintic.deriv()(s) / b.time
@@ -314,6 +322,7 @@ def test_torques_of_moves_match_the_matrices(seed: int) -> None:
         b.time = random.uniform(0.3, 2.0)
         b.brake = random.choice([0.0, 0.2, 2.5]) if k != 3 else 0.0
         b.start_velocity = random.uniform(-0.5, 0.5)
+        b.start_acceleration = random.choice([0.0, 3.0, -2.0])
         b.past = random.choice([0.0, 0.1])
         b.drift = random.choice([0.0, 0.3])
         b.limit = random.uniform(20.0, 200.0)
@@ -321,7 +330,7 @@ def test_torques_of_moves_match_the_matrices(seed: int) -> None:
         b.fading = random.uniform(0.0, 0.3) * b.limit
     still = arm.bodies[2]
     still.target, still.time, still.brake = still.start, 0.0, 0.0
-    still.start_velocity = still.past = 0.0
+    still.start_velocity = still.start_acceleration = still.past = 0.0
     for scale in (0.3, 1.0, 3.0, 10.0):
         for b in arm.bodies:
             b.limit, b.stall, b.fading = scale * b.limit, scale * b.stall, scale * b.fading

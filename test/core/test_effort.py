@@ -119,6 +119,8 @@ def joint(**changes: Any) -> SimpleNamespace:
     """A joint of the laws, at rest at 0.1 rad."""
     given = {
         "calibrated": True,
+        "moved_acceleration": 0.0,
+        "move_acceleration": 0.0,
         "max_output": 80.0,  # %
         "percent_per_volt": 2.0,  # 40 V
         "torque_per_ampere": 5.0,

@@ -32,6 +32,7 @@ def joint(velocity: float, acceleration: float = 10.0, **changes: Any) -> Any:
     made = SimpleNamespace(
         position=0.2, followed=0.2, followed_velocity=velocity, active=True, period=1e-3,
         stop_due=True, stopping=True, max_acceleration=acceleration, max_velocity=5.0,
+        max_jerk=0.0, moved_acceleration=0.0,
         max_torque=100.0, coulomb=0.0, coulomb_negative=0.0, viscous=0.0, viscous_negative=0.0,
         lower=-math.inf, upper=math.inf, rate=None, plan=None, step=0.0,
     )  # fmt: skip

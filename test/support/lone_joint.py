@@ -31,17 +31,9 @@ def joint(**changes: float) -> Any:
     made = LAWS.Joint()
     for k, name in enumerate(NUMBERS):
         setattr(made, name, 100.0 + k)
-    quiet = (
-        "age",
-        "wire",
-        "missed",
-        "blind",
-        "coasts",
-        "stepping",
-        "sampled",
-        "contact",
-        "had_contact",
-    )
+    quiet = ("age", "wire", "missed", "blind", "coasts", "stepping", "smooth", "sampled",
+             "contact", "had_contact", "max_jerk", "move_acceleration",
+             "moved_acceleration")  # fmt: skip
     fresh = dict.fromkeys(quiet, 0.0) | {"calm": 1.0}
     for name, value in (GIVEN | fresh | changes).items():
         setattr(made, name, value)

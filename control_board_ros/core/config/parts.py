@@ -96,6 +96,14 @@ class Limits:
         above=0.0,
         derived="10 × limits.velocity per s, at most what torque and inertia_max allow",
     )
+    jerk: float = parameter(
+        "Jerk limit of position moves and of stops, not of braking ahead of a limit or for want of"
+        " torque; 0: none",
+        "rad/s³ or m/s³",
+        default=0.0,
+        low=0.0,
+        run_time=True,
+    )
     torque: float = parameter("Torque limit", "N·m or N", above=0.0, derived="URDF (effort)")
     output: float = parameter("Maximum PWM", "percent", default=100.0, above=0.0, high=100.0)
     nominal_current: float = parameter(

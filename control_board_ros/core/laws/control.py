@@ -371,6 +371,7 @@ def set_constants(
     joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
     joint.limit_edge = own.kind.choose(EDGE_ANGLE, EDGE_DISTANCE)
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
+    joint.max_jerk = limits.jerk
     joint.max_torque, joint.max_output = limits.torque, limits.output
     joint.inertia_min = own.inertia_min
     joint.inertia = own.inertia_mean

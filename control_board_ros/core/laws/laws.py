@@ -786,6 +786,7 @@ class Joint:
     limit_edge = cython.declare(cython.double, visibility="public")  # hysteresis of on_limit
     max_velocity = cython.declare(cython.double, visibility="public")
     max_acceleration = cython.declare(cython.double, visibility="public")
+    max_jerk = cython.declare(cython.double, visibility="public")  # of moves and stops; 0: none
     max_torque = cython.declare(cython.double, visibility="public")
     max_output = cython.declare(cython.double, visibility="public")  # PWM, percent
     max_drive = cython.declare(cython.double, visibility="public")  # PWM or A, as the laws give
@@ -854,6 +855,9 @@ class Joint:
     move_start = cython.declare(cython.double, visibility="public")
     move_target = cython.declare(cython.double, visibility="public")
     move_velocity = cython.declare(cython.double, visibility="public")  # at its start
+    move_acceleration = cython.declare(cython.double, visibility="public")  # with a jerk limit
+    moved_acceleration = cython.declare(cython.double, visibility="public")  # likewise, of now
+    smooth = cython.declare(cython.bint, visibility="public")  # it stops within its jerk limit
     move_time = cython.declare(cython.double, visibility="public")
     brake_time = cython.declare(cython.double, visibility="public")
     brake_even = cython.declare(cython.bint, visibility="public")  # first, at one rate
@@ -938,6 +942,7 @@ class Joint:
         self.lower, self.upper, self.entry_speed = -INFINITE, INFINITE, INFINITE
         self.stream = Stream()
         self.plan, self.stepping = memoryview(array("d", [0.0])), False
+        self.smooth, self.max_jerk, self.moved_acceleration = False, 0.0, 0.0
         self.kind = AS_PWM
         self.set_current = self.set_torque = self.set_velocity = 0.0
         self.set_position = self.set_stiffness = self.set_damping = 0.0
@@ -950,19 +955,30 @@ class Joint:
 
     @cython.ccall
     def hold(self, position: cython.double) -> cython.void:
-        """Stop at a position: at rest there, or where the joint comes to rest (M9, P3)."""
+        """Stop at a position: at rest there, or where the joint comes to rest (M9, P3).
+
+        With a jerk limit it stops from its reference where it follows that, without a jump.
+        """
+        speed: cython.double = self.velocity
+        smooth: cython.bint = self.max_jerk > 0.0 and self.active and self.law == POSITION
+        if smooth:
+            position = self.followed  # its velocity is the mean of the last cycle
+            speed = self.followed_velocity + 0.5 * self.period * self.followed_acceleration
         self.moving = False
         self.moved = self.reference = self.followed = position
         self.ramped = self.ramp_velocity = self.ramp_target = 0.0
-        self.driven = self.stepping = False
+        self.driven = self.stepping = self.smooth = False
         self.stopping = self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
         self.stop_due = self.stopping
         self.brake(self.max_acceleration)
         self.moved_velocity = 0.0
         if self.stopping:
-            self.moved_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
+            self.moved_velocity = clamp(speed, -self.max_velocity, self.max_velocity)
         self.followed_velocity = self.reference_velocity = self.moved_velocity
-        self.followed_acceleration = self.direct_velocity = 0.0
+        self.moved_acceleration = 0.0
+        if smooth and self.stopping:
+            self.moved_acceleration = self.followed_acceleration
+        self.followed_acceleration, self.direct_velocity = self.moved_acceleration, 0.0
         self.direct_age = INFINITE
         self.stream.count, self.stream.flows = 0.0, False
 
@@ -970,6 +986,16 @@ class Joint:
     def brake(self, rate: cython.double) -> cython.void:
         """Stop with a deceleration, rad/s²."""
         self.stop_rate, self.plan_steps = rate, 0
+
+    @cython.ccall
+    def brake_smoothly(self, time: cython.double) -> cython.void:
+        """Stop in a time, s, from the present velocity and acceleration, with bounded jerk."""
+        self.smooth, self.plan_steps, self.stop_rate = True, 0, self.max_acceleration
+        self.move_start, self.move_velocity = self.moved, self.moved_velocity
+        self.move_acceleration, self.brake_even = self.moved_acceleration, False
+        self.move_time = self.brake_time = time
+        self.move_target = self.moved + braking(self.move_velocity, self.move_acceleration, time)
+        self.move_cycles = 0.0
 
     @cython.ccall
     def brake_by(
@@ -1019,7 +1045,7 @@ class Joint:
         self.active = self.moving = True
         self.stopping = self.stepping = False
         self.move_start = self.reference
-        self.move_velocity = self.moved_velocity
+        self.move_velocity, self.move_acceleration = self.moved_velocity, self.moved_acceleration
         self.move_target = target
         self.move_time = time if time > self.period else self.period
         self.brake_time = brake
@@ -1084,7 +1110,7 @@ class Joint:
         )  # fmt: skip
         self.active, self.moving, self.stopping = True, False, False
         self.stepping = False
-        self.moved, self.ramped = position, 0.0
+        self.moved, self.ramped, self.moved_acceleration = position, 0.0, 0.0
         self.moved_velocity = self.ramp_velocity = self.ramp_target = 0.0
         self.reference, self.reference_velocity = position, 0.0
         self.direct_velocity = self.stream.velocity()
@@ -1481,7 +1507,7 @@ def advance_move(j: Joint) -> cython.void:
     elapsed: cython.double = j.move_cycles * j.period
     if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
         j.moving = False
-        j.moved, j.moved_velocity = j.move_target, 0.0
+        j.moved, j.moved_velocity, j.moved_acceleration = j.move_target, 0.0, 0.0
         return
     run_move(j, elapsed)
 
@@ -1493,9 +1519,14 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
     q(s) = q0 + v0 T s + (10 R − 6 v0 T) s³ + (8 v0 T − 15 R) s⁴ + (6 R − 3 v0 T) s⁵, s = t/T; with
     a brake time T_b the initial velocity is braked by v0 (1 − 3u² + 2u³), u = t/T_b. Where that
     would pass a limit, it is braked by v0 (1 − u) first, and the quintic takes T − T_b.
+
+    With a jerk limit the acceleration a0 at the start goes on: B = a0 T²/2 adds B (s² − 3s³ + 3s⁴
+    − s⁵), in braking a0 T_b u (1 − u)² to the velocity.
     """
     s: cython.double
     u: cython.double
+    bend: cython.double = 0.0
+    change: cython.double = 0.0
     run: cython.double = 0.0
     way: cython.double = 0.0
     speed: cython.double = 0.0
@@ -1507,6 +1538,7 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
         if u < 1.0:
             j.moved = j.move_start + j.move_velocity * elapsed * (1.0 - 0.5 * u)
             j.moved_velocity = j.move_velocity * (1.0 - u)
+            j.moved_acceleration = 0.0
             return
         way = 0.5 * j.move_velocity * j.brake_time
         reach -= way
@@ -1514,23 +1546,43 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
         time -= j.brake_time
     elif j.brake_time > 0.0:
         u = elapsed / j.brake_time
-        reach -= 0.5 * j.move_velocity * j.brake_time
-        if u >= 1.0:
-            way = 0.5 * j.move_velocity * j.brake_time
-        else:
+        bend = j.move_acceleration * j.brake_time
+        way = braking(j.move_velocity, j.move_acceleration, j.brake_time)
+        reach -= way
+        if u < 1.0:
             way = j.move_velocity * j.brake_time * u * (1.0 + u * u * (0.5 * u - 1.0))
+            way += bend * j.brake_time * u * u * (0.5 + u * (0.25 * u - 2.0 / 3.0))
             speed = j.move_velocity * (1.0 + u * u * (2.0 * u - 3.0))
+            speed += bend * u * (1.0 - u) * (1.0 - u)
+            change = 6.0 * j.move_velocity * u * (u - 1.0) / j.brake_time
+            change += j.move_acceleration * (1.0 + u * (3.0 * u - 4.0))
+        bend = 0.0
     else:
         run = j.move_velocity * time
+        bend = 0.5 * j.move_acceleration * time * time
     s = elapsed / time
     if s >= 1.0:
         j.moved, j.moved_velocity = j.move_start + way + reach, speed
+        j.moved_acceleration = change if j.max_jerk > 0.0 else 0.0
         return
-    a: cython.double = 10.0 * reach - 6.0 * run
-    b: cython.double = 8.0 * run - 15.0 * reach
-    c: cython.double = 6.0 * reach - 3.0 * run
-    j.moved = j.move_start + way + s * (run + s * s * (a + s * (b + s * c)))
+    a: cython.double = 10.0 * reach - 6.0 * run - 3.0 * bend
+    b: cython.double = 8.0 * run - 15.0 * reach + 3.0 * bend
+    c: cython.double = 6.0 * reach - 3.0 * run - bend
+    j.moved = j.move_start + way + s * (run + s * s * (a + s * (b + s * c))) + s * s * bend
     j.moved_velocity = speed + (run + s * s * (3.0 * a + s * (4.0 * b + s * 5.0 * c))) / time
+    if j.max_jerk > 0.0:
+        j.moved_velocity += 2.0 * s * bend / time
+        change += (2.0 * bend + s * (6.0 * a + s * (12.0 * b + s * 20.0 * c))) / (time * time)
+        j.moved_acceleration = change
+
+
+@cython.cfunc
+@cython.inline
+def braking(
+    velocity: cython.double, acceleration: cython.double, time: cython.double
+) -> cython.double:
+    """The way of a braking within a time, from velocity and acceleration."""
+    return 0.5 * velocity * time + acceleration * time * time / 12.0
 
 
 @cython.cfunc
@@ -1555,7 +1607,7 @@ def keep_inside(j: Joint) -> cython.void:
             passes = True
             break
         before, last = last, place
-    j.moved, j.moved_velocity = j.move_start, speed
+    j.moved, j.moved_velocity, j.moved_acceleration = j.move_start, speed, j.move_acceleration
     if passes:
         j.brake_even = True
         j.brake_time = 2.0 * room / fabs(speed)
@@ -1574,19 +1626,25 @@ def advance_stop(j: Joint) -> cython.void:
     over: cython.double = j.velocity - j.ramp_velocity
     if step > 0:
         step = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
-    if step < j.plan_steps:
+    if j.smooth:
+        stop_smoothly(j, elapsed)
+    elif step < j.plan_steps:
         j.plan_time += elapsed
         j.moved_velocity += j.plan[step] * span
     else:
         j.plan_steps = 0
         j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
-    j.moved += j.moved_velocity * elapsed
+    if not j.smooth:
+        j.moved += j.moved_velocity * elapsed
     place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
     if place != j.moved:  # too fast to stop before a limit
         j.moved, j.moved_velocity, j.plan_steps = place, 0.0, 0
-        j.stopping = False
+        j.stopping = j.smooth = False
         return
-    j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
+    if j.smooth:
+        j.stopping = j.smooth = j.move_cycles * j.period < j.brake_time
+    else:
+        j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
     if not j.stopping and fabs(over) > REST_SPEED * j.max_velocity:
         ahead = j.position - j.moved - j.ramped
         # it runs past the end, for want of torque
@@ -1595,9 +1653,19 @@ def advance_stop(j: Joint) -> cython.void:
 
 
 @cython.cfunc
+def stop_smoothly(j: Joint, elapsed: cython.double) -> cython.void:
+    """One cycle of a stop within the jerk limit; at its end the joint is at rest."""
+    j.move_cycles += elapsed / j.period
+    if j.move_cycles * j.period < j.brake_time:
+        run_move(j, j.move_cycles * j.period)
+    else:
+        j.moved, j.moved_velocity, j.moved_acceleration = j.move_target, 0.0, 0.0
+
+
+@cython.cfunc
 def go_on_stopping(j: Joint, place: cython.double) -> cython.void:
     """Stop from a place and the joint's speed, at the acceleration limit."""
-    j.stopping = True
+    j.stopping, j.smooth = True, False
     j.brake(j.max_acceleration)
     j.followed, j.moved = place, place - j.ramped
     j.moved_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)

@@ -311,10 +311,7 @@ class References:
 
 
 def planned(
-    plan: Callable[[float, float, float, float, float], tuple[float, float]],
-    joint: Joint,
-    target: float,
-    value: float,
+    plan: Callable[..., tuple[float, float]], joint: Joint, target: float, value: float
 ) -> tuple[float, float]:
     """The durations of a move from where a joint's reference is, and of its braking, s.
 
@@ -330,4 +327,6 @@ def planned(
         joint.moved_velocity,
         joint.max_velocity,
         joint.max_acceleration,
+        acceleration=joint.moved_acceleration,
+        max_jerk=joint.max_jerk,
     )

@@ -32,9 +32,9 @@ except ImportError:
     from ... import nocython as cython
 
 if cython.compiled:
-    from cython.cimports.libc.math import ceil, fabs
+    from cython.cimports.libc.math import ceil, fabs, sqrt
 else:
-    from math import ceil, fabs
+    from math import ceil, fabs, sqrt
 
 #: What keeping the path may cost a joint, beyond its own braking distance, rad or m.
 KEEPING = cython.declare(cython.double, 0.03)
@@ -63,6 +63,24 @@ STILL = cython.declare(cython.double, 1e-9)
 @cython.cfunc
 def row(count: cython.Py_ssize_t) -> Any:
     return memoryview(array("d", [0.0] * count))
+
+
+@cython.ccall
+def smooth_time(
+    speed: cython.double, change: cython.double, hardest: cython.double, jerk: cython.double
+) -> cython.double:
+    """The shortest braking within acceleration and jerk limits, s.
+
+    Of v0 (1 − 3u² + 2u³) + a0 T u (1 − u)², u = t/T: 1.5 v0/T + a0 ≤ a, 6 v0/T² + 4 a0/T ≤ jerk.
+
+    Args:
+        speed: |v0|, rad/s.
+        change: |a0|, rad/s².
+        hardest: a, rad/s²; where a0 is no less, the braking begins from it.
+        jerk: rad/s³, positive.
+    """
+    time: cython.double = (2.0 * change + sqrt(4.0 * change * change + 6.0 * speed * jerk)) / jerk
+    return max(time, 1.5 * speed / max(hardest - change, 0.25 * hardest))
 
 
 @cython.cclass
@@ -95,6 +113,7 @@ class Stops:
     hardest: cython.double[::1]  # a_i
     fastest: cython.double[::1]  # speed limit
     wanted: cython.double[::1]  # deceleration
+    smooth: cython.double[::1]  # time of a stop within the jerk limit, s; 0: none
     limit: cython.double[::1]
     dry: cython.double[::1]
     wet: cython.double[::1]
@@ -121,7 +140,7 @@ class Stops:
         self.rounds, self.furthest = 0, 0.0
         self.plans = [row(MOST_STEPS) for _ in joints]
         self.place, self.speed, self.hardest, self.wanted = row(n), row(n), row(n), row(n)
-        self.fastest = row(n)
+        self.fastest, self.smooth = row(n), row(n)
         self.limit, self.dry, self.wet, self.urge = row(n), row(n), row(n), row(n)
         self.weight, self.q, self.v, self.most = row(n), row(n), row(n), row(n)
         self.beyond, self.bias, self.x, self.chosen = row(n), row(n), row(n), row(n)
@@ -141,12 +160,15 @@ class Stops:
         step: cython.int
         longest: cython.double = self.take_joints()
         self.rounds = 0
+        self.smoothen()
         if not self.predict_path(longest, modelled):
             self.improve()
         for k in range(self.stopping):
             i = cython.cast(cython.Py_ssize_t, self.chosen[k])
             joint = self.joints[i]
-            if self.rounds == 0:
+            if self.rounds == 0 and self.smooth[k] > 0.0:
+                joint.brake_smoothly(self.smooth[k])
+            elif self.rounds == 0:
                 joint.brake(self.wanted[k])
             else:
                 plan = self.plans[i]
@@ -183,6 +205,34 @@ class Stops:
             if due:
                 self.stopping = k
         return longest
+
+    @cython.cfunc
+    def smoothen(self) -> cython.void:
+        """Times of stops within the jerk limits, that keep the path; 0 where there is no room."""
+        k: cython.Py_ssize_t
+        longest: cython.double = 0.0
+        room: cython.double
+        way: cython.double
+        for k in range(self.stopping):
+            joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+            self.smooth[k] = 0.0
+            if joint.max_jerk > 0.0:
+                self.smooth[k] = smooth_time(
+                    fabs(self.speed[k]), fabs(joint.moved_acceleration), self.hardest[k],
+                    joint.max_jerk,
+                )  # fmt: skip
+                longest = max(longest, self.smooth[k])
+        for k in range(self.stopping):
+            joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+            if self.smooth[k] <= 0.0 or self.speed[k] == 0.0:
+                continue
+            way = 2.0 * KEEPING / fabs(self.speed[k])
+            self.smooth[k] = min(longest, self.smooth[k] + way)
+            way = 0.5 * self.speed[k] * self.smooth[k]
+            way += joint.moved_acceleration * self.smooth[k] * self.smooth[k] / 12.0
+            room = joint.upper - self.place[k] if way > 0.0 else self.place[k] - joint.lower
+            if fabs(way) > room:
+                self.smooth[k] = 0.0
 
     @cython.cfunc
     def predict_path(self, longest: cython.double, modelled: cython.bint) -> cython.bint:

@@ -24,13 +24,15 @@ import numpy as np
 from ..model.dynamics import Arm
 from .laws import Joint
 from .stepping import Steps
+from .stopping import smooth_time
 
 #: The longest move, s: keeps a denormal speed from making an infinite duration.
 LONGEST = 1e6
 
-#: Peak over mean speed, and peak acceleration over Δ/T², of a move from rest to rest.
+#: Peak over mean speed, peak acceleration over Δ/T², and jerk over Δ/T³, of a move from rest.
 PEAK = 1.875
 PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
+PEAK_JERK = 60.0
 
 #: A move that starts with velocity v0 towards its target does not overshoot while
 #: T ≤ 2.5 Δ/v0 (the factor (1−s)² of its velocity stays positive).
@@ -42,32 +44,48 @@ LONGER, TRIES = 1.05, 200
 _S = np.linspace(0.0, 1.0, 33)
 
 
-def duration(distance: float, speed: float, max_velocity: float, max_acceleration: float) -> float:
+def duration(
+    distance: float,
+    speed: float,
+    max_velocity: float,
+    max_acceleration: float,
+    max_jerk: float = 0.0,
+) -> float:
     """Duration of a move from rest, s (P1).
 
-    T = max(|Δ|/v, 1.875 |Δ|/v_max, √(5.774 |Δ|/a_max)), at most LONGEST
+    T = max(|Δ|/v, 1.875 |Δ|/v_max, √(5.774 |Δ|/a_max), ∛(60 |Δ|/j_max)), at most LONGEST
 
     Args:
         distance: Δ, target minus start, rad.
         speed: v, the mean speed requested, rad/s, positive.
         max_velocity: limit of the peak speed, rad/s.
         max_acceleration: limit of the peak acceleration, rad/s².
+        max_jerk: limit of the peak jerk, rad/s³; 0: none.
     """
     way = abs(distance)
     if way >= LONGEST * speed:
         return LONGEST
+    smooth = math.cbrt(PEAK_JERK * way / max_jerk) if max_jerk else 0.0
     return min(
         LONGEST,
         max(
             way / speed,
             PEAK * way / max_velocity,
             math.sqrt(PEAK_ACCELERATION * way / max_acceleration),
+            smooth,
         ),
     )
 
 
 def durations(
-    distance: float, speed: float, velocity: float, max_velocity: float, max_acceleration: float
+    distance: float,
+    speed: float,
+    velocity: float,
+    max_velocity: float,
+    max_acceleration: float,
+    *,
+    acceleration: float = 0.0,
+    max_jerk: float = 0.0,
 ) -> tuple[float, float]:
     """Durations of a move that starts with a velocity, and of its braking, s (P1).
 
@@ -82,27 +100,40 @@ def durations(
         velocity: v0, reference velocity at the start, rad/s.
         max_velocity: limit of the peak speed, rad/s.
         max_acceleration: limit of the peak acceleration, rad/s².
+        acceleration: a0, reference acceleration at the start, rad/s²; it ends at once where there
+            is no limit of the jerk.
+        max_jerk: limit of the jerk, rad/s³; 0: none.
 
     Returns:
         T and T_b (0 where nothing is braked), s, at most LONGEST.
     """
-    if velocity == 0.0:
-        return duration(distance, speed, max_velocity, max_acceleration), 0.0
+    limits = max_velocity, max_acceleration, max_jerk
+    if velocity == 0.0 and acceleration == 0.0:
+        return duration(distance, speed, *limits), 0.0
     if velocity * distance > 0.0:
-        time = duration(distance, speed, max_velocity, max_acceleration)
+        time = duration(distance, speed, *limits)
         time = min(time, NO_OVERSHOOT * distance / velocity)
-        if _fits(distance, time, velocity, 0.0, max_velocity, max_acceleration):
+        if _fits(distance, time, velocity, 0.0, *limits, acceleration):
             return time, 0.0
-    stretch = 1.0
+    stretch, shortest = 1.0, braking(velocity, acceleration, max_acceleration, max_jerk)
     for _ in range(TRIES):
-        brake = stretch * 1.5 * abs(velocity) / max_acceleration
-        rest = distance - 0.5 * velocity * brake
-        least = duration(rest, math.inf, max_velocity, max_acceleration)
-        time = max(duration(rest, speed, max_velocity, max_acceleration), stretch * least)
-        if _fits(distance, time, velocity, brake, max_velocity, max_acceleration):
+        brake = stretch * shortest
+        rest = distance - 0.5 * velocity * brake - acceleration * brake**2 / 12.0
+        least = duration(rest, math.inf, *limits)
+        time = max(duration(rest, speed, *limits), stretch * least)
+        if _fits(distance, time, velocity, brake, *limits, acceleration):
             break
         stretch *= LONGER
     return min(time, LONGEST), min(brake, LONGEST)
+
+
+def braking(
+    velocity: float, acceleration: float, max_acceleration: float, max_jerk: float
+) -> float:
+    """The shortest braking of a velocity within the limits, s (``stopping.smooth_time``)."""
+    if not max_jerk:
+        return 1.5 * abs(velocity) / max_acceleration
+    return float(smooth_time(abs(velocity), abs(acceleration), max_acceleration, max_jerk))
 
 
 def durations_within(
@@ -111,6 +142,9 @@ def durations_within(
     velocity: float,
     max_velocity: float,
     max_acceleration: float,
+    *,
+    acceleration: float = 0.0,
+    max_jerk: float = 0.0,
     stretch: float = 1.0,
 ) -> tuple[float, float]:
     """Durations of a move that arrives at a given time, and of its braking, s.
@@ -122,15 +156,15 @@ def durations_within(
     Other arguments and results are those of :func:`durations`; T is no less than what that asks
     for.
     """
-    limits = max_velocity, max_acceleration
-    if velocity == 0.0:
+    limits = max_velocity, max_acceleration, max_jerk
+    if velocity == 0.0 and acceleration == 0.0:
         return time, 0.0
     smooth = velocity * distance > 0.0 and abs(velocity) * time <= NO_OVERSHOOT * abs(distance)
-    if smooth and _fits(distance, time, velocity, 0.0, *limits):
+    if smooth and _fits(distance, time, velocity, 0.0, *limits, acceleration):
         return time, 0.0
-    brake = 1.5 * abs(velocity) / max_acceleration
+    brake = braking(velocity, acceleration, max_acceleration, max_jerk)
     brake = max(brake, min(stretch * brake, time))
-    while brake < time and not _fits(distance, time, velocity, brake, *limits):
+    while brake < time and not _fits(distance, time, velocity, brake, *limits, acceleration):
         brake *= LONGER
     return time, brake
 
@@ -142,24 +176,35 @@ def _fits(
     brake: float,
     max_velocity: float,
     max_acceleration: float,
+    max_jerk: float = 0.0,
+    acceleration: float = 0.0,
 ) -> bool:
-    """Whether a move keeps within speed and acceleration, sampled over both of its parts."""
+    """Whether a move keeps within its limits, sampled over both of its parts."""
     if time <= 0.0:
         return False
     t = np.concatenate([_S * time, _S * brake])
-    s = np.minimum(t / time, 1.0)
-    reach, run = distance - 0.5 * velocity * brake, 0.0 if brake else velocity * time
-    a, b, c = 10 * reach - 6 * run, 8 * run - 15 * reach, 6 * reach - 3 * run
-    speed = (run + s**2 * (3 * a + s * (4 * b + s * 5 * c))) / time
-    acceleration = s * (6 * a + s * (12 * b + s * 20 * c)) / time**2
+    s, u = np.minimum(t / time, 1.0), np.minimum(t / brake, 1.0) if brake else 0.0 * t
+    reach = distance - 0.5 * velocity * brake - acceleration * brake**2 / 12.0
+    run, bend = (0.0, 0.0) if brake else (velocity * time, 0.5 * acceleration * time**2)
+    a, b = 10 * reach - 6 * run - 3 * bend, 8 * run - 15 * reach + 3 * bend
+    c = 6 * reach - 3 * run - bend
+    speed = (run + s * (2 * bend + s * (3 * a + s * (4 * b + s * 5 * c)))) / time
+    change = (2 * bend + s * (6 * a + s * (12 * b + s * 20 * c))) / time**2
+    jerk = (6 * a + s * (24 * b + s * 60 * c)) / time**3 * (t <= time)
     if brake:
-        u = np.minimum(t / brake, 1.0)
-        speed += velocity * (1 + u**2 * (2 * u - 3))
-        acceleration += 6 * velocity * u * (u - 1) / brake
+        speed += velocity * (1 + u**2 * (2 * u - 3)) + acceleration * brake * u * (1 - u) ** 2
+        change += 6 * velocity * u * (u - 1) / brake + acceleration * (1 + u * (3 * u - 4))
+        own = velocity * (12 * u - 6) / brake**2 + acceleration * (6 * u - 4) / brake
+        jerk += own * (t <= brake)
+    elif acceleration:
+        place = s * (run + s * (bend + s * (a + s * (b + s * c)))) / distance
+        if place.max() > 1.0 + 1e-9:
+            return False
     slack = 1.0 + 1e-6
     return bool(
         np.abs(speed).max() <= slack * max(max_velocity, abs(velocity))
-        and np.abs(acceleration).max() <= slack * max_acceleration
+        and np.abs(change).max() <= slack * max(max_acceleration, abs(acceleration))
+        and (not max_jerk or np.abs(jerk).max() <= slack * max_jerk)
     )
 
 
@@ -240,15 +285,18 @@ class Effort:
             body.drift = joint.ramp_velocity
             if joint.moving:
                 body.start, body.start_velocity = joint.move_start, joint.move_velocity
+                body.start_acceleration = joint.move_acceleration
                 body.target = joint.move_target
                 body.time, body.brake = joint.move_time, joint.brake_time
                 body.past = joint.move_cycles * joint.period
             else:
                 body.start = body.target = joint.reference
-                body.start_velocity = body.time = body.brake = body.past = 0.0
+                body.start_velocity = body.start_acceleration = 0.0
+                body.time = body.brake = body.past = 0.0
 
     def _note_move(self, j: int, target: float, time: float, brake: float) -> None:
         """Add a move that begins now."""
         body, joint = self._arm.bodies[j - self._first], self._joints[j - self._first]
         body.start, body.start_velocity = joint.reference, joint.moved_velocity
+        body.start_acceleration = joint.moved_acceleration
         body.target, body.time, body.brake, body.past = target, time, brake, 0.0

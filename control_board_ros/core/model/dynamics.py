@@ -100,9 +100,10 @@ class Body:
     nz = cython.declare(cython.double, visibility="public")
     torque = cython.declare(cython.double, visibility="public")
     whole = cython.declare(cython.double, visibility="public")
-    # a move: start, its velocity, target, T, T_b, time past; drift; bounds
+    # a move: start, its velocity and acceleration, target, T, T_b, time past; drift; bounds
     start = cython.declare(cython.double, visibility="public")
     start_velocity = cython.declare(cython.double, visibility="public")
+    start_acceleration = cython.declare(cython.double, visibility="public")
     target = cython.declare(cython.double, visibility="public")
     time = cython.declare(cython.double, visibility="public")
     brake = cython.declare(cython.double, visibility="public")
@@ -116,7 +117,7 @@ class Body:
     fading = cython.declare(cython.double, visibility="public")
 
     def __init__(self) -> None:
-        self.slides = False
+        self.slides, self.start_acceleration = False, 0.0
 
     @cython.ccall
     def hang(self, carrier: Body) -> cython.void:
@@ -375,26 +376,33 @@ def place(b: Body, time: cython.double) -> cython.void:
     u: cython.double
     s: cython.double
     run: cython.double = 0.0
+    bend: cython.double = b.start_acceleration * b.brake
     elapsed: cython.double = time + b.past
     reach: cython.double = b.target - b.start
     b.q, b.dq, b.ddq = b.start + b.drift * time, b.drift, 0.0
     if b.brake > 0.0:
         u = min(elapsed / b.brake, 1.0)
-        reach -= 0.5 * b.start_velocity * b.brake
+        reach -= 0.5 * b.start_velocity * b.brake + bend * b.brake / 12.0
         b.q += b.start_velocity * b.brake * u * (1.0 + u * u * (0.5 * u - 1.0))
+        b.q += bend * b.brake * u * u * (0.5 + u * (0.25 * u - 2.0 / 3.0))
         b.dq += b.start_velocity * (1.0 + u * u * (2.0 * u - 3.0))
+        b.dq += bend * u * (1.0 - u) * (1.0 - u)
         b.ddq = 6.0 * b.start_velocity * u * (u - 1.0) / b.brake
+        b.ddq += b.start_acceleration * (1.0 + u * (3.0 * u - 4.0)) if u < 1.0 else 0.0
+        bend = 0.0
     else:
         run = b.start_velocity * b.time
+        bend = 0.5 * b.start_acceleration * b.time * b.time
     if elapsed >= b.time:
         b.q += reach
     else:
         s = elapsed / b.time
-        x: cython.double = 10.0 * reach - 6.0 * run
-        y: cython.double = 8.0 * run - 15.0 * reach
-        z: cython.double = 6.0 * reach - 3.0 * run
-        b.q += s * (run + s * s * (x + s * (y + s * z)))
-        b.dq += (run + s * s * (3.0 * x + s * (4.0 * y + s * 5.0 * z))) / b.time
+        x: cython.double = 10.0 * reach - 6.0 * run - 3.0 * bend
+        y: cython.double = 8.0 * run - 15.0 * reach + 3.0 * bend
+        z: cython.double = 6.0 * reach - 3.0 * run - bend
+        b.q += s * (run + s * s * (x + s * (y + s * z))) + s * s * bend
+        b.dq += (run + s * s * (3.0 * x + s * (4.0 * y + s * 5.0 * z)) + 2.0 * s * bend) / b.time
+        b.ddq += 2.0 * bend / b.time / b.time
         b.ddq += s * (6.0 * x + s * (12.0 * y + s * 20.0 * z)) / b.time / b.time
     if not b.lower <= b.q <= b.upper:
         b.q, b.dq, b.ddq = min(max(b.q, b.lower), b.upper), 0.0, 0.0
