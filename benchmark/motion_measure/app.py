@@ -35,8 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
-    if asked.page and (asked.rows or asked.joint or asked.delay):
-        parser.error("--page requires whole robots; leave out --rows, --joint and --delay")
+    if asked.page and (asked.joint or asked.delay or (asked.rows and asked.drive)):
+        parser.error("--page requires whole robots; leave out --joint, --delay, --rows of drives")
     if asked.page and asked.drive and asked.drive != SetPoint.PWM.code:
         record_drive(asked, rows)
         document(plots=False)
@@ -45,7 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     record: dict[str, Any] = load(FIGURES) if asked.page else {}
     path = FIGURES if asked.page else asked.json and Path(asked.json)
     for name in asked.robot or ([] if asked.scenes or only_draw else list(ROBOTS)):
-        record[name] = _one(name, rows, asked)
+        found = _one(name, rows, asked)
+        record[name] = (
+            renewed(record[name], found, rows) if asked.rows and name in record else found
+        )
         if path:
             save(path, record)
     scenes = asked.scenes or ("all" if asked.page and not asked.robot else "")
@@ -112,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         const="all",
         help="move behind bad wires, by each kind of set-point or by --drive: all, or of "
-        + ", ".join((*WIRES, *STALLS)),
+        + ", ".join((*WIRES, *STALLS)).replace("%", "%%"),
     )
     parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")
     return parser
@@ -183,6 +186,20 @@ def kept(lines: Sequence[Line], findings: Sequence[Finding], rig: Rig) -> dict[s
             [f.row, f.quantity, f.joint, f.pose, rounded(f.value)] for f in findings
         ]
     return record
+
+
+def renewed(
+    before: Mapping[str, Any], found: Mapping[str, Any], rows: Sequence[str]
+) -> dict[str, Any]:
+    """A robot's record with some rows measured anew; causes of failures are those of all."""
+    figures = {key: one for key, one in before["figures"].items() if key.split(".")[0] not in rows}
+    failures = {row: count for row, count in before["failures"].items() if row not in rows}
+    return {
+        **before,
+        "figures": figures | found["figures"],
+        "failures": failures | found["failures"],
+        "causes": dict(Counter(before["causes"]) + Counter(found["causes"])),
+    }
 
 
 def rounded(value: float) -> float:

@@ -94,6 +94,24 @@ def test_unknown_wires_and_drives_are_refused(
     assert words.rsplit(maxsplit=1)[-1] in capsys.readouterr().err
 
 
+def test_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Also where names of wires have a percent sign."""
+    with pytest.raises(SystemExit) as ended:
+        app.main(["--help"])
+    assert ended.value.code == 0
+    assert "loss 1 %" in " ".join(capsys.readouterr().out.split())
+
+
+def test_rows_measured_anew_leave_the_others() -> None:
+    step, moves = {"step.overshoot": [1.0, "a", "home"]}, {"moves.at_30": [2.0, "a", "home"]}
+    before = {"derived": True, "figures": step | moves, "failures": {"step": 1}, "causes": {}}
+    new = {"moves.at_30": [3.0, "b", "home"]}
+    found = {"figures": new, "failures": {"moves": 2}, "causes": {}}
+    now = app.renewed(before, found, ["moves"])
+    assert now["figures"] == step | new
+    assert (now["failures"], now["derived"]) == ({"step": 1, "moves": 2}, True)
+
+
 @pytest.mark.physics
 def test_the_same_figures_every_time(tmp_path: Path) -> None:
     """Simulated time: two runs agree in every digit, and the file holds finite figures."""

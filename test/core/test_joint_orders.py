@@ -121,6 +121,7 @@ def test_a_direct_position(velocity: float | None, given: float) -> None:
     zeros = "ramped moved_velocity ramp_velocity ramp_target reference_velocity direct_age"
     expected = dict.fromkeys(zeros.split(), 0.0) | {"moved": 0.8, "reference": 0.8}
     expected |= {"active": True, "moving": False, "awaited": True, "direct_velocity": given}
+    expected |= {"alone": True, "sample_age": 0.0}
     expected |= {"stopping": False}
     arguments = (0.8,) if velocity is None else (0.8, velocity)
     method = "step_to" if velocity is None else "step_with"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -215,3 +216,17 @@ def test_an_arm_that_lacks_torque_keeps_its_speeds(panda: Simulation, pause: flo
             over = np.sign(target - before) * (now.position - target)
             assert pause < 1.0 or over.max() <= 5e-3
         assert pause < 1.0 or np.abs(now.position - target).max() < 2e-3
+
+
+@pytest.mark.parametrize("rate", [10, 50, 500])
+def test_direct_positions_from_afar_are_caught_up_with(panda: Simulation, rate: int) -> None:
+    """P4: streams are not planned, nor are short steps from motion; both arrive."""
+    board, random = panda.board, np.random.default_rng(rate)
+    limits = [joint.limits for joint in board.config.joints]
+    low, span = np.array([(one.lower, one.upper - one.lower) for one in limits]).T
+    target = low + span * random.uniform(0.25, 0.75, board.count)
+    for k in range(6 * rate):
+        assert board.set_position(None, target + 1e-3 * math.sin(k / rate))
+        for _ in range(round(1.0 / rate / board.period)):
+            panda.step()
+    assert np.abs(board.snapshot().position - target).max() < 5e-3

@@ -848,6 +848,8 @@ class Joint:
     stop_due = cython.declare(cython.bint, visibility="public")  # its stop is still to be planned
     stop_rate = cython.declare(cython.double, visibility="public")  # deceleration, rad/s²
     stepping = cython.declare(cython.bint, visibility="public")  # a direct position by a plan
+    alone = cython.declare(cython.bint, visibility="public")  # no other came shortly before it
+    sample_age = cython.declare(cython.double, visibility="public")  # of the last one, periods
     plan: cython.double[::1]  # accelerations of a stop or a step, rad/s²
     plan_steps = cython.declare(cython.int, visibility="public")  # 0: none
     plan_step = cython.declare(cython.double, visibility="public")  # s
@@ -946,7 +948,8 @@ class Joint:
         self.kind = AS_PWM
         self.set_current = self.set_torque = self.set_velocity = 0.0
         self.set_position = self.set_stiffness = self.set_damping = 0.0
-        self.direct_age = INFINITE
+        self.direct_age = self.sample_age = INFINITE
+        self.alone = True
         self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
         self.calm = 1.0
         self.contact = self.had_contact = False
@@ -1007,9 +1010,10 @@ class Joint:
 
     @cython.ccall
     def is_far(self) -> cython.bint:
-        """Whether its direct position is a step: further off than a sample of a stream."""
+        """Whether its direct position is a step: no sample of a stream, by time and distance."""
         return (
-            not (self.stepping or self.moving or self.stream.flows)
+            self.alone
+            and not (self.stepping or self.moving)
             and self.limit_lower <= self.followed <= self.limit_upper
             and fabs(self.reference - self.followed) > SHORT_STEP**2 * self.max_acceleration
         )
@@ -1102,6 +1106,7 @@ class Joint:
     def take_sample(
         self, position: cython.double, velocity: cython.double, given: cython.bint
     ) -> cython.void:
+        self.alone, self.sample_age = self.sample_age * self.period > SLOWER, 0.0
         if not given and self.goes_to(position):
             return
         self.stream.take(
@@ -1463,6 +1468,7 @@ def advance(j: Joint) -> cython.void:
     """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
     velocity: cython.double
     periods: cython.double = j.elapsed / j.period
+    j.sample_age += periods
     if periods > GAP:
         cross_gap(j)
     if j.driven:
@@ -1766,7 +1772,7 @@ def follow(j: Joint) -> cython.void:
         and j.direct_velocity == 0.0
         and (j.direct_age == INFINITE or j.direct_age * j.period > LAST)
     ):
-        j.active = False
+        j.active, j.sample_age = False, INFINITE
         j.followed_velocity = j.followed_acceleration = 0.0
 
 

@@ -44,6 +44,8 @@ HALVINGS = cython.declare(cython.int, 24)
 MOST_STEPS = cython.declare(cython.int, 128)
 #: Speed at which a joint is at rest, as a part of its limit.
 STILL = cython.declare(cython.double, 2e-3)
+#: Steps from motion that last no longer have no plan, s: their want of torque passes.
+BRIEF = cython.declare(cython.double, 0.4)
 #: Change of a joint's torque along the line that is none, N·m.
 NOTHING = cython.declare(cython.double, 1e-12)
 
@@ -85,6 +87,7 @@ class Steps:
     load: cython.double[::1]  # g(q) + dry friction
     most: cython.double[::1]  # greatest b of each place
     b: cython.double[::1]
+    longest: cython.double  # time of the longest step by its own limits, s
     low: cython.double  # bounds of u
     high: cython.double
     top: cython.double  # greatest b, and u, by the joints' own limits
@@ -114,11 +117,12 @@ class Steps:
             chosen: places of the joints in the arm.
 
         Returns:
-            Whether they get there: from motion no line leads there, where joints lack torque.
+            Whether they get there: from motion no line leads there, where joints lack torque for
+            longer than BRIEF.
         """
         self.time = 0.0
         resting: cython.bint = self.take(chosen)
-        if not self.strained():
+        if not self.strained() or not (resting or self.longest > BRIEF):
             return True
         if not resting or not self.line():
             return False
@@ -175,6 +179,7 @@ class Steps:
                 )
             step = max(step, left / CHECKS)
             self.place[k] = self.start[k]
+        self.longest = step * CHECKS
         for _ in range(2 * CHECKS):
             moving = False
             for k in range(self.count):
