@@ -91,7 +91,7 @@ def run(
         answer_timeout: timeout of a board's answer, s.
         takeover: timeout of the operator's answer to a takeover request, s.
         recordings: folder of the recordings' folders.
-        announce: called with the addresses to open, before serving.
+        announce: called with the addresses to open, when they are served.
         report: called with log lines.
 
     Raises:
@@ -110,11 +110,23 @@ def run(
             recordings=recordings,
         )
         app = make_app(hub, token, port, own_names(host), report)
-        announce(addresses(host, port, token))
-        server = uvicorn.Server(config_of(app))
+        server = Server(config_of(app), lambda: announce(addresses(host, port, token)))
         server.run(sockets=[listening])
     finally:
         listening.close()
+
+
+class Server(uvicorn.Server):
+    """Says when it serves, and from then on ends well by a signal."""
+
+    def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._announce = announce
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._announce()
 
 
 def config_of(app: Any) -> uvicorn.Config:

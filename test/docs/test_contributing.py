@@ -76,6 +76,7 @@ def test_the_files_that_a_row_names_are_there(what: str) -> None:
         assert any(place.exists() for place in places), name
 
 
+@pytest.mark.slow
 def test_a_verb(copy: Copy) -> None:
     assert named(ROWS["a verb of `cbctl`"])[:2] == ["cli/verbs/", "cli/verbs/__init__.py"]
     copy.add(
@@ -101,6 +102,7 @@ class Here(Calibrator):
 '''
 
 
+@pytest.mark.slow
 def test_a_calibrator(copy: Copy) -> None:
     files = ["core/calibration/calibration.py", "core/config/config.py"]
     assert named(ROWS["a calibrator"])[-2:] == files
@@ -122,6 +124,7 @@ with Simulation(settings.board, settings.simulation) as simulation:
     assert "POSITION" in copy.run("-c", script)
 
 
+@pytest.mark.slow
 def test_a_driver(copy: Copy) -> None:
     files = [*(f"plants/NAME/{name}.py" for name in ("driver", "virtual"))]
     files += ["plants/entry_points.py", "plants/judges.py", "setup.py"]

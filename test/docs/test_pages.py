@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from documents import ROOT, Block, Reader, blocks, pattern, reader
+from documents import ROOT, RUN, Block, Reader, blocks, pattern, reader
 
 __all__ = ["reader"]
 
@@ -18,14 +18,14 @@ PAGES = [
 ]
 #: Languages of blocks that people type, run or save.
 TYPED = {"console", "sh", "bash", "python", "toml", "xml", "yaml"}
-VERBS = {"run", "output", "board", "file", "loads", "package", "not"}
+VERBS = {*RUN, "output", "file", "package", "part", "not"}
 #: Blocks that no test runs, each with its reason beside it: fewer with time, never more.
-NOT_RUN = 57
+NOT_RUN = 42
 #: The pages with something to run.
 FOLLOWED = [
     page
     for page in PAGES
-    if any(block.verb in ("run", "board", "loads") for block in blocks(page.read_text("utf-8")))
+    if any(block.verb in {*RUN, "part"} for block in blocks(page.read_text("utf-8")))
 ]
 
 

@@ -15,7 +15,15 @@ A comment before a block says what a test does with it:
     <!-- loads panda -->       the block is a parameter file that a robot accepts on top of its own
     <!-- package levers.py --> the block is the entry points of a package with that module, which
                                is installed beside the files for what is run from then on
+    <!-- part of FILE -->      the block stands in that file of the project, as it is
+    <!-- own ur.yaml: a b -->  the block is that file; the user's URDF that it names is one with
+                               these joints, and it is loaded
+    <!-- until Ctrl-C -->      each line is typed when the one before it has printed something, in
+                               a terminal of its own where it goes on; Ctrl-C ends all of them
     <!-- not run: reason -->   it cannot be run in a test
+
+Where a page says `pip install`, the package must have the extras that it names. A prompt may name
+a host or a terminal (`robot$`).
 
 Spaces and the place in a bar do not count. A line of `...` in an output matches any lines. A
 page that starts no board talks to one of the default configuration; pytest alone needs none. cbctl
@@ -31,11 +39,14 @@ import io
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import time
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.metadata import metadata
 from pathlib import Path
 
 import pytest
@@ -61,6 +72,13 @@ MODULES = {
     "pytest": "pytest",
 }
 SHELL = ("sh", "bash")
+
+
+MULTICAST = re.compile(r"(udp_multicast:239\.74\.163\.)\d+")
+#: What is run, of the verbs.
+RUN = ("run", "board", "loads", "own", "until")
+#: Exit code of a program of ours that Ctrl-C ended.
+INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
@@ -101,6 +119,46 @@ def commands(block: Block) -> list[tuple[str, str]]:
         else:
             found[-1][1].append(line)
     return [(command, "\n".join(lines)) for command, lines in found]
+
+
+def typed(block: Block) -> list[str]:
+    """The lines to type of a shell block, or behind the prompts of a console block."""
+    if block.language in SHELL:
+        return [line for line in block.text.splitlines() if line.strip()]
+    lines = (re.match(r"\w*\$ (.*)", line) for line in block.text.splitlines())
+    return [line[1].removesuffix("&").strip() for line in lines if line]
+
+
+def beside_others(words: list[str]) -> list[str]:
+    """A line with a port and a group address that no other run on this machine uses."""
+    own = [MULTICAST.sub(rf"\g<1>{2 + os.getpid() % 250}", word) for word in words]
+    return [*own, "--port", "0"] if words[1:2] in (["panel"], ["foxglove"]) else own
+
+
+def check_extras(words: list[str]) -> None:
+    """Look whether the package has the extras that a line installs."""
+    offered = metadata("control_board_ros").get_all("Provides-Extra") or []
+    for wanted in words[2:]:
+        extra = re.fullmatch(r"control_board_ros\[([\w-]+)\]", wanted)
+        assert extra is not None, wanted
+        assert extra[1] in offered, f"{wanted}: there is {offered}"
+
+
+def urdf_of(joints: list[str]) -> str:
+    """An arm with these joints, one behind the other."""
+    link = (
+        "<link name='{}'><inertial><origin xyz='0 0 0.1'/><mass value='0.5'/><inertia ixx='0.002'"
+        " iyy='0.002' izz='0.002' ixy='0' ixz='0' iyz='0'/></inertial></link>"
+    )
+    joint = (
+        "<joint name='{1}' type='revolute'><parent link='{0}'/><child link='behind_{1}'/>"
+        "<origin xyz='0 0 0.2'/><axis xyz='0 1 0'/>"
+        "<limit lower='-1.5' upper='1.5' effort='20' velocity='2'/></joint>"
+    )
+    parents = ["base", *(f"behind_{name}" for name in joints)]
+    parts = [link.format(name) for name in parents]
+    parts += [joint.format(*pair) for pair in zip(parents, joints, strict=False)]
+    return f"<robot name='own'>{''.join(parts)}</robot>"
 
 
 def pattern(expected: str, varies: list[str]) -> str:
@@ -146,28 +204,92 @@ class Reader:
     def follow(self, page: Path) -> int:
         """Do all of it; the number of blocks that were run."""
         found = blocks(page.read_text(encoding="utf-8"))
-        count = 0
+        does = {
+            "file": self.save,
+            "loads": self.load,
+            "own": self.load_own,
+            "package": self.install,
+            "board": self.start_board,
+            "part": self.find,
+            "until": self.run_until_ended,
+        }
         for block, after in zip(found, [*found[1:], None], strict=True):
-            if block.verb == "file":
-                path = self.folder / block.mark.split(" ")[1]
-                path.write_text(block.text, encoding="utf-8")
-            elif block.verb == "loads":
-                self.load(block)
-            elif block.verb == "package":
-                self.install(block)
-            elif block.verb == "board":
-                self.start(shlex.split(block.text, comments=True), block.mark.partition(" ")[2])
+            if block.verb in does:
+                does[block.verb](block)
             elif block.verb == "run" and block.language == "python":
-                follows = after if after is not None and after.verb == "output" else None
-                self.run_script(block, follows)
-            elif block.verb == "run" and block.language in SHELL:
-                for line in block.text.splitlines():
-                    self.shell(block, shlex.split(line, comments=True))
+                follows = after is not None and after.verb == "output"
+                self.run_script(block, after if follows else None)
             elif block.verb == "run":
-                for command, expected in commands(block):
-                    compare(block, expected, self.type(command), block.varies, command)
-            count += block.verb in ("run", "board", "loads")
-        return count
+                self.run(block)
+        return sum(block.verb in RUN for block in found)
+
+    def run(self, block: Block) -> None:
+        """Type the lines of a console block, or of a shell block."""
+        if block.language in SHELL:
+            for line in typed(block):
+                self.shell(block, shlex.split(line, comments=True))
+        else:
+            for command, expected in commands(block):
+                compare(block, expected, self.type(command), block.varies, command)
+
+    def save(self, block: Block) -> None:
+        """Write a file."""
+        path = self.folder / block.mark.split(" ")[1]
+        path.write_text(block.text, encoding="utf-8")
+
+    def start_board(self, block: Block) -> None:
+        """Start the board that a block says."""
+        self.start(shlex.split(block.text, comments=True), block.mark.partition(" ")[2])
+
+    def find(self, block: Block) -> None:
+        """Look a block up in the file that it is a part of."""
+        file = ROOT / block.mark.split(" ")[2]
+        assert block.text in file.read_text(encoding="utf-8"), f"line {block.line}: {file.name}"
+
+    def load_own(self, block: Block) -> None:
+        """Load a parameter file with a URDF of these joints in place of the user's own."""
+        words = block.mark.split(" ")
+        path = self.folder / words[1].rstrip(":")
+        path.write_text(block.text, encoding="utf-8")
+        (urdf,) = re.findall(r"robot: (\S+\.urdf)", block.text)
+        (self.folder / urdf).write_text(urdf_of(words[2:]), encoding="utf-8")
+        load(path)
+
+    def run_until_ended(self, block: Block) -> None:
+        """Type lines that go on, and end them by Ctrl-C: each ends well."""
+        with contextlib.ExitStack() as open_terminals:
+            for line in typed(block):
+                words = beside_others(shlex.split(line, comments=True))
+                if words[0] == "control_board":
+                    self.start(words)
+                elif words[0] == "pip":
+                    check_extras(words)
+                else:
+                    open_terminals.enter_context(self.terminal(words))
+
+    @contextlib.contextmanager
+    def terminal(self, words: list[str]) -> Iterator[None]:
+        """A program in a terminal of its own, from its first line to Ctrl-C."""
+        command = self._program(words[0], words[1:])
+        alone = words[0] == "python"  # drives, which know no board
+        environment = child_environment(0) if alone else self._environment(command)
+        with subprocess.Popen(
+            command,
+            env=environment | {"COLUMNS": "80"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        ) as process:
+            assert process.stdout is not None
+            first = process.stdout.readline()
+            try:
+                yield
+            finally:
+                process.send_signal(signal.SIGINT)
+                printed = first + process.communicate(timeout=240)[0]
+        assert "Traceback" not in printed, printed
+        assert process.returncode in (0, INTERRUPTED), f"{words}: {process.returncode}: {printed}"
 
     def load(self, block: Block) -> None:
         """Load a parameter file on top of a shipped robot."""
@@ -232,6 +354,9 @@ class Reader:
 
     def shell(self, block: Block, words: list[str]) -> None:
         """Type a line of which only the end counts."""
+        if words[0] == "pip":
+            check_extras(words)
+            return
         done = self._run(self._program(words[0], words[1:]))
         assert done.returncode == 0, f"line {block.line}: {words}: {done.stdout}"
 
