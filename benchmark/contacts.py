@@ -372,18 +372,24 @@ def main() -> None:
         observed, bare = (1e6 * seconds for seconds in cost())
         print(f"{observed - bare:.2f} µs of {observed:.2f} µs a cycle, seven joints")
     urdfs = dict(one.split("=", 1) for one in given.urdf)
-    rows: dict[str, Any] = json.loads(ROWS.read_text("utf-8")) if ROWS.exists() else {}
     for name in given.arms:
         values = {"robot": urdfs[name]} if name in urdfs else {}
         for engine in [given.engine] if given.engine else ENGINES:
             row = measure(name, engine, values, Effort("quick" if given.quick else "full"))
-            rows[f"{name} {engine}"] = asdict(row)
             print("\n".join(table({"": asdict(row)})), flush=True)
             if not given.quick:
+                rows = kept()  # another run may have added some
+                rows[f"{name} {engine}"] = asdict(row)
                 lines = [f"{json.dumps(cell)}: {json.dumps(rows[cell])}" for cell in sorted(rows)]
                 ROWS.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
     if given.page:
-        replace_between(PAGE, BEGIN, END, "\n".join(["", *table(rows), ""]))
+        replace_between(PAGE, BEGIN, END, "\n".join(["", *table(kept()), ""]))
+
+
+def kept() -> dict[str, Any]:
+    """The rows so far."""
+    found: dict[str, Any] = json.loads(ROWS.read_text("utf-8")) if ROWS.exists() else {}
+    return found
 
 
 def table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
