@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "test" / "support")]
+sys.path.append(str(HERE.parent / "test" / "support"))
 
 from common import Effort  # noqa: E402
 from hidden import NOISE  # noqa: E402

@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
-
-import contacts
-from common import Effort
+BENCHMARK = str(Path(__file__).resolve().parents[2] / "benchmark")
+sys.path.insert(0, BENCHMARK)
+try:
+    import contacts
+    from common import Effort
+finally:
+    sys.path.remove(BENCHMARK)
 
 pytestmark = pytest.mark.physics
 
