@@ -74,6 +74,21 @@ def test_moves_amid_moves_keep_it(moves: list[tuple[float, float, float]]) -> No
     assert not one.joint.moving
 
 
+def test_a_limit_that_is_taken_away_amid_a_move() -> None:
+    """The move goes on as it began, its speed that of its way; the next one knows no jerk."""
+    one = at(0.0)
+    go(one, 1.0, 1.0)
+    one.step(150)
+    go(one, 1.5, 1.0)
+    assert one.joint.move_acceleration != 0.0
+    one.step(5)
+    one.joint.max_jerk = 0.0
+    places = one.record(100, "moved", "moved_velocity")
+    speed = np.diff(places[:, 0]) / PERIOD
+    assert speed == pytest.approx(0.5 * (places[1:, 1] + places[:-1, 1]), abs=1e-3)
+    assert one.joint.moved_acceleration == 0.0
+
+
 @given(st.floats(-2.0, 2.0), st.floats(-20.0, 20.0), st.floats(0.5, 5.0))
 def test_a_move_of_given_time_keeps_it(velocity: float, change: float, time: float) -> None:
     """Where its time suffices for that."""
