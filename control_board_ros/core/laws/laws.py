@@ -1576,8 +1576,7 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
     c: cython.double = 6.0 * reach - 3.0 * run - bend
     j.moved = j.move_start + way + s * (run + s * s * (a + s * (b + s * c))) + s * s * bend
     j.moved_velocity = speed + (run + s * s * (3.0 * a + s * (4.0 * b + s * 5.0 * c))) / time
-    j.moved_velocity += 2.0 * s * bend / time
-    j.moved_acceleration = 0.0
+    j.moved_velocity, j.moved_acceleration = j.moved_velocity + 2.0 * s * bend / time, 0.0
     if j.max_jerk > 0.0:
         change += (2.0 * bend + s * (6.0 * a + s * (12.0 * b + s * 20.0 * c))) / (time * time)
         j.moved_acceleration = change
