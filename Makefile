@@ -70,7 +70,10 @@ mutants: ## Break the core in small ways: a test must fail; ARGS=--all for every
 
 judges: ## Fetch clients of drives that cannot be installed beside the others, for test/judged
 	@$(SETUP) test
-	@$(BIN)/python -m pip install -q --no-deps --upgrade --target $(VENV)/judges/ftservo-python-sdk "ftservo-python-sdk>=2.0"
+	@for judge in ftservo-python-sdk==2.0.1 lerobot==0.4.4; do \
+	    $(BIN)/python -m pip install -q --no-deps --upgrade \
+	        --target "$(VENV)/judges/$${judge%%=*}" "$$judge" || exit; \
+	done
 
 docs: ## Write the generated pages of docs/; ARGS=--pictures draws anew
 	@$(SETUP) test dev

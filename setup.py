@@ -216,6 +216,7 @@ JUDGES = [
     "durand>=0.5",
     "dynamixel-python>=0.0.8",
     "feetech-cli>=0.1.8",
+    "motorbridge==0.5.6",
     "odrive-can>=2.1",
     "st3215-bus>=0.1.1",
 ]

@@ -25,7 +25,7 @@ def run_apart(package: str, program: str, *arguments: str) -> list[str]:
         pytest.skip(f"{package} is not in {folder}: make judges")
     done = subprocess.run(
         [sys.executable, str(ROOT / "test" / "judged" / program), *arguments],
-        env=os.environ | {"PYTHONPATH": str(folder)},
+        env=os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{ROOT / 'test' / 'support'}"},
         capture_output=True,
         text=True,
         check=False,
