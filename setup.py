@@ -218,6 +218,7 @@ JUDGES = [
     "feetech-cli>=0.1.8",
     "motorbridge==0.5.6",
     "odrive-can>=2.1",
+    "robstride-dynamics>=0.0.1",
     "st3215-bus>=0.1.1",
 ]
 TEST = [

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from control_board_ros.plants.mit_can import damiao, frames, robstride
+from control_board_ros.plants.mit_can import robstride_private as private
 
 RANGES = frames.Ranges(12.5, 30.0, 10.0)
 #: rad/s, N·m, N·m/rad and N·m·s/rad of the maker's manuals of 2026-04-28, MIT protocol; 12.57 rad
@@ -42,6 +43,23 @@ def test_every_position_of_a_damiao_is_a_motion_in_every_state(state: int) -> No
 @pytest.mark.parametrize("model", robstride.MODELS)
 def test_ranges_of_a_robstride_are_those_of_its_manual(model: str) -> None:
     assert tuple(robstride.MODELS[model]) == (12.57, *MANUALS[model])
+
+
+def test_frames_of_a_robstride_are_those_of_its_manual() -> None:
+    """RS02, 2026-04-28: reading loc_kp of motor 127, and its answer, 30."""
+    loc_kp = private.reading(0x7F, 0x701E)
+    assert loc_kp.request == [(0x1100FD7F, bytes.fromhex("1e70000000000000"))]
+    data = bytes.fromhex("1e7000000000f041")
+    answer = SimpleNamespace(arbitration_id=0x11007FFD, is_extended_id=True, data=data)
+    assert loc_kp.pick(answer) == 30.0
+    assert private.frame(private.WRITE, 1)[0] == 0x1200FD01
+
+
+def test_every_position_of_a_robstride_is_a_motion_but_for_its_firmware() -> None:
+    """An answer to a question for the firmware has the kind of a motion."""
+    for count in range(1 << 16):
+        data = count.to_bytes(2, "big") + bytes([0x80, 0, 0x80, 0, 1, 44])
+        assert not data.startswith(private.FIRMWARE)
 
 
 @pytest.mark.parametrize("values", GOLDEN)

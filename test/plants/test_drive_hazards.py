@@ -24,7 +24,7 @@ from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.serial_line import Item
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import Description, DriveLimits, JointDescription
-from control_board_ros.plants.mit_can import damiao, frames
+from control_board_ros.plants.mit_can import damiao, frames, robstride_private, virtual_robstride
 from control_board_ros.plants.offers import bounded_limits
 from control_board_ros.plants.virtual.can_bus import Frame
 from control_board_ros.testing.plant_contract import board_for
@@ -214,14 +214,17 @@ def test_the_smaller_current_acts() -> None:
         assert bounded.nominal_current == nominal
 
 
-@pytest.mark.parametrize("model", ["damiao", "rs02"])
-def test_a_scan_takes_no_power(model: str) -> None:
+@pytest.mark.parametrize(
+    ("model", "protocol"), [("damiao", "private"), ("rs02", "private"), ("rs02", "mit")]
+)
+def test_a_scan_takes_no_power(model: str, protocol: str) -> None:
     """A scan only reads: a running arm keeps its torque."""
-    with bench_of("mit_can", model=model, unwatched="1") as bench:
+    with bench_of("mit_can", model=model, protocol=protocol, unwatched="1") as bench:
         bench.connect()
         bench.follow(IMPEDANCE, 20)
         for drive in bench.drives:  # a scan takes longer, where no board commands meanwhile
             getattr(drive, "registers", {})[damiao.TIMEOUT] = 0
+            getattr(drive, "parameters", {})[robstride_private.CAN_TIMEOUT] = 0
         found = bench.scan()
         assert [drive.id for drive in found] == [1, 2]
         assert [drive.state for drive in bench.drives] == [1, 1]
@@ -261,10 +264,16 @@ def test_a_lost_torque_off_is_sent_again() -> None:
         assert [drive.table.bytes[64] for drive in bench.drives] == [0, 0]
 
 
-@pytest.mark.parametrize("driver", [*LIBRARIES, "robstride"])
+ROBSTRIDE = {
+    "robstride": {"model": "rs02"},
+    "robstride_mit": {"model": "rs02", "protocol": "mit", "unwatched": "1"},
+}
+
+
+@pytest.mark.parametrize("driver", [*LIBRARIES, *ROBSTRIDE])
 def test_a_drive_that_is_not_heard_loses_its_power(driver: str) -> None:
     """S8: it may hear; power was left on where the wire from the drives was cut."""
-    options = {"model": "rs02", "unwatched": "1"} if driver == "robstride" else {}
+    options = ROBSTRIDE.get(driver, {})
     with bench_of("mit_can" if options else driver, **options) as bench:
         bench.connect()
         bench.follow(bench.accepts[0], 50, position=0.05)
@@ -422,3 +431,60 @@ def test_power_from_a_queue_is_taken_back() -> None:
         found = bench.follow(IMPEDANCE, 40)
         assert "restarted" in str(found.faults[0])
         assert law_of(bench.drives[0]) is OFF
+
+
+def test_a_robstride_as_it_is_delivered_is_heard_and_watched() -> None:
+    """Out of the box it has frames of its own; nothing was heard of it."""
+    with bench_of("mit_can", model="rs02") as bench:
+        bench.connect()
+        assert [drive.parameters[robstride_private.CAN_TIMEOUT] for drive in bench.drives] == [
+            2000, 2000,
+        ]  # fmt: skip
+        bench.follow(IMPEDANCE, 1000, position=0.3)
+        np.testing.assert_allclose(bench.world.state[0], 0.3, atol=5e-3)
+        bench.pass_time(0.11)
+        assert [drive.state for drive in bench.drives] == [0, 0]
+        assert all(bench.follow(IMPEDANCE, position=0.3).faults)
+
+
+def test_a_robstride_that_restarts_without_power_is_set_up_again() -> None:
+    """S8: its watchdog is lost with its supply; it is read before power, and just after it."""
+    with bench_of("mit_can", model="rs02") as bench:
+        bench.connect()
+        bench.follow(OFF, 10)
+        bench.drives[0].reboot()
+        found = bench.until(lambda found: bool(found.faults[0]), IMPEDANCE, cycles=20)
+        assert "drive restarted" in str(found.faults[0])
+        assert not powered(bench.drives[0])
+        for _ in range(50):
+            bench.plant.clear_fault(0)
+            found = bench.follow(OFF)
+        assert not any(found.faults)
+        bench.follow(IMPEDANCE, 10)
+        assert bench.drives[0].parameters[robstride_private.CAN_TIMEOUT] == 2000
+
+
+def test_a_robstride_tells_its_faults_in_full() -> None:
+    """S6: in a frame that nobody asked for; the answers name few of them."""
+    with bench_of("mit_can", model="rs02") as bench:
+        bench.connect()
+        bench.drives[1].fail(1 << 3)
+        found = bench.until(lambda found: bool(found.faults[1]), OFF, cycles=5)
+        assert str(found.faults[1]) == "8 over-voltage"
+        bench.plant.clear_fault(1)
+        bench.until(lambda found: not any(found.faults), OFF, cycles=5)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "end"), [((0, 0, 2, 5), 12.5), ((0, 0, 2, 6), 12.57), ((1, 0, 0, 0), 12.57)]
+)
+def test_the_range_of_an_rs00_is_that_of_its_firmware(
+    firmware: tuple[int, ...], end: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As its manual of 2026-04-28 says."""
+    monkeypatch.setattr(virtual_robstride, "FIRMWARE", firmware)
+    with bench_of("mit_can", model="rs00") as bench:
+        bench.connect()
+        (joint, _) = bench.plant.describe().joints
+        assert joint.limits.upper == end
+        assert joint.drive == f"RobStride RS00 {'.'.join(map(str, firmware))}"

@@ -39,7 +39,8 @@ DRIVERS: dict[str, tuple[str, dict[str, str]]] = {
     "moteus": ("moteus", {"unwatched": "1"}),
     "dynamixel": ("dynamixel", {}),
     "mit_can": ("mit_can", {}),
-    "robstride": ("mit_can", {"model": "rs02", "unwatched": "1"}),
+    "robstride": ("mit_can", {"model": "rs02"}),
+    "robstride_mit": ("mit_can", {"model": "rs02", "protocol": "mit", "unwatched": "1"}),
     "cia402": ("cia402", {}),
     "odrive_can": ("odrive_can", {}),
     "feetech": ("feetech", {"unwatched": "1"}),
@@ -96,13 +97,14 @@ ANSWERS: dict[str, Change] = {
     "odrive_can": in_name(5, 0x7E0),
     "cia402": in_name(0, 0x7F),
     "mit_can": lambda name, data: in_data(0, 0x0F)(0x11 if name == 0x12 else name, data),
-    "robstride": in_data(0, 0xFF),
+    "robstride": in_name(8, 0xFF00),
+    "robstride_mit": in_data(0, 0xFF),
     "dynamixel": in_data(
         4, 0xFF, lambda data: data[:-2] + checksum(data[:-2]).to_bytes(2, "little")
     ),
     "feetech": in_data(2, 0xFF, lambda data: data[:-1] + bytes([~sum(data[2:-1]) & 0xFF])),
 }
-TOGETHER = ("moteus", "odrive_can", "cia402", "mit_can", "robstride")
+TOGETHER = ("moteus", "odrive_can", "cia402", "mit_can", "robstride", "robstride_mit")
 
 
 #: One of them all day, the others in make test-long.
@@ -205,6 +207,7 @@ test_moteus_keeps_the_contract = contract("moteus")
 test_dynamixel_keeps_the_contract = pytest.mark.slow(contract("dynamixel"))
 test_mit_can_keeps_the_contract = pytest.mark.slow(contract("mit_can"))
 test_robstride_keeps_the_contract = pytest.mark.slow(contract("robstride"))
+test_robstride_mit_keeps_the_contract = pytest.mark.slow(contract("robstride_mit"))
 test_cia402_keeps_the_contract = pytest.mark.slow(contract("cia402"))
 test_odrive_can_keeps_the_contract = pytest.mark.slow(contract("odrive_can"))
 test_feetech_keeps_the_contract = pytest.mark.slow(contract("feetech"))
@@ -579,7 +582,11 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"model": "rs02"}, "left: no MIT frame sets the watchdog .* canTimeout .* unwatched=1"),
+        (
+            {"model": "rs02", "protocol": "mit"},
+            "left: no MIT frame sets the watchdog .* canTimeout .* unwatched=1",
+        ),
+        ({"model": "rs02", "protocol": "own"}, "left.protocol=own: private or mit is required"),
         ({"right.model": "rs99"}, "right.model=rs99: unknown; known: damiao, rs00, .*"),
         ({"model": "damio"}, r"left.model=damio: unknown; did you mean 'damiao'\?; known: "),
         ({"model": "rs02", "unwatched": "1", "scales": "1/2"}, "left.scales=1/2: .* is required"),
@@ -595,11 +602,19 @@ def test_mit_motors_that_cannot_be_are_refused(options: dict[str, str], text: st
 def test_both_makes_of_mit_motors_share_a_bus() -> None:
     """S1: each with its own scales, and its own scheme of ids."""
     with Bench(
-        "mit_can", options={"right.model": "rs04", "ids": "2 18", "unwatched": "1"}
+        "mit_can",
+        ("left", "right", "top"),
+        {
+            "right.model": "rs04",
+            "top.model": "rs02",
+            "top.protocol": "mit",
+            "ids": "2 18 19",
+            "unwatched": "1",
+        },
     ) as bench:
         bench.connect()
         names = [joint.drive for joint in bench.plant.describe().joints]
-        assert names == ["Damiao 5013", "RobStride RS04"]
+        assert names == ["Damiao 5013", "RobStride RS04 0.2.3.17", "RobStride RS02"]
         bench.follow(IMPEDANCE, 1500, position=0.3, stiffness=8.0, damping=1.0)
         np.testing.assert_allclose(bench.world.state[0], 0.3, atol=5e-3)
 

@@ -19,7 +19,8 @@ from explorer import Run, Walk
 MAKES: dict[str, tuple[str, dict[str, str]]] = {
     "moteus": ("moteus", {"unwatched": "1"}),
     "damiao": ("mit_can", {}),
-    "robstride": ("mit_can", {"model": "rs02", "unwatched": "1"}),
+    "robstride": ("mit_can", {"model": "rs02"}),
+    "robstride_mit": ("mit_can", {"model": "rs02", "protocol": "mit", "unwatched": "1"}),
     "odrive_can": ("odrive_can", {}),
     "cia402": ("cia402", {}),
     "dynamixel": ("dynamixel", {}),

@@ -310,7 +310,7 @@ def law_of(drive: Any) -> SetPoint | None:  # noqa: PLR0911 - one for each make
         )
     if name in ("VirtualMit", "VirtualRobStride"):
         if drive.state != 1:  # a RobStride in MIT mode reports no state: at rest it is not seen
-            return OFF if name == "VirtualMit" else None
+            return None if getattr(drive, "protocol", 0) else OFF
         return SetPoint.IMPEDANCE if any(drive._command[2:4]) else SetPoint.TORQUE
     if name == "VirtualOdrive":
         modes = {odrive.POSITION_CONTROL: SetPoint.POSITION,

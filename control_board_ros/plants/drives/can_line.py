@@ -21,6 +21,8 @@ PATIENCE = 0.05
 SHORT = 0x7FF
 #: Flag of a frame's id, as socketcan has it: a remote frame, which requests that of its id.
 REMOTE = 0x40000000
+#: Another: 29 bits, of an id that would fit into 11.
+EXTENDED = 0x80000000
 #: Bit of an error frame, as socketcan numbers them: the interface left the bus.
 BUS_OFF = 0x40
 
@@ -43,9 +45,9 @@ def frame() -> Any:
 
 
 def message(frame_id: int, data: bytes, *, fd: bool) -> Any:
-    """A frame of python-can, of 29 bits where its id needs them; remote where it has REMOTE."""
+    """A frame of python-can, of 29 bits where its id needs them or has EXTENDED; see REMOTE."""
     return frame()(
-        arbitration_id=frame_id & ~REMOTE,
+        arbitration_id=frame_id & ~(REMOTE | EXTENDED),
         is_remote_frame=bool(frame_id & REMOTE),
         data=data,
         is_extended_id=frame_id & ~REMOTE > SHORT,
@@ -79,7 +81,7 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
     return can.Bus(interface=interface, channel=channel or None, **more)
 
 
-#: The id of a frame, remote ones with REMOTE, and its data.
+#: The id of a frame with its flags REMOTE and EXTENDED, and its data.
 Frame = tuple[int, bytes]
 
 

@@ -68,6 +68,16 @@ class Damiao:
         self.master: int | None = None
         self._again = 0  # exchanges in which its mode is read again, after its power came
 
+    def sent(self, message: Any) -> bool:
+        """Whether a frame is from this motor."""
+        named = message.arbitration_id == self.master and not message.is_extended_id
+        return named and len(message.data) == 8 and message.data[0] & 0xF == self._axis.id
+
+    @property
+    def off(self) -> Frame:
+        """The frame that takes its power."""
+        return self._axis.id, f.DISABLE
+
     def set_up(self, timeout: float) -> Questions[Found]:
         """MIT mode and watchdog, acknowledged; its ranges."""
         number = self._axis.id
@@ -126,8 +136,9 @@ class Damiao:
         else:
             yield number, f.CLEAR if action is Action.RESET else f.DISABLE
 
-    def take(self, data: bytes, answers: Answers, k: int) -> bool:
+    def take(self, message: Any, answers: Answers, k: int) -> bool:
         """Read an answer; true where it is a motion."""
+        data = bytes(message.data)
         if is_register(data, self._axis.id):
             if data[3] == CTRL_MODE and data[4:] != MIT_MODE.to_bytes(4, "little"):
                 answers.reported[k].lost = True
@@ -183,7 +194,8 @@ def reading(drive: int, register: int, *, several: bool = False) -> Question:
 
     def pick(message: Any) -> float | None:
         data = bytes(message.data)
-        if len(data) != 8 or message.arbitration_id >= REGISTERS or not is_register(data, drive):
+        other = message.is_extended_id or message.arbitration_id >= REGISTERS
+        if other or len(data) != 8 or not is_register(data, drive):
             return None
         return float(struct.unpack(form, data[4:])[0]) if data[3] == register else None
 

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Damiao and RobStride motors in MIT mode on one bus: a frame down and one up for each.
+"""Damiao and RobStride motors on one bus: a frame of q, q̇, k, d, τ down and one up for each.
 
-They accept ``impedance`` as it is, and ``torque`` as an impedance with k = d = 0. What the makes
-differ in is in ``damiao`` and ``robstride``.
+They accept ``impedance`` as it is, and ``torque`` as an impedance with k = d = 0. What they differ
+in is in ``damiao``, ``robstride`` and ``robstride_private``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,16 +17,21 @@ from ..drives.axes import Axis, Options
 from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded, flagged
-from ..drives.interview import Questions
+from ..drives.interview import Question, Questions
 from ..drives.plant import maker
 from ..errors import PlantSettingsError
 from ..interface import Setup
 from . import damiao as d
 from . import frames as f
 from . import robstride as r
+from . import robstride_private as p
 
 IDS = range(1, 128)
-Motor = d.Damiao | r.RobStride
+#: Protocols of a RobStride motor: as it is delivered, and that which its maker's tool can set.
+PRIVATE, MIT = "private", "mit"
+#: Questions of a scan that are sent at once.
+FEW = 8
+Motor = d.Damiao | r.RobStride | p.RobStridePrivate
 
 
 class MitDrives:
@@ -56,11 +61,18 @@ class MitDrives:
         """
         if axis.own["model"] == f.DAMIAO:
             return d.Damiao(axis, self._options.bus)
+        if axis.own["protocol"] == PRIVATE:
+            return p.RobStridePrivate(axis, self._options.bus)
         motor = r.RobStride(axis, self._options.bus)
+        if axis.own["protocol"] != MIT:
+            raise PlantSettingsError(
+                f"{axis.name}.protocol={axis.own['protocol']}: {PRIVATE} or {MIT} is required"
+            )
         if not self._options.own["unwatched"]:
             raise PlantSettingsError(
                 f"{axis.name}: no MIT frame sets the watchdog of a RobStride motor; store its "
-                "canTimeout with the maker's tool, then add unwatched=1 to plant_arguments"
+                "canTimeout with the maker's tool, then add unwatched=1 to plant_arguments; or "
+                "set its private protocol, and remove protocol=mit"
             )
         return motor
 
@@ -128,19 +140,15 @@ class MitDrives:
             yield self._axes[k].id, r.READ_FAULTS
 
     def close(self) -> None:
-        self.line.close((axis.id, f.DISABLE) for axis in self._axes)
+        self.line.close(motor.off for motor in self._motors)
 
     def _take(self, message: Any) -> int | None:
-        data, source = bytes(message.data), message.arbitration_id
-        if len(data) != 8:
-            return None
         for order in self._orders.values():
             if order.interview is not None and order.interview.hear(message):
                 break
         for k, motor in enumerate(self._motors):
-            named = data[0] if isinstance(motor, r.RobStride) else data[0] & 0xF
-            if source == motor.master and named == self._axes[k].id:
-                return k if motor.take(data, self._answers, k) else None
+            if motor.sent(message):
+                return k if motor.take(message, self._answers, k) else None
         return None
 
 
@@ -158,17 +166,36 @@ def scan(bus: str) -> list[Found]:
                     id=drive, type="Damiao", fault=faults[0] if faults else None, turn=ONE_TURN
                 )
                 found.append(replace(one, firmware=f"{int(version[0])}" if version else ""))
-        for drive in set(IDS).difference(one.id for one in found):  # it would be their command
-            line.send(drive, r.READ_FAULTS)
-        mine = {m.data[0]: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
-                if m.arbitration_id == r.MASTER and len(m.data) == 8}  # fmt: skip
-        for drive, data in sorted(mine.items()):
-            fault = flagged(r.fault_word(data) or 0, r.FAULTS)
-            found.append(Found(id=drive, type="RobStride", fault=fault, turn=ONE_TURN))
+        for drive, _ in answering(line, p.identity, {one.id for one in found}):
+            volts, word = (
+                [*asked(line, p.reading(drive, index)), math.nan][0]
+                for index in (p.VOLTAGE, p.FAULTS)
+            )
+            fault = flagged(0 if math.isnan(word) else int(word), r.FAULTS)
+            one = Found(id=drive, type="RobStride", voltage=volts, fault=fault, turn=ONE_TURN)
+            found.append(one)
+        for drive, word in answering(line, r.faults, {one.id for one in found}):
+            kind, fault = f"RobStride, protocol={MIT}", flagged(word, r.FAULTS)
+            found.append(Found(id=drive, type=kind, fault=fault, turn=ONE_TURN))
     return found
 
 
-def asked(line: CanLine, question: Any) -> list[Any]:
+def answering(
+    line: CanLine, question: Callable[[int], Question], known: Container[int]
+) -> Iterator[tuple[int, Any]]:
+    """Who answers a question, and what; without known drives, to whom it would be a command."""
+    drives, came = [drive for drive in IDS if drive not in known], []
+    for few in range(0, len(drives), FEW):  # an interface's queue holds ten frames, as it comes
+        for drive in drives[few : few + FEW]:
+            line.send(*question(drive).request[0])
+        came += line.collect(PATIENCE / 10)
+    came += line.collect(PATIENCE)
+    for drive in drives:
+        pick = question(drive).pick
+        yield from ((drive, found) for message in came if (found := pick(message)) is not None)
+
+
+def asked(line: CanLine, question: Question) -> list[Any]:
     """What is answered to a question on a line that nobody else uses."""
     line.send(*question.request[0])
     answers = [question.pick(message) for message in line.collect(PATIENCE / 5)]
@@ -180,5 +207,5 @@ make = maker(
     bus="socketcan:can0",
     ids=IDS,
     whole={"bitrate": 0.0, "unwatched": 0.0},
-    each={"model": f.DAMIAO, "scales": ""},
+    each={"model": f.DAMIAO, "scales": "", "protocol": PRIVATE},
 )

@@ -29,25 +29,33 @@ class Ranges(NamedTuple):
     most_damped: float = 5.0
 
 
-def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: float) -> bytes:
-    """A command; what is beyond a range is cut.
+def counts(
+    ranges: Ranges, q: float, dq: float, k: float, d: float, torque: float, bits: int = 12
+) -> tuple[int, int, int, int, int]:
+    """The numbers of a command: q of 16 bits, the others of ``bits``; what is beyond is cut.
 
-    A number of 12 bits has no zero: what q and q̇ lose in their steps, the torque makes up,
+    They have no zero: what q and q̇ lose in their steps, the torque makes up,
     τ + k (q - q sent) + d (q̇ - q̇ sent).
     """
-    place = _number(q, -ranges.position, ranges.position, 16)
-    rate = _number(dq, -ranges.velocity, ranges.velocity, 12)
-    spring, damper = _number(k, 0.0, ranges.stiffest, 12), _number(d, 0.0, ranges.most_damped, 12)
+    most = (1 << bits) - 1
+    place = count(q, -ranges.position, ranges.position, 16)
+    rate = count(dq, -ranges.velocity, ranges.velocity, bits)
+    spring, damper = count(k, 0.0, ranges.stiffest, bits), count(d, 0.0, ranges.most_damped, bits)
     if spring or damper:
-        off = q - _value(place, -ranges.position, ranges.position, 16)
+        off = q - value_of(place, -ranges.position, ranges.position, 16)
         if abs(off) * 65535.0 < 2.0 * ranges.position:  # not cut
-            torque += _value(spring, 0.0, ranges.stiffest, 12) * off
-        off = dq - _value(rate, -ranges.velocity, ranges.velocity, 12)
-        if abs(off) * 4095.0 < 2.0 * ranges.velocity:
-            torque += _value(damper, 0.0, ranges.most_damped, 12) * off
-    force = _number(torque, -ranges.torque, ranges.torque, 12)
-    bits = place << 48 | rate << 36 | spring << 24 | damper << 12 | force
-    return bits.to_bytes(8, "big")
+            torque += value_of(spring, 0.0, ranges.stiffest, bits) * off
+        off = dq - value_of(rate, -ranges.velocity, ranges.velocity, bits)
+        if abs(off) * most < 2.0 * ranges.velocity:
+            torque += value_of(damper, 0.0, ranges.most_damped, bits) * off
+    return place, rate, spring, damper, count(torque, -ranges.torque, ranges.torque, bits)
+
+
+def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: float) -> bytes:
+    """A command in eight bytes; see ``counts``."""
+    place, rate, spring, damper, force = counts(ranges, q, dq, k, d, torque)
+    data = place << 48 | rate << 36 | spring << 24 | damper << 12 | force
+    return data.to_bytes(8, "big")
 
 
 def values(kind: SetPoint, value: Sequence[float]) -> tuple[float, float, float, float, float]:
@@ -69,39 +77,63 @@ def command(ranges: Ranges, kind: SetPoint, value: Sequence[float]) -> bytes:
 
 def commanded(ranges: Ranges, data: bytes) -> tuple[float, float, float, float, float]:
     """The values of a command: q, q̇, k, d, τ."""
-    bits = int.from_bytes(data, "big")
+    word = int.from_bytes(data, "big")
+    return counted(ranges, (word >> 48, word >> 36, word >> 24, word >> 12, word))
+
+
+def counted(
+    ranges: Ranges, numbers: Sequence[int], bits: int = 12
+) -> tuple[float, float, float, float, float]:
+    """The values of the numbers of a command; see ``counts``."""
+    place, rate, spring, damper, force = numbers
     return (
-        _value(bits >> 48, -ranges.position, ranges.position, 16),
-        _value(bits >> 36, -ranges.velocity, ranges.velocity, 12),
-        _value(bits >> 24, 0.0, ranges.stiffest, 12),
-        _value(bits >> 12, 0.0, ranges.most_damped, 12),
-        _value(bits, -ranges.torque, ranges.torque, 12),
+        value_of(place, -ranges.position, ranges.position, 16),
+        value_of(rate, -ranges.velocity, ranges.velocity, bits),
+        value_of(spring, 0.0, ranges.stiffest, bits),
+        value_of(damper, 0.0, ranges.most_damped, bits),
+        value_of(force, -ranges.torque, ranges.torque, bits),
     )
 
 
 def answer(ranges: Ranges, head: int, q: float, dq: float, torque: float, heat: bytes) -> bytes:
     """What a drive answers: id and state first, temperatures last."""
-    bits = _number(q, -ranges.position, ranges.position, 16) << 24
-    bits |= _number(dq, -ranges.velocity, ranges.velocity, 12) << 12
-    bits |= _number(torque, -ranges.torque, ranges.torque, 12)
-    return bytes([head]) + bits.to_bytes(5, "big") + heat
+    word = count(q, -ranges.position, ranges.position, 16) << 24
+    word |= count(dq, -ranges.velocity, ranges.velocity, 12) << 12
+    word |= count(torque, -ranges.torque, ranges.torque, 12)
+    return bytes([head]) + word.to_bytes(5, "big") + heat
 
 
 def readings(ranges: Ranges, data: bytes) -> tuple[float, float, float]:
     """The values of an answer: q, q̇, τ."""
-    bits = int.from_bytes(data[1:6], "big")
+    word = int.from_bytes(data[1:6], "big")
+    return moved(ranges, word >> 24, word >> 12, word)
+
+
+def moved(
+    ranges: Ranges, place: int, rate: int, force: int, bits: int = 12
+) -> tuple[float, float, float]:
+    """The values of the numbers of an answer: q of 16 bits, q̇ and τ of ``bits``."""
     return (
-        _value(bits >> 24, -ranges.position, ranges.position, 16),
-        _value(bits >> 12, -ranges.velocity, ranges.velocity, 12),
-        _value(bits, -ranges.torque, ranges.torque, 12),
+        value_of(place, -ranges.position, ranges.position, 16),
+        value_of(rate, -ranges.velocity, ranges.velocity, bits),
+        value_of(force, -ranges.torque, ranges.torque, bits),
     )
 
 
-def _number(value: float, low: float, high: float, bits: int) -> int:
+def count(value: float, low: float, high: float, bits: int) -> int:
+    """The number of a value in a range; one beyond it is cut."""
     share = (min(high, max(low, value)) - low) / (high - low)
     return round(share * ((1 << bits) - 1))
 
 
-def _value(number: int, low: float, high: float, bits: int) -> float:
+def value_of(number: int, low: float, high: float, bits: int) -> float:
+    """The value of the lowest bits of a number."""
     most = (1 << bits) - 1
     return low + (number & most) * (high - low) / most
+
+
+def given(ranges: Ranges, command: Sequence[float], position: float, velocity: float) -> float:
+    """Torque of a motor that follows a command, N·m: τ + k (q - position) + d (q̇ - velocity)."""
+    q, dq, k, damping, torque = command
+    wanted = torque + k * (q - position) + damping * (dq - velocity)
+    return max(-ranges.torque, min(ranges.torque, wanted))

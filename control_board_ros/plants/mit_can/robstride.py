@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""RobStride motors in their MIT protocol: scales by model, faults, and a loss of power.
+"""RobStride motors: scales by model and faults; their MIT protocol, with its loss of power.
 
 Answer    id · q 16 bit · q̇ 12 · τ 12 · temperature 16, 0.1 °C; from the master's id
 Faults    on request: id · 32 bits, lowest byte first · zeros
 
 An answer holds no state, and no frame of this protocol sets the watchdog: a motor that lost its
-power by its watchdog or a restart is detected by its missing torque.
+power by its watchdog or a restart is detected by its missing torque. The protocol that they are
+delivered with is in ``robstride_private``.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from .damiao import limits
 #: The id of the host that motors answer to, as their maker sets it.
 MASTER = 0xFD
 RUN_MIT, READ_FAULTS = (b"\xff" * 6 + bytes([0, last]) for last in (0xFC, 0xFB))
+#: Last byte of the order that changes an id.
+SET_ID = 0xFA
 #: Published ranges by model.
 MODELS = {
     "rs00": f.Ranges(12.57, 33.0, 14.0),
@@ -88,9 +91,7 @@ def faults(drive: int) -> Question:
     """The question for the word of faults of a motor."""
 
     def pick(message: Any) -> int | None:
-        data = bytes(message.data)
-        mine = message.arbitration_id == MASTER and len(data) == 8 and data[0] == drive
-        return fault_word(data) if mine else None
+        return fault_word(bytes(message.data)) if sent_by(drive, message) else None
 
     return Question([(drive, READ_FAULTS)], pick, several=True)
 
@@ -99,11 +100,16 @@ def motion(drive: int, request: list[Frame]) -> Question:
     """A question whose answer is a motion."""
 
     def pick(message: Any) -> bool | None:
-        data = bytes(message.data)
-        mine = message.arbitration_id == MASTER and len(data) == 8 and data[0] == drive
-        return True if mine and fault_word(data) is None else None
+        mine = sent_by(drive, message)
+        return True if mine and fault_word(bytes(message.data)) is None else None
 
     return Question(request, pick)
+
+
+def sent_by(drive: int, message: Any) -> bool:
+    """Whether a frame is from a motor."""
+    named = message.arbitration_id == MASTER and not message.is_extended_id
+    return named and len(message.data) == 8 and message.data[0] == drive
 
 
 def fault_word(data: bytes) -> int | None:
@@ -142,7 +148,7 @@ class Faults:
 
 
 class RobStride:
-    """One motor.
+    """One motor in its MIT protocol.
 
     Its answers hold no state: it has power when both frames of its power-on were answered, until
     its torque is missing.
@@ -151,17 +157,25 @@ class RobStride:
         axis: Its joint.
         bus: For texts.
 
-    Attributes: ranges (of its frames), master (the id of its answers).
+    Attributes: ranges (of its frames).
     """
 
     law = "MIT"
-    master = MASTER
 
     def __init__(self, axis: Axis, bus: str) -> None:
         self._axis, self._bus = axis, bus
         self.ranges = ranges(axis)
         self._faults = Faults(self.ranges)
         self._action, self._answered = Action.OFF, 0
+
+    def sent(self, message: Any) -> bool:
+        """Whether a frame is from this motor."""
+        return sent_by(self._axis.id, message)
+
+    @property
+    def off(self) -> Frame:
+        """The frame that takes its power."""
+        return self._axis.id, f.DISABLE
 
     def set_up(self, _timeout: float) -> Questions[Found]:
         number = self._axis.id
@@ -203,9 +217,9 @@ class RobStride:
         elif order.interview is None or answers.reported[k].unheard:  # it may hear, unheard
             yield number, f.DISABLE
 
-    def take(self, data: bytes, answers: Answers, k: int) -> bool:
+    def take(self, message: Any, answers: Answers, k: int) -> bool:
         """Read an answer; true where it is a motion."""
-        reported = answers.reported[k]
+        data, reported = bytes(message.data), answers.reported[k]
         if (word := fault_word(data)) is not None:
             self._faults.word, answers.raw[k][data] = word, None
             reported.fault = self._faults.found

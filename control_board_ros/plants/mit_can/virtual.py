@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual Damiao and RobStride motors: MIT frames, registers, states, watchdog, faults."""
+"""Virtual Damiao motors: MIT frames, registers, states, watchdog, faults."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
@@ -12,6 +12,7 @@ from ..virtual.can_bus import VirtualCanBus
 from . import damiao as d
 from . import frames as f
 from . import robstride as r
+from .driver import MIT
 from .registers import (
     BRIDGE_HEAT,
     GEAR,
@@ -22,6 +23,7 @@ from .registers import (
     SPEED_GAIN,
     WINDING_HEAT,
 )  # fmt: skip
+from .virtual_robstride import DELIVERED, SWITCHED, VirtualRobStride
 
 LOST = 0xD
 #: Laws beside MIT, each with frames of its own, 0x100 further than those of the law before; what
@@ -33,16 +35,7 @@ FORMS = {d.MIT_MODE: "<8s", 2: "<ff", VELOCITY: "<f", FORCE: "<fHH"}
 STILL: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 #: N·m per rad/s at a gain of 1 of the speed loop.
 DAMPING = 2500.0
-#: s of silence after which it stops, as it is stored by the maker's tool.
-CAN_TIMEOUT = 1.0
 USUAL = f.Ranges(12.5, 30.0, 10.0)
-
-
-def given(ranges: f.Ranges, command: Sequence[float], position: float, velocity: float) -> float:
-    """Torque of a motor that follows a command, N·m: τ + k (q - position) + d (q̇ - velocity)."""
-    q, dq, k, damping, torque = command
-    wanted = torque + k * (q - position) + damping * (dq - velocity)
-    return max(-ranges.torque, min(ranges.torque, wanted))
 
 
 class VirtualMit:
@@ -162,7 +155,7 @@ class VirtualMit:
         if self._command is STILL:
             return 0.0
         if law == d.MIT_MODE:
-            return given(self.ranges, self._command, self._position, self._velocity)
+            return f.given(self.ranges, self._command, self._position, self._velocity)
         speed = self._command[0]
         if law != VELOCITY:
             error, limit = self._command[0] - self._position, self._command[1]
@@ -174,68 +167,11 @@ class VirtualMit:
         return max(-most, min(most, torque))
 
 
-class VirtualRobStride:
-    """A RobStride motor; see ``virtual.world.VirtualDrive``.
-
-    Attributes: state (1 with power, else 0), faults (its word of faults).
-    """
-
-    def __init__(self, drive: int, ranges: f.Ranges) -> None:
-        self.id, self.ranges, self.silent, self.persists = drive, ranges, False, 0
-        self._position = self._velocity = self._zero = 0.0
-        self.reboot()
-
-    def reboot(self) -> None:
-        self.state, self.faults, self._mode = d.DISABLED, self.persists, 0
-        self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
-        self._quiet = self.torque = 0.0
-
-    def fail(self, code: int, *, persists: bool = False) -> None:
-        self.state, self.faults, self.persists = d.DISABLED, code, code if persists else 0
-
-    def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        if self.silent or frame_id != self.id or len(data) != 8:
-            return
-        self._quiet = 0.0
-        if data[:6] == b"\xff" * 6 and data[7] == f.CLEAR[7] and data[6] != 0xFF:
-            content = bytes([self.id]) + self.faults.to_bytes(4, "little") + bytes(3)
-        else:
-            self._obey(data)
-            moves = self._position, self._velocity, self.torque
-            content = f.answer(self.ranges, self.id, *moves, (300).to_bytes(2, "big"))
-        yield r.MASTER, content
-
-    def _obey(self, data: bytes) -> None:
-        if data == f.ENABLE:
-            if not self.faults:
-                self.state, self._command = d.ENABLED, (0.0, 0.0, 0.0, 0.0, 0.0)
-        elif data == f.DISABLE:
-            self.state = d.DISABLED
-        elif data == f.CLEAR:
-            self.faults = self.persists
-        elif data == f.ZERO:
-            self._zero += self._position
-            self._position = 0.0
-        elif data[:6] == b"\xff" * 6:  # an order of the protocol, never a command
-            if data[7] == f.ENABLE[7] and data[6] < 3:
-                self._mode = data[6]
-        elif self._mode == 0:
-            self._command = f.commanded(self.ranges, data)
-
-    def step(self, seconds: float, position: float, velocity: float) -> float:
-        self._position, self._velocity = position - self._zero, velocity
-        self._quiet += seconds
-        if self._quiet > CAN_TIMEOUT:
-            self.state = d.DISABLED
-        on = self.state == d.ENABLED
-        self.torque = given(self.ranges, self._command, self._position, velocity) if on else 0.0
-        return self.torque
-
-
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMit | VirtualRobStride:
     """A motor of the joint's make; that of Damiao has ranges that fit the joint."""
     if axis.own["model"] != f.DAMIAO:
-        return VirtualRobStride(axis.id, r.ranges(axis))
+        mit = axis.own["protocol"] == MIT
+        return VirtualRobStride(axis.id, r.ranges(axis), SWITCHED if mit else DELIVERED)
     if joint is None:
         return VirtualMit(axis.id)
     limits = joint.limits

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_line import REMOTE, SHORT, message, open_bus
+from ..drives.can_line import EXTENDED, REMOTE, SHORT, message, open_bus
 from .world import World
 
 #: s of silence on the bus after which the world is stepped anyway.
@@ -29,7 +29,7 @@ class CanDrive(Protocol):
     """
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[Frame]:
-        """The frames that it answers with; remote ones have the flag REMOTE."""
+        """The frames that it answers with; see the flags REMOTE, EXTENDED."""
         ...
 
 
@@ -115,7 +115,9 @@ def frames_of(received: Any) -> list[Frame]:
     """A message of python-can as a frame; none, where it would not get onto a real bus."""
     if received is None or received.is_error_frame:
         return []
-    if (received.arbitration_id > SHORT) is not received.is_extended_id:
+    flags = REMOTE if received.is_remote_frame else 0
+    if received.arbitration_id <= SHORT:
+        flags |= EXTENDED if received.is_extended_id else 0
+    elif not received.is_extended_id:
         return []  # its upper bits would be lost
-    remote = REMOTE if received.is_remote_frame else 0
-    return [(received.arbitration_id | remote, bytes(received.data))]
+    return [(received.arbitration_id | flags, bytes(received.data))]
