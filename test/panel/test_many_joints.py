@@ -96,8 +96,9 @@ def test_32_joints_fit(page: Any) -> None:
 def test_cards_hold_what_is_theirs(browser: Any, address: str, size: tuple[int, int]) -> None:
     """At every width, with the robot's names and with names of 30 characters."""
     width, height = size
-    how: dict[str, Any] = PHONE if width < 700 else {}
-    with context_of(browser, **how | {"viewport": {"width": width, "height": height}}) as context:
+    how: dict[str, Any] = dict(PHONE) if width < 700 else {}
+    how |= {"viewport": {"width": width, "height": height}}
+    with context_of(browser, is_flat=True, **how) as context:
         page = context.new_page()
         page.goto(address)
         until(lambda: page.evaluate("panel.cards.length === 32"))

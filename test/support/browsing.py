@@ -31,12 +31,23 @@ def panel_beside(environment: dict[str, str], *words: str) -> Iterator[tuple[Any
         process.communicate(timeout=GUARD)
 
 
+#: A browser without WebGL, thus without the view in 3D, which processors draw slowly.
+FLAT = """
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...more);
+};
+"""
+
+
 @contextlib.contextmanager
-def context_of(browser: Any, **how: Any) -> Iterator[Any]:
+def context_of(browser: Any, *, is_flat: bool = False, **how: Any) -> Iterator[Any]:
     """A browser's context; closed in the end, however the test ends."""
     context = browser.new_context(**how)
     try:
         context.set_default_timeout(GUARD * 1000.0)
+        if is_flat:
+            context.add_init_script(FLAT)
         yield context
     finally:
         context.close()

@@ -15,6 +15,7 @@ const HIDDEN = 0.015; // rad or m: a ghost nearer than this to the robot is not 
 const FOLLOWING = ["pos", "posd", "mix", "vel"]; // modes with a position reference
 const EVERY = 30; // ms between drawings, at least
 const CHECK = 500; // ms between looks whether the robot is in the picture
+const FINE = 4; // decimals of rad or m that are told apart
 const SHARE = 4; // a machine that draws slowly spends this part of its time on it: one of four
 
 /** The joints that move a part. */
@@ -29,9 +30,20 @@ function wantedOf(joint) {
   return joint.proposed ?? (FOLLOWING.includes(joint.mode) ? joint.state.position_reference : joint.state.position);
 }
 
+/** The share of its torque limit that a joint gives, 0 to 1. */
+function torqueShare(joint) {
+  return Math.min(Math.abs(joint.state.torque || 0) / (joint.limits.torque || 100), 1);
+}
+
+/** All that is seen of a joint; as long as it stays the same nothing is drawn. */
+function looks({ joint, position, wanted }) {
+  const shares = [torqueShare(joint), joint.externalShare ?? 0].map((share) => share.toFixed(2));
+  return [position.toFixed(FINE), wanted.toFixed(FINE), joint.mode === "hwfa", ...shares].join(" ");
+}
+
 export class View {
   constructor(element, panel) {
-    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map(), pushes: new Map(), cost: 0, placed: false, checked: 0 });
+    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, begun: 0, look: null, colours: new Map(), pushes: new Map(), cost: 0, placed: false, checked: 0 });
     this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag or arrow keys turn it, + and − zoom", role: "img", tabindex: "0" });
     this.note = h("p", { class: "hint" });
     this.showGhost = true;
@@ -230,24 +242,27 @@ export class View {
 
   draw(boards, now = false) {
     const time = performance.now();
-    if (this.cost === null) this.cost = Math.min(time - this.drawn, 500); // to the frame after it
+    if (this.cost === null) this.cost = time - this.begun; // to the frame after it
     if (!this.robot || (!now && (time - this.drawn < Math.max(EVERY, SHARE * this.cost - 60) || document.hidden))) return;
-    this.drawn = time;
+    this.keepInside();
+    const places = boards.flatMap((board) => this.places(board));
+    const asked = boards.some((board) => board.joints.some((joint) => joint.proposed !== null));
+    const ghost = this.showGhost || asked;
+    const look = `${ghost} ${places.map(looks).join()}`;
+    if (!now && this.drawn && look === this.look) return; // nothing is seen to move
+    this.drawn = this.begun = time;
     this.cost = null;
+    this.look = look;
     const apart = new Set();
-    for (const board of boards) {
-      for (const { name, joint, position, wanted } of this.places(board)) {
-        this.robot.setJointValue(name, position);
-        this.ghost.setJointValue(name, wanted);
-        if (Math.abs(position - wanted) > HIDDEN) apart.add(name);
-        this.colour(name, joint);
-      }
+    for (const { name, joint, position, wanted } of places) {
+      this.robot.setJointValue(name, position);
+      this.ghost.setJointValue(name, wanted);
+      if (Math.abs(position - wanted) > HIDDEN) apart.add(name);
+      this.colour(name, joint);
     }
     this.drawPushes(boards);
-    const asked = boards.some((board) => board.joints.some((joint) => joint.proposed !== null));
-    this.ghost.visible = (this.showGhost || asked) && apart.size > 0;
+    this.ghost.visible = ghost && apart.size > 0;
     for (const [part, above] of this.ghostParts) part.visible = above.some((name) => apart.has(name));
-    this.keepInside();
     this.controls.update();
     this.renderer.render(this.scene, this.camera);
   }
@@ -279,7 +294,7 @@ export class View {
     const material = this.colours.get(name);
     if (!material) return;
     if (joint.mode === "hwfa") { material.color.setRGB(0.85, 0.16, 0.16); return; }
-    const share = Math.min(Math.abs(joint.state.torque || 0) / (joint.limits.torque || 100), 1);
+    const share = torqueShare(joint);
     material.color.setRGB(0.6 + 0.3 * Math.min(2 * share, 1), 0.63 - 0.42 * share * share - 0.1 * share, 0.68 - 0.5 * Math.min(2 * share, 1));
   }
 }
