@@ -364,7 +364,11 @@ def test_all_joints(page: Any, client: ControlBoardClient) -> None:
     above = page.get_by_label("Ask before ways longer than this, degrees")
     above.fill("15")
     above.press("Tab")
-    client.move(f"{FRONT}joint_2", math.radians(30.0), 0.5)  # it carries the arm there
+    carrying = [math.radians(80.0), 0.0]  # joint 2 carries the arm, stretched out
+    moved = client.move([f"{FRONT}joint_2", f"{FRONT}joint_4"], carrying, 0.5)
+    assert moved, moved.message
+    load = "panel.cards[1].joint.state.torque / panel.cards[1].joint.limits.torque"
+    until(lambda: abs(page.evaluate(load)) > 0.03, lambda: str(page.evaluate(load)))
     page.get_by_label("All joints shown to idle: no power").click()
     page.locator("#question-text").filter(has_text="joint_2").wait_for()
     page.get_by_label("Cancel: nothing moves").click()
@@ -456,8 +460,8 @@ def test_a_push_is_shown(page: Any, client: ControlBoardClient, process: BoardPr
         for torque in (8.0, -8.0):  # of 40 N·m
             hand.push(torque)
             until(lambda torque=torque: page.evaluate(arrow) * torque > 80.0)
-            shown = int(bar.get_attribute("aria-valuenow"))
-            assert shown == pytest.approx(100.0 * torque / 10.0, abs=15.0)
+            share = pytest.approx(100.0 * torque / 10.0, abs=30.0)  # friction bears some of it
+            until(lambda share=share: int(bar.get_attribute("aria-valuenow")) == share)
             assert page.evaluate("panel.view.pushes.get('lbr_iiwa_joint_7').group.visible")
             others = "[...panel.view.pushes].filter(([, push]) => push.length).map(([n]) => n)"
             assert page.evaluate(others) == ["lbr_iiwa_joint_7"]

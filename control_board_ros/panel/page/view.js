@@ -242,7 +242,7 @@ export class View {
 
   draw(boards, now = false) {
     const time = performance.now();
-    if (this.cost === null) this.cost = time - this.begun; // to the frame after it
+    if (this.cost === null) this.cost = Math.min(time - this.begun, 500); // to the frame after it
     if (!this.robot || (!now && (time - this.drawn < Math.max(EVERY, SHARE * this.cost - 60) || document.hidden))) return;
     this.keepInside();
     const places = boards.flatMap((board) => this.places(board));
