@@ -10,7 +10,8 @@ from cbctl_process import Cbctl
 from waiting import until
 
 from control_board_ros.cli.app import for_several
-from control_board_ros.cli.board.boards import alone_among, is_pattern, robots_among
+from control_board_ros.cli.board.boards import is_pattern, robots_among
+from control_board_ros.cli.board.only_board import alone_among
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options, read_options
 from control_board_ros.testing import board_process

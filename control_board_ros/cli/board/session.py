@@ -18,7 +18,7 @@ from ..line.offers import Typed
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, assignments, find_joints
 from ..text.output import load_drawing
-from .boards import only_board
+from .only_board import only_board
 
 #: Suffix of the unit of a position, by quantity.
 RATES = {"position": "", "speed": "/s", "acceleration": "/s²"}
