@@ -70,10 +70,10 @@ def test_it_is_enabled_and_moves(far: Any, bus: Any) -> None:
 
 
 def test_its_watchdog_is_written_and_acts(far: Any, bus: Any) -> None:
-    bus.write("joint", ParameterType.CAN_TIMEOUT, 2000)
-    assert bus.read("joint", ParameterType.CAN_TIMEOUT) == 2000
     bus.enable("joint")
     assert far.drive.state == 1
+    bus.write("joint", ParameterType.CAN_TIMEOUT, 2000)
+    assert bus.read("joint", ParameterType.CAN_TIMEOUT) == 2000
     until(lambda: far.drive.state == 0)
 
 
