@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m control_board_ros.plants scan|try``: what ``cbctl drives`` runs."""
+"""``python -m control_board_ros.plants scan|try|set-id``: what ``cbctl drives`` runs."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from .apart import ApartError, PlantApart
 from .drives.axes import Axis
 from .drives.bring_up import Moved, Trial, corrections, write
 from .drives.plant import DrivesPlant
+from .drives.set_id import UnheardError
 from .entry_points import DRIVERS, make, pairs
 from .errors import PlantSettingsError
 from .guarded import patience
@@ -52,18 +53,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     scan.add_argument("plant", choices=DRIVERS)
     scan.add_argument("--bus", required=True)
     scan.add_argument("--baudrate", type=int, default=0)
+    change = verbs.add_parser("set-id")
+    change.add_argument("plant", choices=DRIVERS)
+    change.add_argument("ids", type=int, nargs=2)
+    change.add_argument("--bus", required=True)
+    change.add_argument("--baudrate", type=int, default=0)
     trial = verbs.add_parser("try")
     trial.add_argument("robot")
     trial.add_argument("--yes", action="store_true")
     trial.add_argument("--joints", default="")
     trial.add_argument("--turned", action="append", default=[], metavar="JOINT=WAY")
     given = parser.parse_args(arguments)
+    verb = {"scan": put_scan, "set-id": put_id, "try": put_trial}[given.verb]
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        if given.verb == "scan":
-            return put_scan(given.plant, given.bus, given.baudrate)
-        return put_trial(given)
+        return verb(given)
     except KeyboardInterrupt:
         print("cbctl: interrupted; all joints are without power", file=sys.stderr)
         return 1
@@ -80,18 +85,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-def put_scan(plant: str, bus: str, baudrate: int = 0) -> int:
+def put_scan(given: argparse.Namespace) -> int:
     """Print the drives that answer; on a serial bus at a baud rate, or at one of the usual."""
+    plant, bus = given.plant, given.bus
     scan = import_module(f".{plant}.driver", __package__).scan
-    if plant in SERIAL:
-        for rate in (baudrate,) if baudrate else BAUDRATES:
-            if found := scan(bus, rate):
-                print(f"at {rate} bit/s: add baudrate={rate} to plant_arguments")
-                break
-    elif baudrate:
-        raise PlantSettingsError(f"--baudrate: {plant} is on no serial bus")
-    else:
-        found = scan(bus)
+    for rate in rates(plant, given.baudrate):
+        if found := scan(bus, *rate):
+            for one in rate:
+                print(f"at {one} bit/s: add baudrate={one} to plant_arguments")
+            break
     if not found:
         print(f"nothing answers on {bus}; check power, wiring, bit rate and termination")
         return 1
@@ -102,6 +104,39 @@ def put_scan(plant: str, bus: str, baudrate: int = 0) -> int:
         print(f"id {drive.id:<4} {drive.type:<14} firmware {drive.firmware:<8} {volts:<8} "
               f"{kept:<18} {fault}")  # fmt: skip
     print(judgement(plant))
+    return 0
+
+
+def rates(plant: str, baudrate: int) -> list[tuple[int, ...]]:
+    """The baud rates to try, each as arguments; on a CAN bus there is none.
+
+    Raises:
+        PlantSettingsError: one is given for a CAN bus.
+    """
+    if plant in SERIAL:
+        return [(rate,) for rate in ((baudrate,) if baudrate else BAUDRATES)]
+    if baudrate:
+        raise PlantSettingsError(f"--baudrate: {plant} is on no serial bus")
+    return [()]
+
+
+def put_id(given: argparse.Namespace) -> int:
+    """Give the one drive with an id another, and print it once it was read back."""
+    plant, (old, new) = given.plant, given.ids
+    set_id = getattr(import_module(f".{plant}.driver", __package__), "set_id", None)
+    if set_id is None:
+        raise PlantSettingsError(f"set-id: set the id of {plant} with its maker's tool")
+    for last, rate in enumerate(tries := rates(plant, given.baudrate), 1):
+        try:
+            set_id(given.bus, old, new, *rate)
+        except UnheardError:
+            if last == len(tries):
+                raise
+        except ValueError as error:
+            raise PlantSettingsError(str(error)) from None
+        else:
+            break
+    print(f"id {old} is id {new} now, stored and read back")
     return 0
 
 

@@ -103,6 +103,22 @@ class Interview(Generic[Result]):
             self.over, self.result = True, end.value
 
 
+def converse(questions: Questions[Result], asked: Callable[[Question], Answers]) -> Result:
+    """Lead an interview on a line that nobody else uses; its result.
+
+    Args:
+        questions: Its generator.
+        asked: Asks a question; all answers.
+    """
+    try:
+        question = next(questions)
+        while True:
+            question = questions.send(asked(question))
+    except StopIteration as end:
+        result: Result = end.value
+        return result
+
+
 def find(question: Question, axis: Axis, bus: str, driver: str) -> Questions[Any]:
     """The one answer of the drive with an id.
 

@@ -20,6 +20,7 @@ from .can_line import PATIENCE
 from .clock import Clock
 from .interview import ATTEMPTS, Interview, Question, Questions, ask
 from .remedies import bus_error
+from .set_id import check, verify
 
 Take = Callable[[int, bytes], None]
 
@@ -233,6 +234,37 @@ class ServoBus:
             if result == 0 and len(data) == item.length:
                 return int.from_bytes(bytes(data), "little", signed=signed)
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
+
+    def put(self, drive: int, item: Item, value: int) -> None:
+        """Write an item; its answer is not needed, what is written is to be read."""
+        self.protocol.writeTxRx(self.port, drive, *item, [*item.pack(value)])
+
+    def set_id(self, old: int, new: int, ids: range, item: Item, lock: Item | None = None) -> None:
+        """Give a servo another id, which it stores.
+
+        Args:
+            old: Its id.
+            new: That which it gets.
+            ids: That a servo can have.
+            item: Of the id.
+            lock: That locks what is stored; None: nothing does.
+
+        Raises:
+            OSError, ValueError: it cannot be; see ``drives.set_id``.
+        """
+
+        def heard(drive: int) -> int:
+            return len(self.models(drive, attempts=3))
+
+        check(old, new, ids, heard)
+        if self.get(old, self._library.torque):
+            raise ValueError(f"id {old} has torque; it changes its id without")
+        if lock is not None:
+            self.put(old, lock, 0)
+        self.put(old, item, new)
+        if lock is not None:
+            self.put(new, lock, 1)
+        verify(old, new, heard)
 
     def hold(self, drive: int, interview: Interview[Any] | None, seconds: float) -> None:
         """Ask the question of an interview, once, and hear its answers.

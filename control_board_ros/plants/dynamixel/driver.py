@@ -269,6 +269,12 @@ def identity(bus: ServoBus, drive: int) -> Found:
     )
 
 
+def set_id(device: str, old: int, new: int, baudrate: int = 1_000_000) -> None:
+    """Give a servo another id, which it stores; see ``ServoBus.set_id``."""
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
+        bus.set_id(old, new, IDS, t.ID)
+
+
 make = maker(
     DynamixelDrives,
     bus="/dev/ttyUSB0",

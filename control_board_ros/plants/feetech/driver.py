@@ -223,6 +223,12 @@ def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
         return [identity(bus, drive) for drive in IDS if bus.models(drive, attempts=1)]
 
 
+def set_id(device: str, old: int, new: int, baudrate: int = 1_000_000) -> None:
+    """Give a servo another id, which it stores; see ``ServoBus.set_id``."""
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
+        bus.set_id(old, new, IDS, t.ID, t.LOCK)
+
+
 make = maker(
     FeetechDrives,
     bus="/dev/ttyUSB0",

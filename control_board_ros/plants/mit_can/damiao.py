@@ -156,6 +156,29 @@ class Damiao:
         return True
 
 
+def change_id(old: int, new: int) -> Questions[None]:
+    """Write and store the id of a motor without power, and that of its answers, 0x10 above it.
+
+    Raises:
+        ConnectionError: it does not answer.
+        ValueError: it has power.
+    """
+    text = f"id {old} does not answer"
+    state = Question(
+        [(REGISTERS, refresh(old))], lambda m: m.data[0] if len(m.data) == 8 else None
+    )
+    if (yield from ask(state, text)) >> 4 == ENABLED:
+        raise ValueError(f"id {old} has power; it changes its id without")
+    for register, value in ((MST_ID, 0x10 + new), (ESC_ID, new)):
+        data = struct.pack("<BBBBI", old, 0, SET, register, value)
+        yield Question([(REGISTERS, data)], reading(old, register).pick)
+    for register, value in ((ESC_ID, new), (MST_ID, 0x10 + new)):
+        found = yield from ask(reading(new, register), f"id {new} does not answer")
+        if found != value:
+            raise ValueError(f"id {old} does not accept {value} in register {register}")
+    yield Question([(REGISTERS, bytes([new, 0, STORE, 1, 0, 0, 0, 0]))], lambda _: None)
+
+
 def limits(ranges: f.Ranges) -> DriveLimits:
     """The limits of a motor: the ends of its frames."""
     return DriveLimits(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
@@ -17,8 +18,9 @@ from ..drives.axes import Axis, Options
 from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded, flagged
-from ..drives.interview import Question, Questions
+from ..drives.interview import Question, Questions, converse
 from ..drives.plant import maker
+from ..drives.set_id import check, verify
 from ..errors import PlantSettingsError
 from ..interface import Setup
 from . import damiao as d
@@ -195,9 +197,46 @@ def answering(
         yield from ((drive, found) for message in came if (found := pick(message)) is not None)
 
 
+def set_id(bus: str, old: int, new: int) -> None:
+    """Give a motor another id, which it stores.
+
+    Raises:
+        OSError, ValueError: it cannot be; see ``drives.set_id``.
+    """
+    with CanLine(bus) as line:
+
+        def heard(drive: int) -> int:
+            return len(kinds(line, drive))
+
+        (kind,) = kinds(line, old)[:1] or [""]
+        check(old, new, d.IDS if kind == f.DAMIAO else IDS, heard)
+        if kind == f.DAMIAO:
+            converse(d.change_id(old, new), partial(asked, line))
+        elif kind == PRIVATE:
+            asked(line, p.motion(old, p.frame(p.STOP, old)))
+            line.send(*p.frame(p.SET_ID, old, between=new << 8 | r.MASTER))
+            asked(line, p.motion(new, p.frame(p.STORE, new, p.SECRET + bytes([7, 8]))))
+        else:
+            asked(line, r.motion(old, [(old, b"\xff" * 6 + bytes([new, r.SET_ID]))]))
+        verify(old, new, heard)
+
+
+def kinds(line: CanLine, drive: int) -> list[str]:
+    """The drives that answer as an id, each by its kind: "damiao", PRIVATE or MIT."""
+    for kind, question in (
+        (f.DAMIAO, d.reading(drive, d.MST_ID)),
+        (PRIVATE, p.identity(drive)),
+        (MIT, r.faults(drive)),  # it would be a command of a Damiao
+    ):
+        if answers := asked(line, question):
+            return [kind] * len(answers)
+    return []
+
+
 def asked(line: CanLine, question: Question) -> list[Any]:
     """What is answered to a question on a line that nobody else uses."""
-    line.send(*question.request[0])
+    for frame in question.request:
+        line.send(*frame)
     answers = [question.pick(message) for message in line.collect(PATIENCE / 5)]
     return [answer for answer in answers if answer is not None]
 

@@ -17,17 +17,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import CanLine, Frame, budget
+from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded
-from ..drives.interview import ATTEMPTS, Question, Questions, find
+from ..drives.interview import ATTEMPTS, Question, Questions, converse, find
 from ..drives.plant import maker
 from ..drives.reconcile import Action
+from ..drives.set_id import check, verify
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -335,6 +337,41 @@ def scan(bus: str) -> list[Found]:
         came = {m.arbitration_id >> 8: bytes(m.data) for m in line.collect(0.1)
                 if m.arbitration_id & 0xFF == 0}  # fmt: skip
         return [found_of(drive, data) for drive, data in sorted(came.items()) if about(data)]
+
+
+def set_id(bus: str, old: int, new: int) -> None:
+    """Give a drive another id, which it stores.
+
+    Raises:
+        OSError, ValueError: it cannot be; see ``drives.set_id``.
+    """
+    import moteus
+    from moteus.protocol import Register, parse_reply
+
+    with CanLine(bus, fd=True) as line:
+
+        def asked(drive: int, question: Question) -> list[Any]:
+            for frame in question.request:
+                line.send(*frame)
+            came = [bytes(m.data) for m in line.collect(PATIENCE)
+                    if m.arbitration_id >> 8 & 0x7F == drive]  # fmt: skip
+            return [found for data in came if (found := question.pick(data)) is not None]
+
+        def heard(drive: int) -> int:
+            return len(asked(drive, identity(drive)))
+
+        check(old, new, IDS, heard)
+        (data,) = asked(old, identity(old))
+        if parse_reply(data)[Register.MODE] in (*f.RUNNING, f.TIMEOUT):
+            raise ValueError(f"id {old} has power; it changes its id without")
+        words = f"conf set id.id {new}\n".encode()
+        who = moteus.Controller(id=old)
+        line.send(old, f.padded(who.make_diagnostic_write(words).data))
+        for line_of_it, answer in (("conf get id.id", f"{new}"), ("conf write", "OK")):
+            found = converse(said(new, line_of_it), partial(asked, new))
+            if found != answer:
+                raise ValueError(f"id {new}: {line_of_it}: {found!r}; {answer} is expected")
+        verify(old, new, heard)
 
 
 make = maker(MoteusDrives, bus="socketcan:can0", ids=IDS, whole={"unwatched": 0.0})
