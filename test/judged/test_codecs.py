@@ -3,13 +3,26 @@
 
 from __future__ import annotations
 
+import math
+import struct
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from control_board_ros.plants.drives.can_line import message
+from control_board_ros.plants.drives.driver import Answers
+from control_board_ros.plants.dynamixel import table as dynamixel
+from control_board_ros.plants.feetech import table as feetech
 from control_board_ros.plants.mit_can import damiao, frames, robstride
 from control_board_ros.plants.mit_can import robstride_private as private
+from control_board_ros.plants.moteus import frames as moteus
+from control_board_ros.plants.odrive_can import frames as odrive
+
+virtual_frames = pytest.importorskip("control_board_ros.plants.moteus.virtual_frames")
+
+REV = 2.0 * math.pi
 
 RANGES = frames.Ranges(12.5, 30.0, 10.0)
 #: rad/s, N·m, N·m/rad and N·m·s/rad of the maker's manuals of 2026-04-28, MIT protocol; 12.57 rad
@@ -90,6 +103,84 @@ def test_another_reads_every_position_that_we_answer() -> None:
         pytest.approx(1.0, abs=0.01), pytest.approx(-2.0, abs=0.005),
     )  # fmt: skip
     assert (found["t_mos"], found["t_rotor"]) == (30.0, 31.0)
+
+
+def driver(make: str, **options: str) -> Any:
+    """A driver of one drive, with answers to fill, and no bus."""
+    plant = import_module(f"control_board_ros.plants.{make}.driver").make(
+        ("one",), options | {"bus": "none"}
+    )
+    found = plant.driver
+    found._answers, found._orders = Answers(plant.axes), {}
+    found._answers.reported[0].lost = False
+    return found
+
+
+def test_every_count_of_a_feetech_is_its_position_in_every_mode() -> None:
+    pytest.importorskip("scservo_sdk")
+    servo, answer = driver("feetech"), bytearray(feetech.READ.length)
+    place = feetech.POSITION.address - feetech.READ.address
+    for count in range(1 << 16):
+        answer[0], answer[feetech.TORQUE.address - feetech.READ.address] = count % 3, count & 1
+        answer[place : place + 2] = count.to_bytes(2, "little")
+        servo._take(1, bytes(answer))
+        wanted = -(count & 0x7FFF) if count >> 15 else count
+        assert abs(servo._answers.position[0] - (wanted - 2048) * REV / 4096) < 1e-9
+        assert servo._answers.reported[0].power == bool(count & 1)
+    for value in range(-0x7FFF, 0x8000):
+        assert feetech.signed(feetech.magnitude(value)) == value
+
+
+def test_every_count_of_a_dynamixel_is_its_position_in_256_turns_either_way() -> None:
+    pytest.importorskip("dynamixel_sdk")
+    servo = driver("dynamixel")
+    for count in range(-256 * 4096, 256 * 4096, 37):
+        answer = struct.pack(dynamixel.READ_FORMAT, 1, 0, 5, 0, 0, count, 120, 30)
+        servo._take(1, answer)
+        assert abs(servo._answers.position[0] - (count - 2048) * REV / 4096) < 1e-9
+
+
+@pytest.mark.parametrize("high", [0x02, 0x12])
+def test_every_status_word_of_a_cia402_has_the_power_of_its_state(high: int) -> None:
+    """CiA 402-2, table 30: with power are 27, 07 (quick stop) and 0F (fault reaction)."""
+    pytest.importorskip("canopen")
+    drive = driver("cia402")
+    for low in range(256):
+        word = high << 8 | low
+        answer = struct.pack("<Hih", word, 1 << 15, -3)
+        drive._read_pdo(0, 0x180, answer)
+        powered = low & 0x6F in (0x27, 0x07) or low & 0x4F == 0x0F
+        assert drive._answers.reported[0].power == powered, hex(word)
+        assert bool(drive._answers.reported[0].fault) == (
+            low & 0x4F in (0x08, 0x0F) or low & 0x6F == 0x07
+        ), hex(word)
+
+
+def test_every_mode_and_fault_of_a_moteus_is_read() -> None:
+    """Modes and faults of one byte each, in the answer as it usually comes."""
+    pytest.importorskip("moteus")
+    registers = {0: 10, 1: 0.5, 2: 0.1, 3: 0.2, 4: 1.5, 0x0D: 24.0, 0x0E: 30.0, 0x0F: 0}
+    reads = virtual_frames.read(bytes.fromhex("11001c0401130d")).reads
+    for mode in range(16):
+        for fault in range(128):
+            data = virtual_frames.answer(reads, registers | {0: mode, 0x0F: fault})
+            found = moteus.reading(moteus.padded(data))
+            assert (found[0], found[6]) == (mode, fault)
+            assert found[1:6] == pytest.approx((0.5, 0.1, 0.2, 1.5, 24.0))
+
+
+def test_every_feed_forward_of_an_odrive_is_what_it_was_told() -> None:
+    for count in range(-32767, 32768, 7):
+        data = odrive.position(0.25, count / 1000.0, -count / 1000.0, (1000.0, 1000.0))
+        assert struct.unpack("<fhh", data) == (0.25, count, -count)
+
+
+def test_an_odrive_has_power_in_closed_loop_only_of_all_states() -> None:
+    drive = driver("odrive_can", unwatched="1")
+    for state in range(256):
+        data = struct.pack("<IBBBB", 0, state, 0, 0, 0)
+        drive._take(message(1 << 5 | 1, data, fd=False))
+        assert drive._answers.reported[0].power == (state == 8)
 
 
 def made() -> Any:
