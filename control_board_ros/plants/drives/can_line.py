@@ -57,7 +57,7 @@ def message(frame_id: int, data: bytes, *, fd: bool) -> Any:
 
 
 def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
-    """A bus of python-can.
+    """A bus of python-can, or an adapter that behaves as one, see ``fdcanusb``.
 
     On one computer a group of ``udp_multicast`` receives all groups of its port.
 
@@ -70,6 +70,10 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
     import can
 
     interface, _, channel = text.partition(":")
+    if interface == "fdcanusb":
+        from .fdcanusb import Fdcanusb
+
+        return Fdcanusb(channel)
     more: dict[str, Any] = {}
     if fd:
         more = {"protocol": can.CanProtocol.CAN_FD} if interface == "virtual" else {"fd": True}

@@ -15,7 +15,7 @@ def bus_error(bus: str, error: Exception) -> OSError:
     """
     number = getattr(error, "error_code", None) or getattr(error, "errno", None)
     interface, _, channel = bus.partition(":")
-    serial = not channel
+    serial = not channel or interface == "fdcanusb"
     remedies = SERIAL if serial else CAN
     named = {"device": bus, "channel": channel or bus}
     if number in remedies and (serial or interface == "socketcan"):
