@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from adapter import adapter
+from far_drives import until
 
 pytest.importorskip("moteus", reason="moteus is not installed: pip install '.[moteus]'")
 
@@ -21,7 +22,7 @@ from moteus.protocol import Register
 
 from control_board_ros.plants.drives.can_line import CanLine, message
 from control_board_ros.plants.drives.fdcanusb import parse
-from control_board_ros.plants.moteus.driver import make, scan
+from control_board_ros.plants.moteus.driver import found_of, identity, make
 from control_board_ros.plants.moteus.virtual import virtual_drive
 from control_board_ros.plants.virtual.world import World, free_world
 
@@ -58,8 +59,12 @@ def test_the_makers_library_uses_this_adapter(
     assert asyncio.run(ask()).values[Register.MODE] == 0
 
 
-def test_a_scan_goes_through_it(device: str) -> None:
-    assert [drive.id for drive in scan(f"fdcanusb:{device}")] == [1]
+def test_the_driver_finds_a_drive_through_it(device: str) -> None:
+    question = identity(1)
+    with CanLine(f"fdcanusb:{device}", fd=True) as line:
+        line.send(*question.request[0])
+        came = until(lambda: line.collect(0.1))
+    assert found_of(1, bytes(came[0].data)).firmware == "1.1.0"
 
 
 def test_what_is_no_frame_is_none() -> None:
