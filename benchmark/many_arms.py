@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.description.robots import Piece, assemble, load_robot
+from control_board_ros.description.robots import Piece, assemble
 from control_board_ros.settings import loading as settings
 
 NAME = "arms"  # of the robot, and so the namespace of its nodes
@@ -23,7 +23,7 @@ def many_arms(count: int, folder: Path) -> Path:
     """
     pieces = [Piece("iiwa", f"arm_{k}_", xyz=(float(k), 0.0, 0.0)) for k in range(count)]
     urdf = folder / f"{NAME}.urdf"
-    ET.ElementTree(assemble(NAME, pieces, load_robot).tree.root).write(urdf)
+    ET.ElementTree(assemble(NAME, pieces).tree.root).write(urdf)
     arm = settings.load("iiwa")
     names, values = arm.board.names, arm.values
     parameters: dict[str, Any] = {

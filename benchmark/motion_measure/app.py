@@ -17,7 +17,7 @@ from typing import Any
 from control_board_ros.core.terms.drives import KINDS, SetPoint
 
 from .measure import Finding, Line, measure, worst
-from .page import BEFORE, DRIVEN, DRIVES, FIGURES, PAGE, load, notes_of, page
+from .page import BEFORE, DRIVEN, DRIVES, FIGURES, PAGE, load, notes_of, page, tables
 from .rig import Rig
 from .robots import ROBOTS, find, poses
 from .rows import ROWS
@@ -30,6 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print one table per robot, write what was requested; 0, or 2 for bad usage."""
     parser = _parser()
     asked = parser.parse_args(arguments)
+    if asked.tables:
+        print(tables(load(FIGURES), load(BEFORE), load(DRIVES)), end="")
+        return 0
     if asked.wire:
         return _wires(parser, asked)
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
@@ -79,7 +82,7 @@ def save(path: Path, record: Mapping[str, object]) -> None:
 def document(*, plots: bool) -> None:
     """Write docs/motion.md, and its pictures, from the recorded figures."""
     now, before = load(FIGURES), load(BEFORE)
-    PAGE.write_text(page(now, before, load(DRIVES), notes_of(PAGE)), encoding="utf-8")
+    PAGE.write_text(page(now, notes_of(PAGE)), encoding="utf-8")
     if plots:
         from .plots import draw  # matplotlib, of the extra dev
 
@@ -107,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--drive",
         choices=[kind.code for kind in KINDS],
-        help="of every joint; else pwm (S7); with --page a column of docs/motion.md",
+        help="of every joint; else pwm (S7); with --page a column of --tables",
     )
     parser.add_argument("--delay", type=float, default=0.0, help="of those drives, s")
     parser.add_argument(
@@ -117,6 +120,7 @@ def _parser() -> argparse.ArgumentParser:
         help="move behind bad wires, by each kind of set-point or by --drive: all, or of "
         + ", ".join((*WIRES, *STALLS)).replace("%", "%%"),
     )
+    parser.add_argument("--tables", action="store_true", help="print every recorded figure")
     parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")
     return parser
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/motion.md, from the recorded figures and the docstrings of the rows."""
+"""docs/motion.md and the tables behind it, from recorded figures and docstrings of rows."""
 
 from __future__ import annotations
 
@@ -24,25 +24,36 @@ FIGURES = ROOT / "benchmark" / "motion.json"
 BEFORE = ROOT / "benchmark" / "motion_before.json"
 #: The arm on drives of each kind, and its figures by kind.
 DRIVEN, DRIVES = "iiwa", ROOT / "benchmark" / "motion_drives.json"
+#: Marks a figure of a row of which some tests ended in a fault.
+FAULT = " †"
+FAILED = "†: some tests of the row ended in a fault."
 #: The text between these is written by hand, and kept.
 NOTES, END = "<!-- notes -->\n", "<!-- end of notes -->\n"
 
 HEAD = """\
 # The measure of motion
 
-How well each joint moves: `make motion` measures every shipped robot and five URDFs from
-elsewhere, whose parameters are derived, and writes this page. `make motion
-ARGS="--robot panda --rows step,sine --each"` prints a part of it, `ARGS="--page --robot panda"`
-writes one robot's figures anew.
+How well each joint moves. `make motion` measures every shipped robot and URDFs from elsewhere,
+whose parameters are derived, each joint alone and all at once, and writes this page;
+`make motion ARGS="--robot panda --rows step,sine --each"` prints a part of it, and
+`make motion ARGS=--tables` every recorded figure with its definition, which the site shows as
+*All figures of motion*. A test in `test/motion/` bounds the worst.
 
-The figures are simulated: board and plant run in one process on simulated time, so the same
-commit gives the same figures on every machine. Each is the worst over all joints and over the
-poses home, stretched and random (in the middle half of each range, from a fixed seed); derived
-robots have two of them. Prismatic joints: mm in place of mrad. "Before" is the board before its
-laws were rewritten (`benchmark/motion_before.json`). A test in `test/motion/` bounds the worst
-figures.
+Board and plant run in one process on simulated time, so the same commit gives the same figures on
+every machine. Each is the worst over all joints and over the poses home, stretched and random;
+derived robots have two of them. Prismatic joints: mm in place of mrad.
 
 ![Each figure over its goal](images/motion_reach.png)
+
+"""
+
+TABLES_HEAD = """\
+# All figures of motion
+
+The tables behind *The measure of motion*, from `benchmark/motion.json`. Random poses lie in the
+middle half of each range, from a fixed seed. "Before" is the board before its laws were rewritten
+(`benchmark/motion_before.json`). `make motion ARGS="--page --robot panda"` measures one robot
+anew, with `--rows` some of its rows.
 
 """
 
@@ -52,12 +63,28 @@ def load(path: Path) -> dict[str, Any]:
     return json.loads(path.read_text("utf-8")) if path.is_file() else {}
 
 
-def page(
-    now: Mapping[str, Any], before: Mapping[str, Any], drives: Mapping[str, Any], notes: str
-) -> str:
-    """The whole page; ``drives`` has a record by kind, ``notes`` is its hand-written part."""
+def page(now: Mapping[str, Any], notes: str) -> str:
+    """The page of one screen; ``notes`` is its hand-written part."""
     robots = [name for name in ROBOTS if name in now]
-    parts = [HEAD, "## All robots\n\n", _overview(now, robots)]
+    count, missed = _missed(now, robots)
+    counts = f"{count - sum(len(cells) for _, _, cells in missed)} of {count} figures are reached"
+    rows = [[text, goal, ", ".join(cells)] for text, goal, cells in missed]
+    parts = [
+        HEAD,
+        f"## What is not reached\n\n{counts}, on {len(robots)} robots. The others:\n\n",
+        table([["worst joint", "reach, shipped / derived", "robots"], *rows]),
+        f"\n\n{FAILED}\n\n## Where physics forbids a figure\n\n",
+        NOTES,
+        notes,
+        END,
+    ]
+    return "".join(parts)
+
+
+def tables(now: Mapping[str, Any], before: Mapping[str, Any], drives: Mapping[str, Any]) -> str:
+    """Every recorded figure, with its definition; ``drives`` has a record by kind."""
+    robots = [name for name in ROBOTS if name in now]
+    parts = [TABLES_HEAD, "## All robots\n\n", _overview(now, robots)]
     for name in robots:
         kind = "derived" if now[name]["derived"] else "shipped"
         parts += [f"\n## {name} ({kind})\n\n", _table(now[name], before.get(name, {}))]
@@ -65,14 +92,10 @@ def page(
         "\n## Scenes\n\nFormer defects, each on one robot; `--scenes` plays them.\n\n",
         _scenes(now.get("scenes", {}), before.get("scenes", {})),
         *_drives({**drives, "pwm": now[DRIVEN]} if drives and DRIVEN in now else {}),
-        "\n## Where physics forbids a figure\n\n",
-        NOTES,
-        notes,
-        END,
         "\n## Pictures\n\n"
-        "![Direct step of 50 mrad](images/motion_step.png)\n\n"
-        "![Sine, move and velocity](images/motion_follow.png)\n\n"
-        "![Release and push](images/motion_push.png)\n",
+        "![Direct step of 50 mrad](../images/motion_step.png)\n\n"
+        "![Sine, move and velocity](../images/motion_follow.png)\n\n"
+        "![Release and push](../images/motion_push.png)\n",
         "\n## Definitions\n\n",
         *(_definition(row) for row in ROWS.values()),
     ]
@@ -88,12 +111,11 @@ def notes_of(path: Path) -> str:
 BY_DRIVES = """
 ## Drives that close loops of their own
 
-The iiwa with a drive of each kind at every joint ([S1](spec.md#s1), [S7](spec.md#s7)), in the
+The iiwa with a drive of each kind at every joint (S1 and S7 of the specification), in the
 same rows: `make motion ARGS="--drive impedance"` prints a table, `--page` writes its column anew.
 Without `--delay` a set-point acts in the cycle after it was sent. A dash: that row of S1 does not
 carry the law, so the joint does not implement the mode. Where a drive accepts only positions or
-velocities, no torque reaches it, and there is neither TORQUE nor COMPLIANT. Bold: not reached, for
-the reason below.
+velocities, no torque reaches it, and there is neither TORQUE nor COMPLIANT. Bold: not reached.
 
 """
 
@@ -129,13 +151,39 @@ def _overview(now: Mapping[str, Any], robots: list[str]) -> str:
             value = record["figures"].get(_key(row, quantity))
             missed = value is None or not _reached(record, row, quantity)
             text = "–" if value is None else number(value[0])
-            if record["failures"].get(row.key):
-                text += " †"
+            text += FAULT * bool(_faults(record, row))
             cells.append(f"**{text}**" if missed and value and quantity.shipped else text)
         goal = f"≤ {reach}" if quantity.shipped else ""
         rows.append([quantity.text, goal, *cells])
     text = table([["worst joint", "reach, shipped / derived", *robots], *rows])
-    return text + "\n\nBold: not reached. †: some tests of the row ended in a fault.\n"
+    return f"{text}\n\nBold: not reached. {FAILED}\n"
+
+
+def _missed(
+    now: Mapping[str, Any], robots: list[str]
+) -> tuple[int, list[tuple[str, str, list[str]]]]:
+    """How many figures have a goal; and of each quantity that misses it: the robots that do."""
+    count = 0
+    missed = []
+    for row, quantity in _quantities():
+        if not quantity.shipped:
+            continue
+        cells = []
+        for name in robots:
+            record = now[name]
+            value = record["figures"].get(_key(row, quantity))
+            count += value is not None
+            if value is not None and not _reached(record, row, quantity):
+                cells.append(f"{name} {number(value[0])}{FAULT * bool(_faults(record, row))}")
+        if cells:
+            goal = f"≤ {quantity.shipped:g} / {quantity.derived:g} {quantity.unit}"
+            missed.append((quantity.text, goal, cells))
+    return count, missed
+
+
+def _faults(record: Mapping[str, Any], row: Row) -> int:
+    """How many tests of a row ended in a fault."""
+    return int(record["failures"].get(row.key, 0))
 
 
 def _table(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
@@ -190,7 +238,7 @@ def _key(row: Row, quantity: Quantity) -> str:
 def _reached(record: Mapping[str, Any], row: Row, quantity: Quantity) -> bool:
     found = record["figures"].get(_key(row, quantity))
     goal = quantity.reach(record["derived"])
-    if found is None or record["failures"].get(row.key):
+    if found is None or _faults(record, row):
         return False
     return not goal or abs(found[0]) <= goal
 

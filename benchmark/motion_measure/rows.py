@@ -83,7 +83,7 @@ ROWS = {
             stream_rows.abrupt,
             (
                 Quantity("at_90", "abrupt sine, 0.9 of a_max: error of amplitude", "%", 3.0, 3.0),
-                Quantity("at_95", "abrupt sine, 0.95 of a_max: the same", "%", 3.0, 3.0),
+                Quantity("at_95", "abrupt sine, 0.95 of a_max: error of amplitude", "%", 3.0, 3.0),
             ),
             pose=0,
         ),
@@ -119,7 +119,7 @@ ROWS = {
         Row(
             "slow_reversal",
             partial(position_rows.reversal, part=0.2),
-            (Quantity("overshoot", "the same at 0.2 of the limit speed", "%", 5.0, 10.0),),
+            (Quantity("overshoot", "velocity reversed at 0.2: overshoot", "%", 5.0, 10.0),),
         ),
         Row(
             "torque",
@@ -134,13 +134,13 @@ ROWS = {
             force_rows.stiffness,
             (
                 Quantity("deviation", "stiffness measured over requested", "%", 5.0, 5.0),
-                Quantity("with_gravity", "the same by the push, gravity included", "%", 0.0, 0.0),
+                Quantity("with_gravity", "stiffness by the push, gravity included", "%", 0.0, 0.0),
             ),
         ),
         Row(
             "compensated",
             force_rows.compensated,
-            (Quantity("felt", "the same with gravity compensated", "%", 5.0, 5.0),),
+            (Quantity("felt", "stiffness with gravity compensated", "%", 5.0, 5.0),),
         ),
         Row(
             "release",
@@ -168,7 +168,7 @@ ROWS = {
         Row(
             "motion",
             change_rows.in_motion,
-            (Quantity("beyond", "the same in motion, beyond stopping", "mrad", 10.0, 10.0),),
+            (Quantity("beyond", "sag in motion, beyond stopping", "mrad", 10.0, 10.0),),
             pose=1,
         ),
         Row(
@@ -178,13 +178,11 @@ ROWS = {
                 Quantity(
                     "torq", "all at full speed into TORQUE, beyond stopping", "mrad", 30.0, 30.0
                 ),
-                Quantity("comp", "the same into COMPLIANT", "mrad", 30.0, 30.0),
+                Quantity("comp", "all at full speed into COMPLIANT", "mrad", 30.0, 30.0),
                 Quantity("needs", "torque required to stop all joints in v²/(2a)", "×", 0.0, 0.0),
-                Quantity("back", "way back after that stop", "mrad", 1.0, 1.0),
-                Quantity(
-                    "rest", "its duration over that of the fastest on the line", "×", 1.5, 1.5
-                ),
-                Quantity("path", "its distance from the line", "mrad", 0.0, 0.0),
+                Quantity("back", "all at full speed: way back after the stop", "mrad", 1.0, 1.0),
+                Quantity("rest", "all at full speed: duration over the line's", "×", 1.5, 1.5),
+                Quantity("path", "all at full speed: distance from the line", "mrad", 0.0, 0.0),
             ),
             pose=0,
             together=together_rows.halt,
@@ -194,8 +192,8 @@ ROWS = {
             None,
             (
                 Quantity("at_30", "moves of all joints at 0.3 of their speed", "mrad", 5.0, 5.0),
-                Quantity("at_50", "the same at 0.5", "mrad", 5.0, 5.0),
-                Quantity("at_100", "the same at their full speed", "mrad", 5.0, 5.0),
+                Quantity("at_50", "moves of all joints at 0.5 of their speed", "mrad", 5.0, 5.0),
+                Quantity("at_100", "moves of all joints at their full speed", "mrad", 5.0, 5.0),
                 Quantity("longer", "duration over that of the joint alone", "×", 0.0, 0.0),
             ),
             pose=0,
@@ -206,7 +204,7 @@ ROWS = {
             None,
             (
                 Quantity("path", "moves of all amid moves of all: off the path", "mrad", 5.0, 5.0),
-                Quantity("lasts", "the longest of them", "s", 0.0, 0.0),
+                Quantity("lasts", "moves of all amid moves of all: the longest", "s", 0.0, 0.0),
             ),
             pose=0,
             together=together_rows.preempted,
@@ -218,7 +216,7 @@ ROWS = {
                 Quantity(
                     "speed", "direct full steps of all: top speed over limit", "×", 1.05, 1.05
                 ),
-                Quantity("overshoot", "their overshoot", "mrad", 5.0, 5.0),
+                Quantity("overshoot", "direct full steps of all: overshoot", "mrad", 5.0, 5.0),
             ),
             pose=0,
             together=together_rows.full_steps,

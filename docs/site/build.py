@@ -72,6 +72,17 @@ def broken(folder: Path) -> list[str]:
     return found
 
 
+def write_tables() -> None:
+    """Write the pages that only the site has: tables too large to be read beside the text."""
+    made = subprocess.run(
+        [sys.executable, "benchmark/motion.py", "--tables"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    (SITE / "motion_tables.md").write_bytes(made.stdout)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Build and check; the exit code."""
     parser = argparse.ArgumentParser(description="Build the site.")
@@ -80,6 +91,7 @@ def main(argv: list[str] | None = None) -> int:
     sys.path.insert(0, str(ROOT))
     from control_board_ros import __version__ as version
 
+    write_tables()
     before = {path.parent.name for path in folder.glob("*/index.html")}
     versions = sorted(before | {version}, key=by_number, reverse=True)
     target = folder / version

@@ -152,8 +152,12 @@ def test_the_page_shows_the_recorded_figures() -> None:
     assert set(now) <= {*ROBOTS, "scenes"}
     assert "scenes" in now
     assert set(drives) == {kind.code for kind in KINDS} - {"pwm"}
-    notes = page.notes_of(page.PAGE)
-    assert page.PAGE.read_text("utf-8") == page.page(now, before, drives, notes)
+    text = page.PAGE.read_text("utf-8")
+    assert text == page.page(now, page.notes_of(page.PAGE))
+    tables = page.tables(now, before, drives)
+    assert all(f"\n## {name} (" in tables for name in now if name != "scenes")
+    bold = [line for line in tables.split("\n## ")[1].splitlines() if "**" in line]
+    assert len(bold) == text.partition("| robots")[2].partition("\n\n")[0].count("| ≤")
 
 
 @pytest.mark.slow
