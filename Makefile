@@ -37,7 +37,7 @@ test: ## Run the tests; ARGS="-k M4" go to pytest
 	@$(SETUP) test icub
 	@$(PYTEST) -m "not slow and not soak" $(ARGS)
 
-test-long: ## Run the tests that take more than 5 s each
+test-long: ## Run the tests that take more than a second each
 	@$(SETUP) test icub
 	@$(PYTEST) -m "slow and not soak" $(ARGS)
 

@@ -66,6 +66,7 @@ def test_wrong_usage_for_machines(alone: Any) -> None:
     assert done.json["success"] is False
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_no_board(alone: Any) -> None:
     """The answer says why it is empty: the domain, the time, the next step."""

@@ -79,6 +79,7 @@ def test_interaction_and_impedance(cbctl: Any, ask: Any) -> None:
     assert message == "interaction mode 'rigid' unknown; one of stif (STIFF), comp (COMPLIANT)"
 
 
+@pytest.mark.slow
 def test_move(cbctl: Any, ask: Any) -> None:
     """P1: degrees and radians, several joints, a bar on stderr, the end on stdout."""
     done = cbctl("move", "0=20deg", "joint_2=0.6", "--speed", "60deg/s")
@@ -122,6 +123,7 @@ def test_a_target_outside_the_limits_is_refused(cbctl: Any, ask: Any) -> None:
     assert ask("watch", "--once")[FIRST]["rejected_commands"] == before
 
 
+@pytest.mark.slow
 def test_a_move_that_did_not_arrive(cbctl: Any, ask: Any) -> None:
     """P1: the bar ends at 100 % only where the joint is measured to be at its target."""
     moving = cbctl.start("move", "0=2.5", "--speed", "0.2")
@@ -132,6 +134,7 @@ def test_a_move_that_did_not_arrive(cbctl: Any, ask: Any) -> None:
     assert "done" not in err
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_a_move(cbctl: Any, ask: Any) -> None:
     """Ctrl-C cancels the move and says what the joints do now."""
     moving = cbctl.start("move", "0=2.5", "--speed", "0.2")
@@ -149,6 +152,7 @@ def test_ctrl_c_stops_a_move(cbctl: Any, ask: Any) -> None:
     assert here["position"] == pytest.approx(there, abs=0.1)
 
 
+@pytest.mark.slow
 def test_poses(cbctl: Any, ask: Any) -> None:
     """R5: shown, gone to, saved; what is refused names the joint and the way out."""
     shown = cbctl("poses")
@@ -198,6 +202,7 @@ def test_velocity_streams_and_stops(cbctl: Any, ask: Any) -> None:
     assert ask("velocity", "0=-0.1", "--once")["joints"] == {FIRST: "accepted"}
 
 
+@pytest.mark.slow
 def test_velocity_until_it_is_interrupted(cbctl: Any, ask: Any) -> None:
     """Without --for it goes on until SIGTERM or, alike, Ctrl-C, which stop the joint."""
     ask.mode("0", "vel")
@@ -211,6 +216,7 @@ def test_velocity_until_it_is_interrupted(cbctl: Any, ask: Any) -> None:
     assert ask("references", "0")[FIRST]["velocity"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_stream_ends_when_the_mode_changes(cbctl: Any, ask: Any) -> None:
     """M4: a joint that leaves its mode ends the stream, with the reason."""
     ask.mode("0", "vel")
@@ -237,6 +243,7 @@ def test_torque_and_output(cbctl: Any, ask: Any) -> None:
     assert ask("impedance", "6")[LAST]["torque_offset"] == 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("verb", "mode", "value"), [("torque", "torq", "0.2Nm"), ("output", "open", "1%")]
 )
@@ -369,6 +376,7 @@ def test_calibrate(cbctl: Any, ask: Any) -> None:
     assert ask("calibrate")["joints"][LAST] == "accepted"
 
 
+@pytest.mark.slow
 def test_watch(cbctl: Any, ask: Any) -> None:
     """A table of all joints; live it ends cleanly on Ctrl-C."""
     once = cbctl("watch", "--once")
@@ -382,6 +390,7 @@ def test_watch(cbctl: Any, ask: Any) -> None:
     assert (done.code, done.err) == (0, "")
 
 
+@pytest.mark.slow
 def test_watch_where_the_time_of_cycles_goes(cbctl: Any, ask: Any) -> None:
     """Timed while it is watched, and no longer."""
     found = cbctl("watch", "--timing", "--once", "--json").json
@@ -394,6 +403,7 @@ def test_watch_where_the_time_of_cycles_goes(cbctl: Any, ask: Any) -> None:
     assert ask("param", "show", "timing") == {"timing": False}
 
 
+@pytest.mark.slow
 def test_watch_into_a_pipe(cbctl: Any, ask: Any) -> None:
     """Frames arrive one by one; a closed pipe ends it: cbctl watch | head -3."""
     with cbctl.start("watch", "--rate", "20") as live:
@@ -408,6 +418,7 @@ def test_watch_into_a_pipe(cbctl: Any, ask: Any) -> None:
         assert live.stderr.read() == ""
 
 
+@pytest.mark.slow
 def test_plot_into_a_pipe(cbctl: Any, ask: Any) -> None:
     """A head, then time and values of each state seen, in the board's units; JSON: objects."""
     with cbctl.start("plot", "joint_1.position", "1.reference") as live:
@@ -441,6 +452,7 @@ def test_info(cbctl: Any, ask: Any) -> None:
     assert "-170.0…170.0°" in shown
 
 
+@pytest.mark.slow
 def test_param(cbctl: Any, ask: Any, tmp_path: Any) -> None:
     """P9: parameters are shown, set all or none, and saved to a file that a board starts with."""
     name = f"{FIRST}.limits.upper"
@@ -491,6 +503,7 @@ def test_conformance(cbctl: Any, ask: Any) -> None:
     assert "joint 'nose' unknown" in refused.err
 
 
+@pytest.mark.slow
 def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     """Many lines, one connection; what fails does not end it, and shows in the exit code."""
     lines = [
@@ -517,6 +530,7 @@ def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     assert "cbctl: the shell is connected; give --board and the like to cbctl shell\n" in done.err
 
 
+@pytest.mark.slow
 def test_completion_in_bash(cbctl: Any, ask: Any) -> None:
     """Tab offers the joints of the board, by short names."""
     environment = cbctl.environment | {
@@ -531,6 +545,7 @@ def test_completion_in_bash(cbctl: Any, ask: Any) -> None:
     until(completed)
 
 
+@pytest.mark.slow
 def test_other_boards(cbctl: Any, ask: Any) -> None:
     """The name and the namespace of the board; what there is instead is named."""
     assert cbctl("modes", "--board", "/control_board", "--namespace", "x").code == 0

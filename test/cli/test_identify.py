@@ -42,6 +42,7 @@ def test_a_joint_is_identified(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None
     assert yaml.safe_load(again.read_text("utf-8"))["/**"]["ros__parameters"] == written
 
 
+@pytest.mark.slow
 def test_nothing_moves_unasked(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:
     """G3: without a terminal there is no confirmation; values that are not allowed are named."""
     assert ask("modes")

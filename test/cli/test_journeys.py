@@ -60,6 +60,7 @@ def test_a_mode_is_one_round_trip(board: BoardProcess, ask: Asker, asked: list[s
         ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "requests"),
     [

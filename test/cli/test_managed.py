@@ -38,6 +38,7 @@ def test_the_next_step_by_code(code: Reason, manager: str, expected: str) -> Non
     assert advice(reply, ["elbow"], line, lambda: manager, "vel") == expected
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_a_part_of_a_managed_robot_is_configured_and_activated() -> None:
     """K7: the transitions are those of the robot's node, which the next step names."""

@@ -63,6 +63,7 @@ def test_in_a_coroutine_of_rclpy(board: BoardProcess, spinning: Any) -> None:
         assert answers[2] == [True]
 
 
+@pytest.mark.slow
 def test_in_asyncio(board: BoardProcess, node: Any) -> None:
     """Await under asyncio: many at a time, and a cancelled move stops the joint."""
 

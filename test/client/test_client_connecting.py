@@ -28,6 +28,7 @@ def test_three_lines_are_enough(board: BoardProcess, monkeypatch: pytest.MonkeyP
     assert not context.ok()
 
 
+@pytest.mark.slow
 def test_a_board_that_is_not_there(board: BoardProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """One line with the domain, the time, and the boards that are."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(board.domain))

@@ -52,6 +52,7 @@ ASKING = f"{PROGRAM}print(client.get_control_mode(0)[0].name)"
 MOVING = f"{PROGRAM}client.move(0, 1.5, 0.1, lambda feedback: print('moving', flush=True))"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["", "; rclpy.shutdown()"], ids=["as it is", "shut down"])
 def test_a_program_just_ends(board: BoardProcess, end: str) -> None:
     """Nothing needs to be closed: the program ends with code 0 and says nothing."""
@@ -59,6 +60,7 @@ def test_a_program_just_ends(board: BoardProcess, end: str) -> None:
     assert (done.stdout, done.stderr) == ("POSITION\n", "")
 
 
+@pytest.mark.slow
 def test_ctrl_c_where_rclpy_handles_signals(board: BoardProcess, node: Any) -> None:
     """As most programs are: rclpy shuts every context down first, and the joints stop still."""
     with patient(node, board.name) as client:
@@ -82,6 +84,7 @@ def test_ctrl_c_where_rclpy_handles_signals(board: BoardProcess, node: Any) -> N
         assert client.get_target_position(0) == pytest.approx([1.5])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["close", "shutdown", "destroy"])
 def test_nodes_destroyed_during_calls_are_board_errors(board: BoardProcess, end: str) -> None:
     """Nothing of rclpy's comes through, in no thread, whatever it was doing."""
@@ -133,6 +136,7 @@ def test_a_node_that_was_destroyed(board: BoardProcess) -> None:
         client.close()
 
 
+@pytest.mark.slow
 def test_a_message_that_cannot_be_read(board: BoardProcess, capfd: Any) -> None:
     """One line in the log, however many there are, and the next valid one is processed."""
     read: list[str] = []

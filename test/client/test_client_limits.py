@@ -53,6 +53,7 @@ def test_the_smaller_limits_are_shown(client: ControlBoardClient) -> None:
         assert client.get_limits(0)[1].tolist() == [acts]
 
 
+@pytest.mark.slow
 def test_cbctl_shows_and_checks_them(process: BoardProcess, client: ControlBoardClient) -> None:
     """S4: in ``info``, and before a move."""
     cbctl = Cbctl(process.environment)

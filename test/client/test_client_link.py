@@ -160,6 +160,7 @@ def test_a_request_waits_until_the_board_has_discovered_the_client(link: Link) -
         assert made == [["pos"], ["vel"]]
 
 
+@pytest.mark.slow
 def test_a_goal_waits_until_the_board_has_discovered_the_client(
     link: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -269,6 +270,7 @@ class Stoppable:
             send(*of)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stop", "emergency_stop"])
 @pytest.mark.parametrize("loses", [0, 2])
 def test_a_stop_waits_for_nothing(name: str, loses: int) -> None:

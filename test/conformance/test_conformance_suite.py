@@ -64,6 +64,7 @@ def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) 
     assert len(cases) == len(in_order())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("joint", "count"), [("left", 48), ("bare", 38)])
 def test_our_board_keeps_all_in_process(joint: str, count: int) -> None:
     """B1: the same rules without ROS and without a clock, with all permissions."""

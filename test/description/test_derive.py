@@ -149,6 +149,7 @@ def test_assumed_efforts_suffice_for_all_joints_at_once(bare: Path) -> None:
         assert one.limits.acceleration == pytest.approx(10.0 * one.limits.velocity)
 
 
+@pytest.mark.slow
 def test_an_arm_of_assumptions_keeps_its_limits(bare: Path) -> None:
     """P9, P14: whatever modes and commands its joints get, all at once."""
     with Simulation.load(robot=str(bare)) as simulation:

@@ -107,6 +107,7 @@ def test_start_sags_little_and_the_arm_holds_still(rig: Rig) -> None:
     assert np.all(np.ptp(held, axis=0) < limit_of(rig, 0.05 * DEGREE, 0.05e-3))
 
 
+@pytest.mark.slow
 def test_a_stiff_move_of_any_joint_tracks_its_profile(rig: Rig) -> None:
     """30 deg at the default 10 deg/s within 0.5 deg under gravity, the others hold (P1)."""
     for j, joint in enumerate(rig.joints):
@@ -142,6 +143,7 @@ def compliant_joints(rig: Rig) -> list[int]:
     return [j for j, joint in enumerate(rig.joints) if joint.torque_sensor]
 
 
+@pytest.mark.slow
 def test_a_compliant_joint_gives_way_like_its_spring(rig: Rig) -> None:
     """A known torque tau displaces by tau / k within 5 %, gravity's own change apart (I5)."""
     board, plant = rig.board, rig.simulation.plant
@@ -208,6 +210,7 @@ def test_motors_stay_cool_while_the_arm_is_held(rig: Rig) -> None:
         assert joint < 60.0
 
 
+@pytest.mark.slow
 def test_a_torque_into_a_limit_ends_there_without_fault(rig: Rig) -> None:
     """P9: full speed into the software limit, the hard stop perhaps, and back to the limit."""
     board = rig.board

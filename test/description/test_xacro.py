@@ -66,6 +66,7 @@ def grown(levels: int) -> str:
     )
 
 
+@pytest.mark.slow
 @needs_xacro
 @pytest.mark.parametrize(("levels", "bounds"), [(40, {"CPU": 1}), (6, {"MOST": 500})])
 def test_an_exponential_macro_is_bounded(

@@ -55,6 +55,7 @@ def test_streams_are_back_after_a_broken_loopback() -> None:
     assert "passed" in island("net", "loopback")
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.skipif(
     not allowed("mount"), reason="needs root for a mount namespace with a small disk"

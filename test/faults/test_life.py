@@ -85,6 +85,7 @@ def test_a_lost_physics_server_ends_the_node() -> None:
         assert "Traceback" not in board.output
 
 
+@pytest.mark.slow
 def test_a_bug_in_the_control_loop_ends_the_node_without_power() -> None:
     """One line and exit code 1, for a supervisor to start it anew; no loop without its loop."""
     with hurt("stuck", exit_code=1) as (board, _):
@@ -95,6 +96,7 @@ def test_a_bug_in_the_control_loop_ends_the_node_without_power() -> None:
         assert "Traceback" not in board.output
 
 
+@pytest.mark.slow
 def test_all_callbacks_raising() -> None:
     """Promise P1: services answer that it failed, actions abort, the control loop runs on."""
     with hurt("raising", allow_fault_injection=True) as (board, talker):
@@ -151,6 +153,7 @@ def params() -> dict[str, object]:
     return {"use_sim_time": True, "allow_fault_injection": True}
 
 
+@pytest.mark.slow
 def test_a_clock_that_jumps_back_or_stops(talker: Talker) -> None:
     """Another /clock, with use_sim_time: the board's own time goes on whatever it says."""
     publisher = talker.node.create_publisher(Clock, "/clock", 10)

@@ -52,6 +52,7 @@ UNSAFE_LOADS = {"load", "full_load", "unsafe_load"}
 UNSAFE_MODULES = {"pickle", "marshal", "shelve", "urllib.request", "requests", "http.client"}
 
 
+@pytest.mark.slow
 def test_nothing_is_evaluated_unpickled_or_fetched() -> None:
     """What docs/security.md says of the sources."""
     sources = sorted((ROOT / "control_board_ros").rglob("*.py"))

@@ -176,6 +176,7 @@ def test_a_foreign_web_page_is_refused(process: tuple[str, int]) -> None:
         pass
 
 
+@pytest.mark.slow
 def test_without_operate_clients_only_read(read_only: str, talker: Talker) -> None:
     """No service, no publishing, no parameter is set; the state is there."""
     with connect(read_only, subprotocols=SUBPROTOCOLS, max_size=None) as connection:

@@ -70,12 +70,14 @@ def test_a_torn_table_of_currents_identifies_an_arm(urdf: Path, tmp_path: Path) 
     check(written(found), *SHARES)
 
 
+@pytest.mark.slow
 def test_fifty_hertz_and_a_torque_sensor_do(urdf: Path) -> None:
     """G3: velocities that nobody recorded are those of the positions."""
     own = records(Log(urdf, rate=50.0, seconds=120.0), "current", "torque")
     check(written(identify(Robot.of_metal(str(urdf)), own, NAMES)), "torque_constant", "coulomb")
 
 
+@pytest.mark.slow
 def test_a_payload_is_found_by_its_currents(urdf: Path) -> None:
     """G3: with the motors known from a log without it, or together with them."""
     robot, signals = Robot.of_metal(str(urdf)), ("velocity", "current")
@@ -86,6 +88,7 @@ def test_a_payload_is_found_by_its_currents(urdf: Path) -> None:
     assert found["bend.payload.center"].value == pytest.approx((0.4, 0.0, 0.0), abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_threshold_holds_over_other_motions_and_a_push_is_above(urdf: Path) -> None:
     """X2: of one log, with one false alarm an hour; over two others, of which one is pushed."""
     robot, signals = Robot.of_metal(str(urdf)), ("velocity", "current")

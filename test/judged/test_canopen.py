@@ -53,6 +53,7 @@ def test_it_is_found_and_says_what_it_is(network: Any, node: Any) -> None:
     assert node.sdo[0x60C2][2].raw == -3
 
 
+@pytest.mark.slow
 def test_its_heartbeat_is_set_and_its_restart_announced(network: Any, node: Any) -> None:
     node.sdo[0x1017].raw = 20
     node.nmt.wait_for_heartbeat(10.0)

@@ -62,6 +62,7 @@ def test_all_registers_are_read(motor: Any) -> None:
     assert found[17] == pytest.approx(0.85)
 
 
+@pytest.mark.slow
 def test_it_is_enabled_and_moves_in_each_of_its_laws(far: Any, motor: Any) -> None:
     assert state(motor)["status"] == "DISABLED"
     use(motor, "MIT")

@@ -58,6 +58,7 @@ def test_the_table_is_that_of_the_maker() -> None:
     assert {name for name in found if not name.startswith("Indirect")} == set(ROWS)
 
 
+@pytest.mark.slow
 def test_it_is_found_moves_and_reports(far: Any, bus: Any) -> None:
     one, two = bus.createAllMotors()
     assert (one.id, two.id, one.model_name) == (1, 2, "xm430_w350.model")
@@ -179,6 +180,7 @@ def test_an_offset_moves_what_is_read_and_what_is_asked(far: Any, bus: Any) -> N
     assert near(far.position(), 200 * 6.2832 / 4096, 0.005)
 
 
+@pytest.mark.slow
 def test_it_is_cleared_reset_and_given_another_id_and_rate(far: Any, bus: Any, other: Any) -> None:
     motor = bus.createMotor(1)
     motor.changeID(7)
@@ -216,6 +218,7 @@ def answered(bus: Any, drive: int) -> int:
         return 0
 
 
+@pytest.mark.slow
 def test_a_fault_is_reported_and_its_watchdog_stops_it(far: Any, bus: Any) -> None:
     motor = bus.createMotor(1)
     far.drive.fail(32)

@@ -43,6 +43,7 @@ def test_all_that_it_lists_is_read_as_delivered(servos: Any) -> None:
     assert found["max_temperature_limit"] == 70
 
 
+@pytest.mark.slow
 def test_its_preflight_and_its_own_test_pass(servos: Any) -> None:
     servos.wait_until_stopped(1)
     found = servos.selftest(1, moves=2)
@@ -50,6 +51,7 @@ def test_its_preflight_and_its_own_test_pass(servos: Any) -> None:
     assert found["passed"], found["moves"]
 
 
+@pytest.mark.slow
 def test_a_goal_takes_power_and_its_speed_holds(far: Any, servos: Any) -> None:
     assert servos.read_register(1, "torque_enable") == 0
     servos.set_goal_position(1, 2148)
@@ -92,6 +94,7 @@ def test_128_makes_the_present_position_the_middle(far: Any, servos: Any) -> Non
     assert near(servos.read_register(1, "present_position"), 2048, 1)
 
 
+@pytest.mark.slow
 def test_it_takes_another_id_and_another_rate(far: Any, servos: Any) -> None:
     assert servos.set_id(1, 9) == 9
     assert servos.scan(1, 2) == [2]

@@ -86,6 +86,7 @@ def test_all_are_discovered(far: Any) -> None:
     assert all(each.address is not None for each in found)
 
 
+@pytest.mark.slow
 def test_one_is_addressed_by_its_unique_id(far: Any) -> None:
     async def run() -> Any:
         with contextlib.closing(transport(far)) as line:
@@ -96,6 +97,7 @@ def test_one_is_addressed_by_its_unique_id(far: Any) -> None:
     assert asyncio.run(run()) == 2
 
 
+@pytest.mark.slow
 def test_it_moves_within_its_own_limits(far: Any) -> None:
     """0.5 rev at 1 rev/s and 4 rev/s²: complete after 0.75 s, never faster."""
     speeds = []
@@ -118,6 +120,7 @@ def test_it_moves_within_its_own_limits(far: Any) -> None:
     assert max(speeds) < 1.15
 
 
+@pytest.mark.slow
 def test_its_wait_for_a_trajectory_ends(far: Any) -> None:
     async def said(_: Any, drive: Any) -> Any:
         await drive.set_stop()
@@ -130,6 +133,7 @@ def test_its_wait_for_a_trajectory_ends(far: Any) -> None:
     assert near(talk(far, said).values[Register.POSITION], 0.25, 0.05)
 
 
+@pytest.mark.slow
 def test_the_acceleration_of_delivery_acts_until_it_is_waived(far: Any) -> None:
     async def said(_: Any, drive: Any) -> Any:
         await drive.set_stop()
@@ -147,6 +151,7 @@ def test_the_acceleration_of_delivery_acts_until_it_is_waived(far: Any) -> None:
     assert far.drive.conf["servo.default_accel_limit"] == 50.0
 
 
+@pytest.mark.slow
 def test_it_stays_within_bounds(far: Any) -> None:
     async def said(_: Any, drive: Any) -> Any:
         await drive.set_stop()
@@ -161,6 +166,7 @@ def test_it_stays_within_bounds(far: Any) -> None:
     assert talk(far, said)[Register.MODE] == 13
 
 
+@pytest.mark.slow
 def test_its_output_is_set(far: Any) -> None:
     async def said(_: Any, drive: Any) -> Any:
         await drive.set_output_exact(position=0.375)
@@ -172,6 +178,7 @@ def test_its_output_is_set(far: Any) -> None:
     assert near(far.position(), 0.0)
 
 
+@pytest.mark.slow
 def test_its_watchdog_and_a_fault_are_left_by_a_stop(far: Any) -> None:
     async def said(_: Any, drive: Any) -> Any:
         await drive.set_stop()
@@ -190,6 +197,7 @@ def test_its_watchdog_and_a_fault_are_left_by_a_stop(far: Any) -> None:
     assert (fault[Register.MODE], fault[Register.FAULT]) == (1, 33)
 
 
+@pytest.mark.slow
 def test_the_tool_lists_reads_dumps_and_stops(far: Any) -> None:
     assert json.loads(tool(far, "-t", "1", "--info"))["uuid"].startswith("6d6a")
     assert json.loads(tool(far, "-t", "1", "--read", "servo_stats"))["filt_bus_V"] == 24.0
@@ -201,6 +209,7 @@ def test_the_tool_lists_reads_dumps_and_stops(far: Any) -> None:
     assert far.drive.mode == 0
 
 
+@pytest.mark.slow
 def test_the_tool_sets_an_offset_and_writes_a_configuration(far: Any, tmp_path: Any) -> None:
     tool(far, "-t", "1", "--set-offset", "0.25")
     assert near(far.drive._position, 0.25)

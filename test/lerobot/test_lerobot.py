@@ -197,6 +197,7 @@ def test_a_guided_arm_is_damped(plugin: Any) -> None:
     hand.disconnect()
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_guiding_is_all_or_nothing(plugin: Any) -> None:
     """One joint in fault: none is guided, all settings are those of before, it is disconnected."""

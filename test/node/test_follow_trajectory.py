@@ -185,6 +185,7 @@ def test_a_mode_set_while_time_is_paused_aborts_the_goal(talker: Talker, names: 
     assert f"{names[1]} is in POSITION" in text
 
 
+@pytest.mark.slow
 def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -> None:
     """Reference, feedback, error and output of all joints, as often as ~/state."""
     talker.subscribe(

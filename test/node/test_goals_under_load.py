@@ -50,6 +50,7 @@ ACTIONS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [80, pytest.param(10_000, marks=SOAK)])
 @pytest.mark.parametrize("action", ACTIONS)
 def test_every_goal_has_one_result(

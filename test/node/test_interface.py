@@ -111,6 +111,7 @@ def test_command_topics_accept_qos_overrides(talker: Talker) -> None:
     assert answer.values[1].string_value == "iiwa"
 
 
+@pytest.mark.slow
 def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
     """Gains and rates change while the board runs; one wrong value changes nothing."""
     gain = f"{talker.names[0]}.position_pid.kp"
@@ -206,6 +207,7 @@ def test_faults_are_reported_and_cleared(talker: Talker) -> None:
         assert client.get_freeze_frame(talker.names[0]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "qos",
     [

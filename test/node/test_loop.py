@@ -305,6 +305,7 @@ def test_a_pacer_that_is_woken_counts_no_cycle(clock: ManualClock) -> None:
     assert clock.now == pytest.approx(110.0)
 
 
+@pytest.mark.slow
 def test_the_end_waits_for_the_slowest_brake() -> None:
     """Y4: power goes when the brake holds, however much longer than a second that takes."""
     brake = Brake(present=True, release_time=0.0, engage_time=1.3)

@@ -133,6 +133,7 @@ def test_an_error_beside_the_loop_ends_it_without_power(
     assert noted[0].closed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "text"), [
     ("_serve_once", "the executor thread ended: wait set"),
     ("_run_tasks", "the executor thread hangs for 1 s"),
@@ -179,6 +180,7 @@ def test_a_plant_that_is_gone_has_its_own_exit_code(
     assert noted[0].closed
 
 
+@pytest.mark.slow
 def test_a_signal_while_paused_and_calibrating() -> None:
     """P11 of the promises: joints unpowered, last state published, exit code 0; also then."""
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it, and a board inherits that
@@ -300,6 +302,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 def test_a_board_with_uncompiled_laws_says_so_once() -> None:
     """In one line; it works as others do, at the rate that plain Python reaches."""
     command = (sys.executable, "-c", UNCOMPILED)
@@ -327,6 +330,7 @@ def unusual() -> Iterator[tuple[BoardProcess, Talker]]:
         assert board.stop(signal.SIGINT) == 0
 
 
+@pytest.mark.slow
 def test_use_sim_time_makes_one_time(unusual: tuple[BoardProcess, Talker]) -> None:
     """Stamps and /clock are simulated time; it cannot be changed while the board runs."""
     board, talker = unusual
@@ -436,6 +440,7 @@ def test_closed_output_and_full_disks_do_not_end_it(tmp_path: Path) -> None:
             assert code == 0
 
 
+@pytest.mark.slow
 def test_ignored_commands_are_logged_once_a_second_with_their_count(
     unusual: tuple[BoardProcess, Talker],
 ) -> None:

@@ -86,6 +86,7 @@ def test_a_thread_that_goes_on_or_waits_for_work_is_well(
         assert watch.wait(ended_after(1.0)) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("work", "reason"),
     [
@@ -102,6 +103,7 @@ def test_a_thread_that_hangs_or_ends_is_the_reason(
         assert watch.wait(threading.Event()) == reason
 
 
+@pytest.mark.slow
 def test_a_thread_that_waits_for_a_processor_does_not_hang(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -116,6 +118,7 @@ def test_a_thread_that_waits_for_a_processor_does_not_hang(
         assert watch.wait(ended_after(1.0)) == ""
 
 
+@pytest.mark.slow
 def test_a_thread_behind_one_that_waits_for_a_processor_does_not_hang(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -125,6 +128,7 @@ def test_a_thread_behind_one_that_waits_for_a_processor_does_not_hang(
         assert watch.wait(ended_after(1.0)) == ""
 
 
+@pytest.mark.slow
 def test_a_hang_beside_threads_that_work_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
     def busy() -> set[int]:
         compress(5)

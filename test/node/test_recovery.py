@@ -153,6 +153,7 @@ def test_the_client_recovers_and_stops(talker: Talker) -> None:
         assert frame.position.shape == frame.stamps.shape
 
 
+@pytest.mark.slow
 def test_the_silence_of_a_heartbeat_over_ros() -> None:
     """E2: it beats, the board runs; it stops, the board stops, and says so."""
     params = {"heartbeat_timeout": 0.5, "real_time_factor": 0.5, "gravity": FALLING}

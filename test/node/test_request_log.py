@@ -126,6 +126,7 @@ def test_a_goal_of_a_trajectory_names_its_joints() -> None:
     assert json.loads(ended.response) == {"error_code": -4, "error_string": "too far"}
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_each_node_of_a_robot_publishes_its_requests_to_late_subscribers() -> None:
     names = ["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"]

@@ -39,6 +39,7 @@ def test_stamps_and_clock_are_simulated_time(talker: Talker) -> None:
     assert abs(stamp_of(state) - clock.sec - 1e-9 * clock.nanosec) < 1e3  # not the system's
 
 
+@pytest.mark.slow
 def test_step_runs_exactly_the_requested_cycles(talker: Talker) -> None:
     """~/step answers after its cycles ran, and the time has then moved by just these."""
     assert talker.call("pause", SetBool, data=True).success

@@ -65,6 +65,7 @@ TOPICS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("topic", TOPICS)
 def test_a_reference_that_waited_is_void(talker: Talker, board: BoardProcess, topic: str) -> None:
     """It is counted, and acts when it is sent again."""
@@ -80,6 +81,7 @@ def test_a_reference_that_waited_is_void(talker: Talker, board: BoardProcess, to
     talker.state(lambda s: s.position_reference[NUMBER] > 0.5 * AWAY)
 
 
+@pytest.mark.slow
 def test_an_answered_reference_that_waited_is_void(talker: Talker, board: BoardProcess) -> None:
     """Its answer has the code stale."""
     ask = {"kind": "position", "names": [JOINT], "values": [AWAY]}

@@ -46,6 +46,7 @@ def test_package_is_marked_as_typed() -> None:
     assert (Path(control_board_ros.__file__).parent / "discovery.xml").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_ros2_run_and_shells_find_a_command(command: str) -> None:
     """In lib/control_board_ros for `ros2 run`, in bin for shells, however it was installed."""

@@ -52,6 +52,7 @@ def test_the_messages_are_built_once(layout: Path) -> None:
     assert "rosidl_default_generators" not in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [

@@ -255,6 +255,7 @@ def test_an_up_to_date_environment_is_left_alone(
     assert done == [["icub"], []]
 
 
+@pytest.mark.slow
 def test_this_environment_requires_what_setup_py_names(tools: dict[str, ModuleType]) -> None:
     """Markers too, which setuptools keeps apart: of the engines each Python has its own."""
     environment = tools["set_up"].Environment(Path(sys.prefix))

@@ -202,6 +202,7 @@ def built_with(*prefixes: Path) -> list[str]:
     return python(TO_BUILD, *prefixes, cwd=ROOT).stdout.split()
 
 
+@pytest.mark.slow
 def test_packages_of_the_installed_ros_are_not_built(tmp_path: Path) -> None:
     """An earlier installation of ours is no reason to leave it out."""
     theirs, ours = tmp_path / "theirs", tmp_path / "ours"

@@ -43,6 +43,7 @@ def test_taking_over_is_asked(panel: Panel) -> None:
     assert first.ask("mode", board="/b", joints=["a"], mode="idl")["ok"] is False
 
 
+@pytest.mark.slow
 def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None:
     """Asked, answered, shown as among browsers of one panel; what was held there ends."""
     monkeypatch.setattr(panels, "EXPIRY", GUARD)  # on the busiest machine, too

@@ -214,6 +214,7 @@ def test_a_bus_that_does_not_open_has_a_remedy(number: int, remedy: str) -> None
     assert "INTERFACE:CHANNEL" not in str(error)
 
 
+@pytest.mark.slow
 def test_the_hint_of_a_missing_drive_works_as_printed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

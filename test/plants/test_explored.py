@@ -42,6 +42,7 @@ def test_no_single_fault_makes_a_drive_act_otherwise_than_shown(make: str, strid
     assert walk.runs > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", MAKES)
 def test_two_runs_are_the_same(make: str) -> None:
     """Nothing depends on real time."""

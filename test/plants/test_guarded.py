@@ -366,6 +366,7 @@ def faulted(loop: ControlLoop, plant: Levers) -> None:
     assert not [call for call in plant.calls if call.startswith("enable")]
 
 
+@pytest.mark.slow
 def test_a_hook_that_stalls_leaves_no_power(running: tuple[ControlLoop, Levers]) -> None:
     """B5."""
     loop, plant = running
@@ -376,6 +377,7 @@ def test_a_hook_that_stalls_leaves_no_power(running: tuple[ControlLoop, Levers])
     faulted(loop, plant)
 
 
+@pytest.mark.slow
 def test_a_lock_that_hangs_leaves_no_power(running: tuple[ControlLoop, Levers]) -> None:
     """B5."""
     loop, plant = running

@@ -180,6 +180,7 @@ def test_a_description_that_changes_on_connecting_breaks_the_contract(quick: Non
     assert found.text.startswith("left: set_points is (<SetPoint.PWM: 1>,) once connected")
 
 
+@pytest.mark.slow
 def test_unobservable_checks_name_what_they_need(quick: None) -> None:
     found = {each.check: each for each in check(Servos)}
     assert {each.outcome for each in found.values()} == {Outcome.KEPT, Outcome.UNSEEN}
@@ -187,6 +188,7 @@ def test_unobservable_checks_name_what_they_need(quick: None) -> None:
     assert "set the drives' own in connect()" in found["its drives have a watchdog"].text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_drives_of_one_set_point_keep_it(kind: SetPoint, quick: None) -> None:
     """S1."""
@@ -201,6 +203,7 @@ def test_missing_capabilities_of_a_plant_are_reported() -> None:
     assert not any("a set-point that holds" in line for line in lines)
 
 
+@pytest.mark.slow
 def test_the_command_prints_each_check(
     tmp_path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

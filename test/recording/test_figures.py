@@ -37,6 +37,7 @@ def control() -> Any:
     return importlib.import_module("control")
 
 
+@pytest.mark.slow
 @SYSTEM
 def test_step_figures_are_those_of_python_control(
     control: Any, system: tuple[list[float], list[float]]

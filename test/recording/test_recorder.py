@@ -75,6 +75,7 @@ def test_it_waits_for_the_first_of_a_topic() -> None:
         recorder.close()
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_queued_messages_are_recorded_before_the_end() -> None:
     """At any lag, and with any other messages."""
@@ -151,6 +152,7 @@ def test_a_board_that_seldom_speaks_is_not_silent() -> None:
     assert found.look(30.0)
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_a_recorder_receives_the_board_again(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path

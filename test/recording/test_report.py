@@ -175,6 +175,7 @@ def data_of(drawn: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_browser_draws_the_charts_and_nothing_else(tmp_path: Path) -> None:
     """Of a recording whose names are code: nothing of it runs, nothing is loaded."""
     playwright = pytest.importorskip("playwright.sync_api")

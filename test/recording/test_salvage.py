@@ -127,6 +127,7 @@ def test_a_finished_file_cut_at_every_4_kb(finished: Path, tmp_path: Path) -> No
     assert numbers(recording) == list(range(200))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [{}, {"split_time": 1.0}])
 def test_a_killed_writer_loses_a_second(tmp_path: Path, how: dict[str, float]) -> None:
     """All files are read, in order, those finished and the last; at most 1.5 s are missing.
@@ -225,6 +226,7 @@ def test_a_damaged_chunk_costs_itself_only(finished: Path, tmp_path: Path) -> No
     assert "damaged" in recording.missing[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [40, 4000])
 def test_a_cut_file_of_another_writer(tmp_path: Path, cut: int) -> None:
     """Compressed with zstd, as rosbag2 does with its preset."""

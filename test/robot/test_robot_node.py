@@ -31,6 +31,7 @@ NAMES = [*UPPER, *LOWER]
 Talkers = dict[str, Talker]
 
 
+@pytest.mark.slow
 def test_every_node_has_its_names(talkers: Talkers) -> None:
     """R1: a part is a board as any other; the robot has all services, over all parts."""
     node = talkers["robot"].node
@@ -65,6 +66,7 @@ def test_readings_of_the_robot_and_of_each_part(talkers: Talkers) -> None:
     assert list(talkers["upper"].state().names) == UPPER
 
 
+@pytest.mark.slow
 def test_diagnostics_once_for_the_robot(talkers: Talkers) -> None:
     """One status for the loop, one per part, which reports the worst joint."""
     robot = talkers["robot"]
@@ -119,6 +121,7 @@ def test_a_move_over_parts(talkers: Talkers) -> None:
     assert result.success, result.message
 
 
+@pytest.mark.slow
 def test_a_trajectory_over_parts(talkers: Talkers) -> None:
     """R3, T1: one goal for joints of both parts, with one result; by the topic, too."""
     robot, names = talkers["robot"], [UPPER[0], LOWER[0]]
@@ -213,6 +216,7 @@ def test_a_parameter_is_the_same_at_every_node(talkers: Talkers) -> None:
     assert not lower.change(state_rate=50.0).successful
 
 
+@pytest.mark.slow
 def test_a_saved_robot_starts_again(board: BoardProcess, tmp_path: Path) -> None:
     """R1: cbctl param save at the robot holds all of its parts; at a part, what is the part's."""
     cbctl = Cbctl(board.environment)

@@ -172,6 +172,7 @@ def test_axes_of_one_coupling_are_on_one_board(tmp_path: Path) -> None:
     assert "all axes of the coupling index, or none; b is missing" in refused
 
 
+@pytest.mark.slow
 @needs_icub
 def test_the_whole_icub_with_hands() -> None:
     """Y3: 53 axes, 75 physical joints, and the three motors of each shoulder."""

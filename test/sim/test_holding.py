@@ -20,6 +20,7 @@ STRETCHED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STRETCHED, ids=["panda", "iiwa", "kuka"])
 def test_an_arm_stretched_out_holds_indefinitely(name: str) -> None:
     """F6: neither fault nor warning; windings made quick, so that seconds are enough."""
@@ -44,6 +45,7 @@ def test_an_arm_stretched_out_holds_indefinitely(name: str) -> None:
         assert [event.text for event in board.take_events() if event.level != "info"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["panda", KUKA], ids=["panda", "kuka"])
 def test_a_constant_torque_holds_an_arm_at_rest(name: str) -> None:
     """M9: at an unstable pose friction beyond the sensor holds what rounding leaves."""

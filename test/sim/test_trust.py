@@ -194,6 +194,7 @@ def test_torque_entered_in_motion_comes_to_rest_and_stays(
     assert np.abs(board.get_encoder_speed([0, 3])).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_torque_entered_at_rest_holds(panda: Simulation) -> None:
     """M9: no joint moves before a command comes; once a panda fell after 2 s."""
     board = panda.board

@@ -229,6 +229,7 @@ def test_passwords_are_not_printed() -> None:
     assert shown("crane.journal") == "crane.journal"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "text"),
     [
