@@ -38,6 +38,7 @@ OPTIONAL = {
     "pygame",
     "pytest",
     "scservo_sdk",
+    "serial",  # comes with moteus
     "stable_baselines3",
     "torch",
     "hypothesis",
