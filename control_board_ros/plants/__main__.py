@@ -167,7 +167,7 @@ def put_trial(given: argparse.Namespace) -> int:
             joint = settings.board.names.index(name)
             moved = trial.move(joint)
             print(report(moved))
-            wrong += not moved.follows
+            wrong += not moved.follows or moved.velocity_factor != 1.0
             way = seen.get(name, moved.read if given.yes else looked(moved))
             changed |= corrections(axes[joint], moved, way)
     finally:
@@ -219,6 +219,11 @@ def report(moved: Moved) -> str:
     unit, factor = moved.kind.choose("°", " mm"), moved.kind.shown_factor
     commanded, read = moved.commanded * factor, moved.read * factor
     end = "" if moved.follows else ": its drive does not follow; is it free, and its gain enough?"
+    if moved.velocity_factor != 1.0:
+        end = (
+            f": the velocity that its drive reads is {moved.velocity_factor:.3g} times the change "
+            "of its position; correct its unit (cia402: JOINT.velocity_counts)"
+        )
     return f"{moved.joint}: commanded {commanded:+.2f}{unit}, read {read:+.2f}{unit}{end}"
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_bench import PERIOD, TIMEOUT, Bench
+from drive_bench import LIBRARIES, PERIOD, TIMEOUT, Bench
 
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.plants.__main__ import main, report
@@ -48,7 +48,12 @@ def bench() -> Iterator[Bench]:
         yield made
 
 
-def trial(bench: Bench, kind: JointKind = JointKind.REVOLUTE, **limits: float) -> Trial:
+def trial(
+    bench: Bench,
+    kind: JointKind = JointKind.REVOLUTE,
+    period: float = 10 * PERIOD,
+    **limits: float,
+) -> Trial:
     """Both joints of that kind, with these limits."""
 
     def pause(seconds: float) -> None:
@@ -58,7 +63,7 @@ def trial(bench: Bench, kind: JointKind = JointKind.REVOLUTE, **limits: float) -
     joints = tuple(
         replace(joint, kind=kind, limits=replace(joint.limits, **limits)) for joint in joints
     )
-    return Trial(bench.plant, joints, 10 * PERIOD, TIMEOUT, pause)
+    return Trial(bench.plant, joints, period, TIMEOUT, pause, bench.clock.now)
 
 
 def test_a_joint_is_moved_by_two_degrees_under_a_tenth_of_its_limits(bench: Bench) -> None:
@@ -79,6 +84,32 @@ def test_a_joint_is_moved_by_two_degrees_under_a_tenth_of_its_limits(bench: Benc
     assert bench.world.state[0, 0] == 0.0
     assert max(speeds) < 0.1 * tried.joints[1].limits.velocity * 1.2
     assert bench.drives[1].mode == 0
+
+
+@pytest.mark.parametrize("driver", LIBRARIES)
+def test_the_velocity_of_a_drive_is_the_change_of_its_position(driver: str) -> None:
+    """In steps of its own; of each make."""
+    pytest.importorskip(LIBRARIES[driver])
+    options = {"right.direction": "-1"}
+    with Bench(driver, options=options) as made:
+        moved = trial(made, period=PERIOD).move(1)
+    assert moved.velocity_factor == 1.0
+    assert moved.summed * moved.read > 0.0
+
+
+@pytest.mark.parametrize("factor", [9.55, 0.1])
+def test_a_velocity_in_another_unit_is_reported(factor: float) -> None:
+    """A drive in 1/min was shown tens of times too fast."""
+    pytest.importorskip("canopen")
+    from control_board_ros.plants.cia402.virtual import COUNTS
+
+    counts = f"{COUNTS / factor:.0f}"
+    with Bench("cia402", options={"left.velocity_counts": counts}, mounted={}) as made:
+        moved = trial(made, period=PERIOD).move(0)
+    assert moved.follows
+    assert moved.velocity_factor == pytest.approx(factor, rel=0.2)
+    said = f"the velocity that its drive reads is {moved.velocity_factor:.3g} times the change"
+    assert said in report(moved)
 
 
 def test_a_sliding_joint_is_moved_by_two_millimetres(bench: Bench) -> None:

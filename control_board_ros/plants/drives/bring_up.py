@@ -32,20 +32,33 @@ SHARE, HOLD = 0.1, 0.3
 KINDS = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
 #: Relative error of a move that counts as followed, and of a ratio that needs no correction.
 TOLERANCE = 0.1
+#: Factor between the motion of a move and the sum of its velocity that noise and steps explain.
+FACTOR = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """The commanded motion of a joint and the one that its drive read, rad or m."""
+    """A motion of a joint, rad or m.
+
+    Attributes: joint, kind, commanded, read (by its drive), summed (of the velocity that its drive
+        read, over the time of the move).
+    """
 
     joint: str
     kind: JointKind
     commanded: float
     read: float
+    summed: float = math.nan
 
     @property
     def follows(self) -> bool:
         return abs(self.read - self.commanded) <= TOLERANCE * abs(self.commanded)
+
+    @property
+    def velocity_factor(self) -> float:
+        """Times that the velocity is the change of the position; 1, where it may be."""
+        factor = self.summed / self.read if self.follows else 1.0
+        return 1.0 if math.isnan(factor) or 1.0 / FACTOR <= factor <= FACTOR else factor
 
 
 class Trial:
@@ -57,6 +70,7 @@ class Trial:
         period: From one exchange to the next, s.
         timeout: ``plant_timeout``, s.
         pause: Lets time pass, s.
+        clock: s.
     """
 
     def __init__(
@@ -66,8 +80,10 @@ class Trial:
         period: float,
         timeout: float,
         pause: Callable[[float], None] = time.sleep,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._plant, self.joints, self._period, self._pause = plant, joints, period, pause
+        self._clock = clock
         plant.connect(Setup(period=period, timeout=timeout, joints=tuple(joints)))
         self.description = plant.describe()
         self._off = SetPoints.off(len(joints))
@@ -97,17 +113,19 @@ class Trial:
         way = min(config.kind.choose(TURN, SLIDE), most)
         way = way if start < middle + way else -way  # about the middle: upwards, noise or not
         try:
-            found = self._follow(joint, kind, start, way, limits)
+            found, summed = self._follow(joint, kind, start, way, limits)
         finally:
             self.read()
-        return Moved(config.name, config.kind, way, float(found.position[joint]) - start)
+        read = float(found.position[joint]) - start
+        return Moved(config.name, config.kind, way, read, summed)
 
     def _follow(
         self, joint: int, kind: SetPoint, start: float, way: float, limits: Limits
-    ) -> Readings:
+    ) -> tuple[Readings, float]:
         speed = SHARE * limits.velocity
         duration = max(1.875 * abs(way) / speed, 1.0)
         cycles = round((duration + HOLD) / self._period)
+        summed, last = 0.0, self._clock()
         for cycle in range(1, cycles + 1):
             s = min(1.0, cycle * self._period / duration)
             values = np.zeros((VALUES, len(self.joints)))
@@ -123,8 +141,11 @@ class Trial:
                 faults = zip(self.joints, found.faults, strict=True)
                 named = "; ".join(f"{config.name}: {fault}" for config, fault in faults if fault)
                 raise PlantSettingsError(f"while {self.joints[joint].name} moved: {named}")
+            now = self._clock()
+            read = math.nan if found.velocity is None else float(found.velocity[joint])
+            summed, last = summed + read * (now - last), now
             self._pause(self._period)
-        return found
+        return found, summed
 
 
 def corrections(axis: Axis, moved: Moved, turned: float) -> dict[str, str]:
