@@ -89,5 +89,6 @@ MODELS = {
     1230: Model("XC330-M181", 1e-3, fewer=True),
     1240: Model("XC330-M288", 1e-3, fewer=True),
     1270: Model("XW430-T333", 2.69e-3),
+    1280: Model("XW430-T200", 2.69e-3),
     1310: Model("XW540-H260", 1.34e-3),
 }
