@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import asyncio
+import struct
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
 import can
 import pytest
 from far_drives import far_drives, near
+from far_drives import until as waiting
 
 pytest.importorskip("odrive_can", reason="odrive-can is not installed: pip install '.[test]'")
 
@@ -98,6 +100,48 @@ def test_limits_and_gains_are_set(far: Any) -> None:
     assert far.drive.position_gain == 7.0
     assert far.drive.integrator_gain == 0.5
     assert sorted(far.drive.conf.values())[-2:] == [3.0, 5.0]
+
+
+def test_it_is_found_addressed_and_stored(far: Any) -> None:
+    """As the maker's can_enumerate.py does it: ask all, address by serial number, save."""
+    drive = far.drive
+    with can.Bus(interface="virtual", channel=far.address.partition(":")[2]) as bus:
+
+        def send(node: int, command: int, data: bytes = b"", *, remote: bool = False) -> None:
+            name = node << 5 | command
+            bus.send(can.Message(arbitration_id=name, is_extended_id=False, data=data,
+                                 is_remote_frame=remote))  # fmt: skip
+
+        send(0x3F, 0x06, remote=True)
+        found = next(m for m in iter(lambda: bus.recv(10.0), None) if m.arbitration_id & 31 == 6)
+        assert (found.data[0], bytes(found.data[1:7])) == (1, drive.serial.to_bytes(6, "little"))
+        send(0x3F, 0x06, bytes([9]) + found.data[1:7])
+        waiting(lambda: drive.id == 9)
+        send(9, 0x16, b"\0")
+        waiting(lambda: drive.id == 1)  # it was not stored
+        send(0x3F, 0x06, bytes([9]) + found.data[1:7])
+        send(9, 0x16, b"\1")
+        send(9, 0x16, b"\0")
+        send(0x3F, 0x06, bytes([9]) + bytes(6))
+        waiting(lambda: drive.id == 0x3F)  # another wants it
+        drive.reboot()
+        assert drive.id == 9
+
+
+def test_a_write_is_confirmed_and_saved(far: Any) -> None:
+    """As can_restore_config.py: written, confirmed without a value, read back, saved."""
+    drive, name = far.drive, "axis0.controller.config.vel_limit"
+    with can.Bus(interface="virtual", channel=far.address.partition(":")[2]) as bus:
+
+        def answer(data: bytes) -> bytes:
+            bus.send(can.Message(arbitration_id=1 << 5 | 4, is_extended_id=False, data=data))
+            came = iter(lambda: bus.recv(10.0), None)
+            return bytes(next(m for m in came if m.arbitration_id == 1 << 5 | 5).data)
+
+        assert answer(struct.pack("<BHBf", 1, 384, 0, 3.5)) == struct.pack("<BHB", 0, 384, 0)
+        assert answer(struct.pack("<BHB", 0, 384, 0)) == struct.pack("<BHBf", 0, 384, 0, 3.5)
+        bus.send(can.Message(arbitration_id=1 << 5 | 0x16, is_extended_id=False, data=b"\1"))
+        waiting(lambda: drive.stored[name] == 3.5)
 
 
 def test_a_request_without_data_is_one(far: Any) -> None:

@@ -33,6 +33,8 @@ from .states import FAULT_RESET, TRANSITIONS, Mode, State, command_of
 REV = 2.0 * math.pi
 #: CiA 301, 7.5.2.2: bit 0 of the error register is set by any error.
 GENERIC_ERROR = 1
+#: Error code of CiA 402: DC link under-voltage; the share of the rated voltage is ours.
+LOW_DC_LINK, UNDER_VOLTAGE = 0x3220, 0.4
 #: Transmission types of PDOs that a drive sends by itself, and acts on at once; of the
 #: manufacturer, and of the profile (CiA 301, table 72).
 BY_EVENT = (254, 255)
@@ -75,6 +77,7 @@ class VirtualCia402:
         node: Of the library: its objects are ``node.sdo``.
         stiffness, damping, integral: Of its position loop, N·m/rad, N·m·s/rad, N·m/(rad·s); its
             velocity loop has the damping.
+        supply, rated_supply: V, of its DC link; it trips below UNDER_VOLTAGE of what is rated.
         gear, yielding: Turns of its motor per turn of its output, and by how much the gear twists,
             rad/(N·m) at the output; its motor's encoder has COUNTS per turn.
     """
@@ -83,6 +86,7 @@ class VirtualCia402:
         self.id, self.rated, self.silent, self.persists = drive, rated, False, 0
         self.stiffness, self.damping, self.integral = 60.0, 3.0, 0.0
         self.gear, self.yielding = 1.0, 0.0
+        self.supply = self.rated_supply = 48.0
         self.stored: dict[int, int] = {}
         self._serial = next(_serials)
         self._position = self._velocity = self._hold = 0.0
@@ -220,6 +224,7 @@ class VirtualCia402:
             on = self.state is State.OPERATION_ENABLED and self.mode in FOLLOWED
             return self.state.word | VOLTAGE | REMOTE_CONTROL | (FOLLOWS if on else 0)
         own = {o.ERROR_CODE: self._error, o.MODE_DISPLAY: self.mode,
+               o.SUPPLY: round(1e3 * self.supply),
                ERROR_REGISTER: GENERIC_ERROR if self._error else 0}  # fmt: skip
         if index in own:
             return own[index]
@@ -245,6 +250,8 @@ class VirtualCia402:
         for number in self._ages:
             self._ages[number] += seconds
         self._change_mode(seconds)
+        if self.supply < UNDER_VOLTAGE * self.rated_supply and self.state is not State.FAULT:
+            self.fail(LOW_DC_LINK)
         if self._beat > 1e-3 * (self._value(o.CONSUMER_HEARTBEAT, 1) & 0xFFFF):
             self._beat = math.nan
             self._miss()
@@ -299,8 +306,8 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualCia402:
     made.stored = {
         o.MAX_TORQUE: 1200,
         o.MAX_SPEED: math.ceil(1.5 * limits.velocity * ratio / REV * 60.0),
-        o.SUPPLY: round(1e3 * joint.motor.supply_voltage),
     }
+    made.supply = made.rated_supply = joint.motor.supply_voltage
     made.stiffness, made.damping = gains.kp / ratio**2, gains.kd / ratio**2
     made.integral = gains.ki / ratio**2
     made.reboot()

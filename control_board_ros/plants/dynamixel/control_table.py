@@ -36,6 +36,12 @@ class Row(NamedTuple):
         return int.from_bytes(data, "little", signed=self.low < 0)
 
 
+#: N·m/A and Ω at 12 V: stall at 4.1 N·m and 2.3 A (the same page, "Specifications"); its friction
+#: is not published.
+MOTOR = (4.1 / 2.3, 12.0 / 2.3, 12.0)
+#: Most s that its processor takes to erase a page of flash (data sheet of the STM32F103, "Flash
+#: memory characteristics"); what the servo takes to store a value is not published.
+ERASING = 0.04
 #: Where RAM begins; what is before it is kept without power, and locked with torque on.
 RAM = 64
 SIZE = 1024
@@ -93,10 +99,12 @@ ROWS = {
     "Present Input Voltage": Row(t.VOLTAGE),
     "Present Temperature": Row(t.TEMPERATURE),
 }
-BAUD_RATE, DRIVE_MODE, HOMING, RETURN_LEVEL, REGISTERED, PROFILE_VELOCITY = (
+(BAUD_RATE, DRIVE_MODE, HOMING, MAX_VOLTAGE, MIN_VOLTAGE, SHUTDOWN, RETURN_LEVEL, REGISTERED,
+ PROFILE_VELOCITY) = (
     ROWS[name].item
-    for name in ("Baud Rate", "Drive Mode", "Homing Offset", "Status Return Level",
-                 "Registered Instruction", "Profile Velocity")
+    for name in ("Baud Rate", "Drive Mode", "Homing Offset", "Max Voltage Limit",
+                 "Min Voltage Limit", "Shutdown", "Status Return Level", "Registered Instruction",
+                 "Profile Velocity")
 )  # fmt: skip
 BAUDRATES = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 MODES = (t.CURRENT_MODE, t.VELOCITY_MODE, t.POSITION_MODE, t.EXTENDED, 5, t.PWM_MODE)

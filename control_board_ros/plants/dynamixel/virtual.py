@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A virtual Dynamixel X: protocol 2, control table, operating modes, watchdog, hardware errors.
 
-Written from the published protocol and control table, the driver's library left aside: its
-checksum and its byte stuffing are of their own.
+Written from the e-manual, the driver's library left aside: checksum and stuffing are its own.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ PING, READ, WRITE, REG_WRITE, ACTION, FACTORY_RESET, REBOOT = 1, 2, 3, 4, 5, 6, 
 CLEAR, STATUS, SYNC_READ, SYNC_WRITE, BULK_READ, BULK_WRITE = 0x10, 0x55, 0x82, 0x83, 0x92, 0x93
 #: Errors of a status: e-manual, DYNAMIXEL Protocol 2.0, section "Status Packet".
 FAILED, BAD_INSTRUCTION, BEYOND_RANGE, BAD_LENGTH, BEYOND_LIMIT, NO_ACCESS = 1, 2, 4, 5, 6, 7
-ALERT = 0x80
+ALERT, INPUT_VOLTAGE = 0x80, 1
 CLEAR_TURNS, CLEAR_ERRORS = b"\x01\x44\x58\x4c\x22", b"\x02\x45\x52\x43\x4c"
 GOALS = range(t.GOAL_PWM.address, t.GOAL_POSITION.address + 4)
 #: s without an answer; counts of a turn.
@@ -63,12 +62,13 @@ def unpacked(data: bytes) -> Packet | None:
 class VirtualDynamixel:
     """An XM430-W350, as delivered but for its id; see ``virtual.world.VirtualDrive``.
 
-    Attributes: table (its control table), motor (with its loops).
+    Attributes: table (its control table), motor (with its loops), storing (s for which it hears
+        nothing after it stored a value; see ``ERASING``).
     """
 
     def __init__(self, drive: int) -> None:
-        self.silent, self.persists = False, 0
-        self.motor = ServoMotor(constant=1.8, resistance=5.0, supply=12.0)
+        self.silent, self.persists, self.storing = False, 0, 0.0
+        self.motor = ServoMotor(*c.MOTOR)
         self.table = Table(c.SIZE)
         self.torque, self._turns, self._asked = 0.0, 0, drive
         self._forget(t.ID, c.BAUD_RATE)
@@ -220,6 +220,8 @@ class VirtualDynamixel:
             if error := self._refusal(row, value):
                 return error
         on = self.table.get(t.TORQUE)
+        if min(places) < c.RAM:
+            self._away = max(self._away, self.storing)
         for place, byte in places.items():
             self.table.bytes[place] = byte
         if t.TORQUE.address in places and self.table.get(t.TORQUE) and not on:
@@ -277,6 +279,7 @@ class VirtualDynamixel:
         self.motor.position, self.motor.velocity = position, velocity
         self._away = max(0.0, self._away - seconds)
         self._quiet += seconds
+        self._check_supply()
         watch = self.table.get(t.WATCHDOG)
         on = self.table.get(t.TORQUE)
         if on and 0 < watch < t.TRIPPED and self._quiet > watch * t.WATCHDOG_STEP:
@@ -286,6 +289,14 @@ class VirtualDynamixel:
         torque = self._torque(seconds) if on else 0.0
         self.torque = max(-most, min(most, torque))
         return self.torque
+
+    def _check_supply(self) -> None:
+        """Beyond its limits, an error until it restarts (e-manual, Hardware Error Status)."""
+        volts, table = round(self.motor.supply / t.VOLT), self.table
+        if not table.get(c.MIN_VOLTAGE) <= volts <= table.get(c.MAX_VOLTAGE):
+            table.set(t.ERROR, table.get(t.ERROR) | INPUT_VOLTAGE)
+            if table.get(c.SHUTDOWN) & INPUT_VOLTAGE:
+                table.set(t.TORQUE, 0)
 
     def _torque(self, seconds: float) -> float:
         table, motor = self.table, self.motor
@@ -326,6 +337,8 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualDynamixel:
     made = VirtualDynamixel(axis.id)
     if joint is not None:
         made.motor.fit(joint, axis.ratio)
+        made.table.set(c.MIN_VOLTAGE, int(0.8 * made.motor.supply / t.VOLT))
+        made.table.set(c.MAX_VOLTAGE, int(1.2 * made.motor.supply / t.VOLT))
         most = min(32767, int(joint.limits.peak_current / MODEL.ampere))
         made.table.set(t.CURRENT_LIMIT, most)
         made.table.set(t.VELOCITY_LIMIT, int(1.5 * joint.limits.velocity * axis.ratio / t.SPEED))

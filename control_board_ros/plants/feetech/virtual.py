@@ -21,6 +21,8 @@ HEADER = b"\xff\xff"
 PING, READ, WRITE, REG_WRITE, ACTION, FACTORY_RESET = 1, 2, 3, 4, 5, 6
 SYNC_READ, SYNC_WRITE = 0x82, 0x83
 TURN = 4096
+#: Bit of its status for a supply beyond its limits.
+VOLTAGE = 1
 #: rad/s below which it reports that it does not move.
 RESTING = 0.01
 #: N·m/A and Ω of an STS3215 at 7.4 V, its dry friction, N·m, and its viscous, N·m·s/rad: Rhoban's
@@ -56,10 +58,12 @@ class VirtualFeetech:
         dry, viscous: Friction of its gear, N·m and N·m·s/rad.
         goal_takes_power: A goal switches the torque on, as the author of feetech-cli 0.1.8
             measured on a servo (simulator.py); the memory table does not say it.
+        storing: s for which it hears nothing after it stored a value; nobody publishes it.
     """
 
     def __init__(self, drive: int) -> None:
         self.silent, self.persists, self.goal_takes_power = False, 0, False
+        self.storing = 0.0
         self.motor = ServoMotor(CONSTANT, RESISTANCE, SUPPLY)
         self.dry, self.viscous = DRY, VISCOUS
         self.table = Table(256)
@@ -96,7 +100,7 @@ class VirtualFeetech:
         self.table.set(m.TORQUE_LIMIT, self.table.get(m.MAX_TORQUE))
         self.table.set(t.STATUS, self.persists)
         self._registered: tuple[int, bytes] | None = None
-        self._profile, self._sum = math.nan, 0.0
+        self._profile, self._sum, self._away = math.nan, 0.0, 0.0
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         self.persists = code if persists else 0
@@ -110,7 +114,7 @@ class VirtualFeetech:
     def on_packet(self, packet: Packet) -> Iterator[bytes]:
         drive, instruction, data = packet
         mine = drive == self.id
-        if self.silent or not (mine or drive == BROADCAST):
+        if self.silent or self._away > 0.0 or not (mine or drive == BROADCAST):
             return
         if instruction == PING:
             yield self._answer()
@@ -197,9 +201,12 @@ class VirtualFeetech:
             self._profile = self._count()
         if address < m.RAM and not table.get(t.LOCK):
             self.store()
+            self._away = self.storing
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
         self.motor.position, self.motor.velocity = position, velocity
+        self._away = max(0.0, self._away - seconds)
+        self._check_supply()
         stall = self.motor.constant * self.motor.supply / self.motor.resistance
         most = min(
             self.table.get(t.CURRENT_LIMIT) * t.AMPERE * self.motor.constant,
@@ -210,6 +217,18 @@ class VirtualFeetech:
         torque = self._torque(seconds) if on else 0.0
         self.torque = max(-most, min(most, torque))
         return self.torque - self.dry * math.tanh(velocity / SLIP) - self.viscous * velocity
+
+    def _check_supply(self) -> None:
+        """Memory table, 14, 15, 19 and 65: beyond its limits its status has bit 0; as delivered it
+        keeps its torque.
+        """
+        volts, table = round(self.motor.supply / t.VOLT), self.table
+        status = table.get(t.STATUS) & ~VOLTAGE | self.persists
+        if not table.get(m.MIN_VOLTAGE) <= volts <= table.get(m.MAX_VOLTAGE):
+            status |= VOLTAGE
+            if table.get(m.UNLOADING) & VOLTAGE:
+                table.set(t.TORQUE, 0)
+        table.set(t.STATUS, status)
 
     def _torque(self, seconds: float) -> float:
         goals = self.table.get(t.GOALS).to_bytes(6, "little")
@@ -240,6 +259,7 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualFeetech:
     if joint is not None:
         made.motor.fit(joint, axis.ratio)
         made.motor.supply = min(25.5, made.motor.supply)
+        made.table.set(m.MAX_VOLTAGE, 255)
         most = min(0xFFFF, int(joint.limits.peak_current / t.AMPERE))
         made.table.set(t.CURRENT_LIMIT, most)
         made.dry = made.viscous = 0.0  # those of the joint

@@ -94,3 +94,5 @@ REGISTERS = {
 }
 BRIDGE_HEAT, WINDING_HEAT, MOTOR_POSITION, OUTPUT_POSITION = 61, 62, 80, 81
 GEAR, SPEED_GAIN, POSITION_GAIN = 20, 25, 27
+#: V: UV_Value, below which it is in under-voltage, and VBus, as measured.
+LEAST_SUPPLY, SUPPLY = 0, 60

@@ -16,16 +16,18 @@ from .driver import MIT
 from .registers import (
     BRIDGE_HEAT,
     GEAR,
+    LEAST_SUPPLY,
     MOTOR_POSITION,
     OUTPUT_POSITION,
     POSITION_GAIN,
     REGISTERS,
     SPEED_GAIN,
+    SUPPLY,
     WINDING_HEAT,
 )  # fmt: skip
 from .virtual_robstride import DELIVERED, SWITCHED, VirtualRobStride
 
-LOST = 0xD
+LOST, UNDER_VOLTAGE = 0xD, 0x9
 #: Laws beside MIT, each with frames of its own, 0x100 further than those of the law before; what
 #: they hold: position, rad, and speed limit, rad/s; speed; position, speed limit, 0.01 rad/s, and
 #: torque limit, 1e-4 of the range. MIT frames and orders have eight bytes.
@@ -144,6 +146,8 @@ class VirtualMit:
     def step(self, seconds: float, position: float, velocity: float) -> float:
         self._position, self._velocity = position - self._zero, velocity
         self._quiet += seconds
+        if self.registers[SUPPLY] < self.registers[LEAST_SUPPLY] and self.state <= d.ENABLED:
+            self.state = UNDER_VOLTAGE
         watch = self.registers[d.TIMEOUT] * d.TIMEOUT_STEP
         if self.state == d.ENABLED and 0.0 < watch < self._quiet:
             self.state = LOST

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A virtual moteus: its register protocol on CAN FD, its modes, position loop, watchdog, faults.
 
-Written from the published register reference and CAN format; frames are parsed by the maker's
+Written from the maker's docs/reference/registers.md and can.md; frames are parsed by its
 library. Positions are in revolutions here, as in the drive.
 """
 
@@ -22,7 +22,7 @@ from .virtual_frames import R
 
 ENABLING, CURRENT, POSITION, ZERO_VELOCITY, STAY_WITHIN, BRAKE = 2, 9, 10, 12, 13, 15
 BROADCAST = 0x7F
-#: s that a drive prepares its bridge after it was stopped.
+#: s that a drive prepares its bridge after it was stopped, in mode 2; how long is ours.
 ENABLE_TIME = 5e-3
 #: What a command that does not name a register means.
 UNNAMED = {

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A virtual ODrive: CAN Simple, its states, cascaded loops, watchdog, limits, errors.
 
-Written from the published protocol and controller; positions are in revolutions, as in the drive.
+Written from the maker's manual for firmware 0.6: "CAN Protocol" (manual/can-protocol), and its
+types ODrive, Controller and Can. Positions are in revolutions, as in the drive.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from . import frames as f
 REV = 2.0 * math.pi
 FIRMWARE, HARDWARE = (0, 6, 11), (4, 4, 58)
 PARAMETERS = f.KNOWN["0.6.11", "4.4"]
-#: Times its limit a velocity is an error.
+#: Times its limit a velocity is an error: ``controller.config.vel_limit_tolerance``, as delivered.
 TOLERANCE = 1.2
+#: V below which it trips, as delivered: ``config.dc_bus_undervoltage_trip_level``.
+UNDER_VOLTAGE, DC_BUS_UNDER_VOLTAGE = 10.5, 0x200
 #: s between two messages that nobody asks for, as delivered: heartbeat_msg_rate_ms 100 and
 #: encoder_msg_rate_ms 10 of ``axis0.config.can``; the other rates are 0.
 CYCLIC = {f.BEAT: 0.1, f.ESTIMATES: 0.01}
@@ -34,8 +37,10 @@ READABLE = (f.VERSION, f.BEAT, f.ERROR, f.ESTIMATES, f.SUPPLY, f.TORQUES, ADDRES
 FORMS = {f.STATE: "<I", f.MODE: "<II", f.INPUT_POSITION: "<fhh", f.INPUT_VELOCITY: "<ff",
          f.INPUT_TORQUE: "<f", f.CLEAR: "<", f.REBOOT: "<", ESTOP: "<", LIMITS: "<ff",
          ABSOLUTE: "<f", POSITION_GAIN: "<f", VELOCITY_GAINS: "<ff"}  # fmt: skip
-#: Node number of all.
+#: Node number of all, and of one that has none.
 ALL = 0x3F
+#: What a reboot can do beside: store the configuration, or forget it.
+SAVE, ERASE = 1, 2
 ESTOP_REQUESTED = 0x0200_0000
 
 
@@ -51,12 +56,15 @@ class VirtualOdrive:
         conf: Its parameters by name.
         position_gain: 1/s.
         velocity_gain, integrator_gain: N·m/(rev/s), N·m/rev.
+        supply, least_supply: V; below the least it trips.
     """
 
     def __init__(self, drive: int, torque_constant: float = 0.5) -> None:
-        self.id, self.silent, self.persists, self.supply = drive, False, 0, 24.0
+        self.id, self.silent, self.persists = drive, False, 0
+        self.supply, self.least_supply = 24.0, UNDER_VOLTAGE
         self.serial, self._shift = 0x3000_0000_0000 + drive, 0.0
         self.position_gain, self.velocity_gain, self.integrator_gain = 20.0, 18.0, 0.0
+        self._number = drive
         self.stored = {
             f.WATCHDOG_TIMEOUT: 0.0,
             f.WATCHDOG_ENABLED: 0.0,
@@ -64,11 +72,12 @@ class VirtualOdrive:
             f.CURRENT_LIMIT: 20.0,
             f.TORQUE_CONSTANT: torque_constant,
         }
+        self._delivered = dict(self.stored)
         self._position = self._velocity = 0.0
         self.reboot()
 
     def reboot(self) -> None:
-        self.conf = dict(self.stored)
+        self.conf, self.id = dict(self.stored), self._number
         self.state, self.error, self._control = f.IDLE, self.persists, f.POSITION_CONTROL
         self._goal = self._speed = self._forward = self._integral = 0.0
         self._quiet = self.torque = 0.0
@@ -93,6 +102,8 @@ class VirtualOdrive:
         elif command == ADDRESS and len(data) >= 7:
             if int.from_bytes(data[1:7], "little") == self.serial:
                 self.id = data[0]
+            elif self.id == data[0]:
+                self.id = ALL  # it makes room
         elif command == f.RX_SDO and len(data) >= 4:
             yield from self._parameter(data)
         else:
@@ -127,6 +138,8 @@ class VirtualOdrive:
             if data[0] == f.WRITE:
                 self.conf[name] = float(struct.unpack_from(endpoint.form, data[4:])[0])
                 self._quiet = 0.0
+                # 0.6.11 confirms it (can_param_access.py at 8a05cf1e): a call without results.
+                yield self.id << 5 | f.TX_SDO, struct.pack("<BHB", 0, number, 0)
                 return
             kind = float if endpoint.form == "<f" else int
             now = self._control if name == f.LAW else self.conf[name]
@@ -145,7 +158,7 @@ class VirtualOdrive:
         elif command == f.CLEAR:
             self.error = self.persists
         elif command == f.REBOOT:
-            self.reboot()
+            self._restart(data[:1])
         elif command == ESTOP:
             self.fail(ESTOP_REQUESTED)
         elif command in (LIMITS, ABSOLUTE, POSITION_GAIN, VELOCITY_GAINS):
@@ -159,6 +172,14 @@ class VirtualOdrive:
                 self._speed, self._forward = values
             else:
                 self._forward = values[0]
+
+    def _restart(self, action: bytes) -> None:
+        """Restart; with what acts now stored before, or with what was delivered."""
+        if action == bytes([SAVE]):
+            self.stored, self._number = dict(self.conf), self.id
+        elif action == bytes([ERASE]):
+            self.stored, self._number = dict(self._delivered), ALL
+        self.reboot()
 
     def _configure(self, command: int, values: tuple[float, ...]) -> None:
         if command == LIMITS:
@@ -183,6 +204,8 @@ class VirtualOdrive:
         for command in CYCLIC:
             self._since[command] += seconds
         self._quiet += seconds
+        if self.supply < self.least_supply and not self.error:
+            self.fail(DC_BUS_UNDER_VOLTAGE)
         if self.state == f.CLOSED_LOOP:
             if self.conf[f.WATCHDOG_ENABLED] and self._quiet > self.conf[f.WATCHDOG_TIMEOUT]:
                 self.fail(f.WATCHDOG_EXPIRED)
@@ -210,6 +233,7 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualOdrive:
     motor, ratio, gains, limits = joint.motor, axis.ratio, joint.position_pid, joint.limits
     made = VirtualOdrive(axis.id, motor.torque_per_ampere / ratio)
     made.supply = motor.supply_voltage
+    made.least_supply = min(UNDER_VOLTAGE, 0.8 * made.supply)
     made.velocity_gain = gains.kd * REV / ratio**2
     made.position_gain = gains.kp / gains.kd if gains.kd else 20.0
     made.integrator_gain = gains.ki * REV / ratio**2 / made.position_gain
