@@ -23,6 +23,7 @@ from control_board_ros.core.laws.control import PEAK_SHARE
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.serial_line import Item
 from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.feetech import table as feetech
 from control_board_ros.plants.interface import Description, DriveLimits, JointDescription
 from control_board_ros.plants.mit_can import damiao, frames, robstride_private, virtual_robstride
 from control_board_ros.plants.offers import bounded_limits
@@ -488,3 +489,22 @@ def test_the_range_of_an_rs00_is_that_of_its_firmware(
         (joint, _) = bench.plant.describe().joints
         assert joint.limits.upper == end
         assert joint.drive == f"RobStride RS00 {'.'.join(map(str, firmware))}"
+
+
+def test_a_feetech_whose_count_wraps_says_so_with_its_register() -> None:
+    """At the end of the turn that it counts; the next goal would go all the way back."""
+    with bench_of("feetech") as bench:
+        bench.drives[0].table.set(feetech.HOMING, 1)
+        bench.connect()
+        bench.world.state[0] = np.pi - 0.02
+        assert not any(bench.follow(OFF, 5).faults)
+        bench.world.state[0, 0] = np.pi + 0.02
+        found = bench.until(lambda found: any(found.faults), OFF, cycles=5)
+        assert "its count wrapped" in str(found.faults[0])
+        assert "Homing_Offset (address 31, now 1)" in str(found.faults[0])
+        assert not found.faults[1]
+        bench.world.state[0, 0] = np.pi - 0.02
+        for _ in range(10):
+            bench.plant.clear_fault(0)
+            found = bench.follow(OFF)
+        assert not any(found.faults)

@@ -23,7 +23,7 @@ from ..drives.plant import maker
 from ..drives.reconcile import Action
 from ..drives.serial_line import Item, Request, ServoBus, get, put
 from ..errors import PlantSettingsError
-from ..interface import DriveLimits, Setup
+from ..interface import DriveFault, DriveLimits, Setup
 from . import table as t
 
 MODES = {
@@ -53,6 +53,8 @@ class FeetechDrives:
         #: Position of each servo in counts, and its mode, as it answers.
         self._places = [t.CENTRE] * len(self._axes)
         self._modes = [t.POSITION_MODE] * len(self._axes)
+        #: Offset of each count, and whether it wrapped.
+        self._homing, self._wrapped = [0] * len(self._axes), [False] * len(self._axes)
 
     def open(self, setup: Setup, answers: Answers) -> None:
         self.line.open()
@@ -92,6 +94,8 @@ class FeetechDrives:
         )
         if lower >= upper:  # none of its own: those of its count, which would wrap
             lower, upper = 0, t.LAST
+        homing, self._wrapped[k] = (yield from get(drive, t.HOMING)), False
+        self._homing[k] = t.signed(homing, t.HOMING_SIGN)
         speed = yield from get(drive, t.SPEED_LIMIT)
         limits = DriveLimits(
             lower=angle(lower),
@@ -143,8 +147,9 @@ class FeetechDrives:
         on = [ids[k] for k, order in driven.items() if order.action is Action.POWER_ON]
         self.line.sync(t.TORQUE, dict.fromkeys(on, b"\1"))
         self.line.drain(self._take)
-        for k in orders:
+        for k, order in orders.items():
             self._answers.asked[k] += 1
+            self._wrapped[k] &= order.action is not Action.RESET
         if orders:
             self.line.read(t.READ, [ids[k] for k in orders], self._take, self._wait)
         for k, order in orders.items():
@@ -162,19 +167,34 @@ class FeetechDrives:
         if k is None or len(data) != t.READ.length:
             return
         answers.came(k, data)
-        reported, self._places[k] = answers.reported[k], part(data, t.POSITION)
+        reported, before = answers.reported[k], self._places[k]
+        self._places[k] = part(data, t.POSITION)
         if not part(data, t.LOCK):
             reported.lost = True
+        way = t.signed(self._places[k]) - t.signed(before)
+        if abs(way) > t.CENTRE and not reported.lost:
+            self._wrapped[k] = True
         reported.power = bool(part(data, t.TORQUE))
         self._modes[k] = part(data, t.MODE)
         if reported.power:
             reported.law = self._modes[k]
-        reported.fault = flagged(part(data, t.STATUS), t.ERRORS)
+        reported.fault = flagged(part(data, t.STATUS), t.ERRORS) or self._wrap(k)
         answers.position[k] = angle(self._places[k])
         answers.velocity[k] = t.signed(part(data, t.VELOCITY)) * t.COUNT
         answers.current[k] = t.signed(part(data, t.CURRENT)) * t.AMPERE
         answers.voltage[k] = part(data, t.VOLTAGE) * t.VOLT
         answers.temperature[k] = part(data, t.TEMPERATURE)
+
+    def _wrap(self, k: int) -> DriveFault | None:
+        """The fault of a count that jumped by a turn, inside the travel of the joint."""
+        if not self._wrapped[k]:
+            return None
+        return DriveFault(
+            0,
+            "its count wrapped: move it back, and set its Homing_Offset (address "
+            f"{t.HOMING.address}, now {self._homing[k]}) so that it counts {t.CENTRE} in the "
+            "middle of its travel",
+        )
 
 
 def part(data: bytes, item: Item) -> int:

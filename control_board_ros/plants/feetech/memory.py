@@ -37,7 +37,7 @@ DELIVERED = {
     "CCW_Dead_Zone": (Item(27, 1), 1),
     "Protection_Current": (t.CURRENT_LIMIT, 500),
     "Angular_Resolution": (t.ANGULAR_RESOLUTION, 1),
-    "Homing_Offset": (Item(31, 2), 0),
+    "Homing_Offset": (t.HOMING, 0),
     "Operating_Mode": (t.MODE, 0),
     "Protective_Torque": (Item(34, 1), 20),
     "Protection_Time": (Item(35, 1), 200),
@@ -48,16 +48,13 @@ DELIVERED = {
     "Torque_Limit": (Item(48, 2), 1000),
     "Maximum_Velocity_Limit": (t.SPEED_LIMIT, 254),
 }
-(BAUD_RATE, RETURN_LEVEL, MAX_VOLTAGE, MIN_VOLTAGE, MAX_TORQUE, UNLOADING, HOMING,
- TORQUE_LIMIT) = (
+BAUD_RATE, RETURN_LEVEL, MAX_VOLTAGE, MIN_VOLTAGE, MAX_TORQUE, UNLOADING, TORQUE_LIMIT = (
     DELIVERED[name][0]
     for name in ("Baud_Rate", "Response_Status_Level", "Max_Voltage_Limit", "Min_Voltage_Limit",
-                 "Max_Torque_Limit", "Unloading_Condition", "Homing_Offset", "Torque_Limit")
+                 "Max_Torque_Limit", "Unloading_Condition", "Torque_Limit")
 )  # fmt: skip
 BAUDRATES = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
 LOAD, REGISTERED, MOVING = Item(60, 2), Item(64, 1), Item(66, 1)
-#: Bit of the sign of an offset.
-HOMING_SIGN = 11
 #: Bytes that a write changes; the others are read only.
 WRITABLE = {*range(5, 56), *range(80, 87)}
 #: Where RAM begins.

@@ -9,7 +9,7 @@ from ..drives.serial_line import Item, Library
 
 FIRMWARE, MODEL, ID = Item(0, 2), Item(3, 2), Item(5, 1)
 MIN_POSITION, MAX_POSITION, CURRENT_LIMIT = Item(9, 2), Item(11, 2), Item(28, 2)
-PHASE, ANGULAR_RESOLUTION = Item(18, 1), Item(30, 1)
+PHASE, ANGULAR_RESOLUTION, HOMING = Item(18, 1), Item(30, 1), Item(31, 2)
 MODE, TORQUE, ACCELERATION, LOCK, SPEED_LIMIT = (
     Item(33, 1), Item(40, 1), Item(41, 1), Item(55, 1), Item(84, 1),
 )  # fmt: skip
@@ -24,7 +24,7 @@ READ = Item(MODE.address, CURRENT.address + 2 - MODE.address)
 
 POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
 #: Bits of the sign; the numbers are magnitudes.
-SIGN, PWM_SIGN = 15, 10
+SIGN, PWM_SIGN, HOMING_SIGN = 15, 10, 11
 LIBRARY = Library("scservo_sdk", "feetech-servo-sdk", "feetech", 0, (), 5, 1, 2, 0, MODEL, TORQUE)
 COUNT = 2.0 * math.pi / 4096.0  # rad; velocities are in counts/s
 CENTRE, LAST = 2048, 4095

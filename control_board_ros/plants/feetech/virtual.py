@@ -172,7 +172,7 @@ class VirtualFeetech:
         return self.motor.position / t.COUNT + t.CENTRE
 
     def _offset(self) -> int:
-        return t.signed(self.table.get(m.HOMING), m.HOMING_SIGN)
+        return t.signed(self.table.get(t.HOMING), t.HOMING_SIGN)
 
     def _count(self) -> float:
         """What it reports: one turn, as soon as it has an offset."""
@@ -186,7 +186,7 @@ class VirtualFeetech:
         if switch == m.CALIBRATE:
             offset = round(self._raw() - t.CENTRE) % TURN
             offset -= TURN if offset > TURN // 2 else 0
-            table.set(m.HOMING, t.magnitude(offset, m.HOMING_SIGN))
+            table.set(t.HOMING, t.magnitude(offset, t.HOMING_SIGN))
             self.store()
         elif switch == 0:
             table.set(t.STATUS, self.persists)
