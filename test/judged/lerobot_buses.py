@@ -81,10 +81,10 @@ def calibrates(bus: Any, offset_of: Any) -> None:
 
 
 def is_set_up(bus: Any, far: Any) -> None:
-    """As lerobot-setup-motors: one alone is found, and given its id and the usual rate."""
+    """As lerobot-setup-motors: one is given its id and the usual rate."""
     far.drives[1].silent = True
     with mock.patch.dict(bus.motors, {"one": Motor(9, bus.motors["one"].model, "degrees")}):
-        bus.setup_motor("one", initial_baudrate=1_000_000)
+        bus.setup_motor("one", initial_baudrate=1_000_000, initial_id=1)
     assert far.drive.id == 9
     print("has another id")
 
@@ -97,7 +97,7 @@ def feetech(far: Any) -> None:
 
     feetech.patch_setPacketTimeout = patiently
     with connected(FeetechMotorsBus(far.address, motors("sts3215"))) as bus:
-        assert bus.broadcast_ping() == {1: 777, 2: 777}
+        until(lambda: bus.broadcast_ping() == {1: 777, 2: 777})
         print("is found")
         bus.configure_motors()
         for name in NAMES:
@@ -120,7 +120,7 @@ def dynamixel(far: Any) -> None:
 
     dynamixel_sdk.port_handler.LATENCY_TIMER = 10_000
     with connected(DynamixelMotorsBus(far.address, motors("xm430-w350"))) as bus:
-        assert bus.broadcast_ping() == {1: 1020, 2: 1020}
+        until(lambda: bus.broadcast_ping() == {1: 1020, 2: 1020})
         print("is found")
         bus.configure_motors()
         for name in NAMES:

@@ -41,8 +41,8 @@ def far_drives(driver: str, count: int = 1, **options: str) -> Iterator[Any]:
 
 
 def until(reached: Callable[[], Any], act: Callable[[], object] = lambda: None) -> Any:
-    """Act until something is so, for ten seconds at most, and return it."""
-    end = time.monotonic() + 10.0
+    """Act until something is so, for a minute at most, and return it."""
+    end = time.monotonic() + 60.0
     while not (found := reached()):
         assert time.monotonic() < end, "it never came"
         act()
