@@ -47,6 +47,7 @@ def test_a_driver_sends_what_others_pack(make: str) -> None:
     assert missing == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", PACKERS)
 def test_the_golden_frames_are_still_their_own(make: str) -> None:
     pytest.importorskip({"odrive_can": "odrive_can"}.get(make, LIBRARIES[make]))

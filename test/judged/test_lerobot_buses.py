@@ -15,6 +15,7 @@ DONE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driver", DONE)
 def test_lerobot_operates_its_motors(driver: str) -> None:
     """Find, configure, calibrate, move, read, hear of a fault, clear it, and set up another id."""

@@ -68,6 +68,7 @@ def test_registers_are_read_and_written(motor: Any) -> None:
         motor.get_register_f32(100, 200)
 
 
+@pytest.mark.slow
 def test_it_moves_in_each_law(far: Any, motor: Any) -> None:
     motor.ensure_mode(Mode.MIT, PATIENCE)
     motor.enable()
