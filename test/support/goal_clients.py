@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Action clients that send short goals, several at a time, and cancel some of them at random."""
+"""Action clients that send goals, several at a time; at random one lasts, and is cancelled."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ ENDS = {
     GoalStatus.STATUS_CANCELED: "canceled",
     GoalStatus.STATUS_ABORTED: "aborted",
 }
-#: Goals of one client that run at a time, and the part of all that is cancelled.
-AT_A_TIME, CANCELLED = 8, 0.4
-#: s after which a goal is cancelled, at most.
-LATEST = 0.02
+#: The part of all goals that is cancelled.
+CANCELLED = 0.4
+#: Makes a goal from the client's number, a number of 0 to 1, and whether it lasts.
+MakeGoal = Callable[[int, float, bool], Any]
+#: s after which a goal is cancelled, and from the end of one goal to the next, at most.
+LATEST, REST = 0.02, 0.1
 
 
 class GoalClient:
@@ -40,12 +42,12 @@ class GoalClient:
         node: Any,
         kind: Any,
         action: str,
-        goal: Callable[[float], Any],
+        goal: MakeGoal,
         count: int,
-        seed: int,
+        number: int,
     ) -> None:
         self._node, self._goal, self._left, self.count = node, goal, count, count
-        self._random = random.Random(seed)
+        self._number, self._random = number, random.Random(number)
         deep = QoSProfile(depth=1000)  # each receives the answers to all clients
         self._client = ActionClient(
             node,
@@ -59,9 +61,9 @@ class GoalClient:
         self.ends: Counter[str] = Counter()
         self._ended = threading.Event()
 
-    def start(self) -> None:
+    def start(self, at_a_time: int) -> None:
         assert self._client.wait_for_server(GUARD)
-        for _ in range(AT_A_TIME):
+        for _ in range(at_a_time):
             self._node.executor.create_task(self._send)  # so no answer comes before it is awaited
 
     def wait(self, board: BoardProcess) -> None:
@@ -78,28 +80,32 @@ class GoalClient:
     def _send(self) -> None:
         if self._left:
             self._left -= 1
-            sent = self._client.send_goal_async(self._goal(self._random.random()))
-            sent.add_done_callback(lambda future: self._on_accepted(future.result()))
+            lasts = self._random.random() < CANCELLED
+            goal = self._goal(self._number, self._random.random(), lasts)
+            sent = self._client.send_goal_async(goal)
+            sent.add_done_callback(lambda future: self._on_accepted(future.result(), lasts))
 
-    def _on_accepted(self, handle: Any) -> None:
+    def _on_accepted(self, handle: Any, lasts: bool) -> None:
         assert handle.accepted
         goal = bytes(handle.goal_id.uuid)
         handle.get_result_async().add_done_callback(lambda f: self._on_end(goal, f.result()))
-        if self._random.random() < CANCELLED:
-            self._cancel_later(handle)
+        if lasts:
+            self._later(LATEST, handle.cancel_goal_async)
 
-    def _cancel_later(self, handle: Any) -> None:
-        def cancel() -> None:
+    def _later(self, seconds: float, do: Callable[[], Any]) -> None:
+        """Do something once, within ``seconds``."""
+
+        def once() -> None:
             timer.cancel()
             self._node.destroy_timer(timer)
-            handle.cancel_goal_async()
+            do()
 
-        timer = self._node.create_timer(self._random.uniform(0.0, LATEST), cancel)
+        timer = self._node.create_timer(self._random.uniform(0.0, seconds), once)
 
     def _on_end(self, goal: bytes, answer: Any) -> None:
         self.results[goal] += 1
         self.ends[ENDS.get(answer.status, str(answer.status))] += 1
-        self._send()
+        self._later(REST, self._send)
         if self.results.total() >= self.count:
             self._ended.set()
 
@@ -108,14 +114,13 @@ def ends_of_goals(
     board: BoardProcess,
     kind: Any,
     action: str,
-    goal: Callable[[float], Any],
+    goal: MakeGoal,
     *,
     count: int,
+    at_a_time: int,
     clients: int = 4,
 ) -> Counter[str]:
     """Let clients, each in a node of its own, send ``count`` goals; how they ended.
-
-    ``goal`` makes one from a number of 0 to 1.
 
     Raises:
         AssertionError: a goal has no result, or several, or the board has ended.
@@ -123,11 +128,11 @@ def ends_of_goals(
     with ExitStack() as stack:
         nodes = [stack.enter_context(ros_node(board.domain, f"goals_{k}")) for k in range(clients)]
         all_of = [
-            GoalClient(node, kind, f"{board.name}/{action}", goal, count // clients, seed)
-            for seed, node in enumerate(nodes)
+            GoalClient(node, kind, f"{board.name}/{action}", goal, count // clients, number)
+            for number, node in enumerate(nodes)
         ]
         for one in all_of:
-            one.start()
+            one.start(at_a_time)
         for one in all_of:
             one.wait(board)
     ends: Counter[str] = Counter()
