@@ -55,6 +55,24 @@ OUTSIDE = """() => {
   }
   return [...new Set(wrong)];
 }"""
+#: Modes whose words are cut in their menu: it is narrower than it would be by itself.
+CUT = """() => {
+  const { joint, mode } = panel.cards[0], before = joint.mode, cut = [];
+  for (const code of ["pos", "posd", "vel", "mix", "torq", "open", "idl", "hwfa", "cal", "cfgn"]) {
+    joint.mode = code;
+    panel.cards[0].drawModes();
+    const free = mode.cloneNode(false);
+    free.append(mode.selectedOptions[0].cloneNode(true));
+    free.style.width = "max-content";
+    mode.after(free);
+    const missing = free.getBoundingClientRect().width - mode.getBoundingClientRect().width;
+    free.remove();
+    if (missing > 0.5) cut.push(`${code} by ${missing} px`);
+  }
+  joint.mode = before;
+  panel.cards[0].drawModes();
+  return cut;
+}"""
 LONG = "left_arm_shoulder_pitch_joint1"  # 30 characters
 
 
@@ -110,6 +128,7 @@ def test_cards_hold_what_is_theirs(browser: Any, address: str, size: tuple[int, 
             if width >= 700:
                 page.get_by_label("Joints as: Cards").click()
             assert page.evaluate(OUTSIDE) == []
+            assert page.evaluate(CUT) == []
             page.evaluate(
                 "name => document.querySelectorAll('h3').forEach((e) => e.replaceChildren(name))",
                 LONG,

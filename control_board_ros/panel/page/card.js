@@ -107,7 +107,6 @@ export class Card {
     if (joint.mode === "hwfa") this.mode.append(h("option", { value: "fidl" }, "Clear the fault (idle)"));
     if (joint.mode === "cal") this.mode.append(h("option", { value: "fidl" }, "Abort (idle)"));
     this.mode.value = joint.mode;
-    this.mode.style.setProperty("--characters", (MODES[joint.mode] ?? joint.mode).length);
   }
 
   drawInteraction() {
