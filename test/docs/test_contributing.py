@@ -143,3 +143,61 @@ print(judgement("nova"))
 """
     printed = copy.run("-c", script)
     assert "nova: judged by nova-tool 1.0.0" in printed
+
+
+COMMAND = """    K.CRAWL: Command(
+        field="velocities", start=References.set_velocity, limit="velocity"
+    ),
+"""
+JOINT = "lbr_iiwa_joint_7"
+ENDPOINT = 'CRAWL = command("~/command/crawl", "VelocityDirectCommand", "Crawls.", K.CRAWL)\n'
+METHOD = """    def crawl(self, joints: Joints, velocities: Values) -> Reply:
+        return self.command(K.CRAWL, joints, velocities)
+
+"""
+#: What a mode touches of the core and of the interface: file, what is added, and before what.
+MODE = (
+    ("core/terms/vocabs.py", '    CRAWL = encode("crwl")\n', "\n\nclass InteractionMode("),
+    (
+        "core/terms/vocabs.py",
+        "    CRAWL = 7\n",
+        "\n    def __str__(self) -> str:\n        return self.name.l",
+    ),
+    ("core/terms/modes.py", "M.CRAWL, ", "M.VELOCITY_DIRECT, M.CURRENT)"),
+    ("core/terms/modes.py", "    M.CRAWL: frozenset({K.CRAWL}),\n", "    M.CURRENT: frozenset({K"),
+    ("core/terms/modes.py", "            M.CRAWL,\n", "        )\n    },\n    M.TORQUE"),
+    ("core/terms/modes.py", "M.CRAWL, ", "M.VELOCITY_DIRECT})\n\n#: Modes in fault"),
+    ("core/machine/commands.py", COMMAND, "    K.CURRENT: Command("),
+    ("interface.py", ENDPOINT, "CURRENT_COMMAND = "),
+    ("core/group.py", METHOD, "    def set_ref_torque("),
+)
+
+
+@pytest.mark.slow
+def test_a_mode(copy: Copy) -> None:
+    """In the core and in the interface, with a message that there is: none is built here."""
+    assert {file for file, *_ in MODE} <= {*named(ROWS["a control mode"])}
+    for file, text, before in MODE:
+        copy.add(file, text, before)
+    script = """
+from control_board_ros.interface import ENDPOINTS
+from control_board_ros.settings.loading import load
+from control_board_ros.simulation import Simulation
+joint, modes = "lbr_iiwa_joint_7", ["pos", "crwl", "idl"]
+settings = load("iiwa", overrides={"physics": "ideal", "joint_defaults.control_modes": modes})
+with Simulation(settings.board, settings.simulation) as simulation:
+    simulation.step(3)
+    board = simulation.board
+    print(board.crawl(joint, 0.5).message)
+    assert board.set_control_mode(joint, "crwl")
+    before = board.get_encoder(joint)
+    assert board.crawl(joint, 0.5)
+    simulation.step(1000)
+    print((board.get_encoder(joint) - before).round(1), board.get_control_mode(joint))
+print([endpoint.type for endpoint in ENDPOINTS if endpoint.short == "command/crawl"])
+"""
+    assert copy.run("-c", script).splitlines() == [
+        f"crawl reference for {JOINT} ignored: mode is POSITION; it is accepted in crwl",
+        "[0.5] [<ControlMode.CRAWL: 1819767395>]",
+        "['control_board_msgs/msg/VelocityDirectCommand']",
+    ]
