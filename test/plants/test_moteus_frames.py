@@ -10,6 +10,7 @@ import pytest
 moteus = pytest.importorskip("moteus")
 
 from control_board_ros.plants.moteus import frames, virtual_frames  # noqa: E402
+from control_board_ros.plants.moteus.driver import said  # noqa: E402
 
 NUMBERS = {
     "position": 0.125,
@@ -57,3 +58,31 @@ def test_an_answer_is_read_by_the_library() -> None:
     assert {register: values[register] for register in values} == {
         register: pytest.approx(said[int(register)]) for register in values
     }
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.015, 0.035, 0.08])
+def test_late_answers_are_none_to_the_next_question(delay: float) -> None:
+    """Those on the diagnostic stream have no names: they were taken one for the other."""
+    stream: list[bytes] = []  # what the drive has said and nobody has read
+    sent: list[tuple[float, bytes]] = []  # s when an answer arrives, and what it has
+    now = 0.0
+    for value in ("4", "0.05", "nan", "12.5"):
+        asking = said(1, f"conf get {value}")
+        question, answer = next(asking), None
+        while answer is None:
+            slow = delay if now < 0.5 else 0.0  # s until a busy computer reads it
+            if len(question.request) > 1:
+                stream.append(value.encode() + b"\n")
+            if question.request:
+                sent.append((now + slow, stream.pop(0) if stream else b""))
+            end, heard = now + question.patience, list[bytes]()
+            if question.pick is frames.spoken and sent and sent[0][0] <= end:
+                due, text = sent.pop(0)
+                end, heard = max(now, due), [text]
+            sent = [one for one in sent if heard or one[0] > end]
+            now = end
+            try:
+                question = asking.send(heard)
+            except StopIteration as over:
+                answer = over.value
+        assert answer == value

@@ -26,7 +26,7 @@ from ..drives.axes import Options
 from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded
-from ..drives.interview import ATTEMPTS, Question, Questions, converse, find
+from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find, longer
 from ..drives.plant import maker
 from ..drives.reconcile import Action
 from ..drives.set_id import check, verify
@@ -314,14 +314,22 @@ def said(drive: int, words: str) -> Questions[str]:
     poll = Question([(0x8000 | drive, f.padded(who.make_diagnostic_read().data))], f.spoken)
     line = (drive, f.padded(who.make_diagnostic_write(words.encode() + b"\n").data))
     ask = replace(poll, request=[line, *poll.request])
+    late = False  # whether an answer is still to come, which would be taken for that to another
     for _ in range(ATTEMPTS):
-        while any((yield poll)):
+        if late:
+            yield longer(PAUSE, ATTEMPTS)
+        while any(heard := (yield poll)):
             pass
-        text, empty = b"".join((yield ask)[:1]), 0
+        if late := not heard:
+            continue
+        text, empty = b"".join(heard := (yield ask)), 0
+        late = not heard
         while b"\n" not in text and empty < ATTEMPTS:
-            more = b"".join((yield poll)[:1])
-            text, empty = text + more, 0 if more else empty + 1
+            more = b"".join(heard := (yield poll))
+            text, empty, late = text + more, 0 if more else empty + 1, late or not heard
         if b"\n" in text:
+            if late:
+                yield longer(PAUSE, ATTEMPTS)
             answer = text.decode("latin1").splitlines()[0].strip()
             if answer.startswith("ERR"):
                 raise ValueError(f"id {drive}: {words!r}: {answer}; is its firmware too old?")
