@@ -168,8 +168,9 @@ class GuardedPlant:
             reasons = dict.fromkeys(self._everybody, error)
         elif sample is None or silent > self._timeout:
             late = f"no answer for {1e3 * silent:.0f} ms > {1e3 * self._timeout:.0f} ms"
-            late += self._remark
-            reasons = dict.fromkeys(self._everybody, late)
+            if sample is None:
+                late = f"no answer in {now - self._began:.1f} s since the start"
+            reasons = dict.fromkeys(self._everybody, late + self._remark)
         else:
             reasons = faults | self._silence
         alarm = self._values[Row.ALARM]

@@ -116,6 +116,18 @@ def test_a_loop_begins_with_a_reading_of_now() -> None:
         bench.until(lambda: bench.modes() == [M.IDLE, M.IDLE])
 
 
+def test_a_plant_without_a_first_answer_is_no_late_one() -> None:
+    """Its set-up takes longer than the start waits: the text has that time."""
+    plant, now = Levers("left"), [2.0]
+    plant.gate.clear()
+    config = board_for(plant.describe())
+    guarded = GuardedPlant(plant, config, TIMEOUT, clock=lambda: now[0], first=0.0, remark="; x")
+    now[0] = 7.0
+    assert guarded.read().reasons == {0: "no answer in 5.0 s since the start; x"}
+    plant.gate.set()
+    guarded.close()
+
+
 def test_a_silence_ends_with_its_remark() -> None:
     """Where nothing but this computer can be slow, the fault says so."""
     with benched(Levers("left", "right"), remark="; this computer is too slow") as bench:

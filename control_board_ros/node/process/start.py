@@ -32,6 +32,9 @@ TOO_SLOW = (
     "or lower control_rate"
 )
 
+#: s that a start waits for the set-up of virtual drives: nothing but this computer delays it.
+VIRTUAL_SET_UP = 60.0
+
 
 @dataclass(frozen=True, slots=True)
 class Start:
@@ -193,16 +196,16 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
         return start, SimulatedPlant(settings.board, settings.simulation)
     from ...plants.apart import PlantApart  # not for simulations
     from ...plants.entry_points import make
-    from ...plants.guarded import GuardedPlant, patience
+    from ...plants.guarded import FIRST_SAMPLE, GuardedPlant, patience
     from ...plants.interface import DrivePlant, RobotPlant
     from ...plants.offers import within
 
     joints, arguments = settings.board.names, settings.values["plant_arguments"]
     timeout = settings.values["plant_timeout"]
     theirs: RobotPlant | DrivePlant
-    remark = ""
+    remark, first = "", FIRST_SAMPLE
     if name.startswith(VIRTUAL):
-        remark = TOO_SLOW
+        remark, first = TOO_SLOW, VIRTUAL_SET_UP
         from ...plants.virtual.plant import make_virtual  # with the libraries of its driver
 
         theirs = make_virtual(name, settings, arguments)
@@ -215,7 +218,7 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     except PlantSettingsError:
         theirs.close()
         raise
-    plant = GuardedPlant(theirs, settings.board, timeout, remark=remark)
+    plant = GuardedPlant(theirs, settings.board, timeout, first=first, remark=remark)
     return replace(start, settings=settings), plant
 
 

@@ -26,7 +26,7 @@ from ..drives.axes import Options
 from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, coded
-from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find, longer
+from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find
 from ..drives.plant import maker
 from ..drives.reconcile import Action
 from ..drives.set_id import check, verify
@@ -35,6 +35,9 @@ from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
 
 IDS = range(1, 128)
+#: s until an answer on the diagnostic stream is late, and a time in which it comes and is dropped.
+SPOKEN = 0.04
+LATE = replace(PAUSE, patience=0.3)
 WATCHED = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY, SetPoint.TORQUE)
 UNWATCHED = (SetPoint.CURRENT, SetPoint.PWM)
 #: Modes of the drive by the kind of set-point.
@@ -311,13 +314,14 @@ def said(drive: int, words: str) -> Questions[str]:
     import moteus
 
     who = moteus.Controller(id=drive)
-    poll = Question([(0x8000 | drive, f.padded(who.make_diagnostic_read().data))], f.spoken)
+    read = [(0x8000 | drive, f.padded(who.make_diagnostic_read().data))]
+    poll = Question(read, f.spoken, patience=SPOKEN)
     line = (drive, f.padded(who.make_diagnostic_write(words.encode() + b"\n").data))
     ask = replace(poll, request=[line, *poll.request])
     late = False  # whether an answer is still to come, which would be taken for that to another
     for _ in range(ATTEMPTS):
         if late:
-            yield longer(PAUSE, ATTEMPTS)
+            yield LATE
         while any(heard := (yield poll)):
             pass
         if late := not heard:
@@ -329,7 +333,7 @@ def said(drive: int, words: str) -> Questions[str]:
             text, empty, late = text + more, 0 if more else empty + 1, late or not heard
         if b"\n" in text:
             if late:
-                yield longer(PAUSE, ATTEMPTS)
+                yield LATE
             answer = text.decode("latin1").splitlines()[0].strip()
             if answer.startswith("ERR"):
                 raise ValueError(f"id {drive}: {words!r}: {answer}; is its firmware too old?")
