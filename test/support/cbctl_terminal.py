@@ -18,7 +18,10 @@ from waiting import GUARD, until
 
 
 class Terminal:
-    """A process at a terminal of its own."""
+    """A process at a terminal of its own.
+
+    Attributes: shown (since what was seen last), all_shown.
+    """
 
     def __init__(self, command: list[str], environment: dict[str, str]) -> None:
         self._master, slave = pty.openpty()
@@ -26,12 +29,12 @@ class Terminal:
             command, env=environment, stdin=slave, stdout=slave, stderr=slave
         )
         os.close(slave)
-        self.shown = ""
+        self.shown = self.all_shown = ""
 
     def see(self, text: str) -> None:
         """Read until this text is shown; what was shown before it is done with."""
         until(
-            lambda: text in self.shown or self._read(),
+            lambda: text in self.shown or self.read(),
             lambda: f"no {text!r} in {self.shown!r}",
             period=0.0,
         )
@@ -46,7 +49,7 @@ class Terminal:
 
         def press() -> None:
             self.type(key)
-            self._read()
+            self.read()
 
         until(
             lambda: seen(self.shown) or press(),
@@ -55,20 +58,25 @@ class Terminal:
         )
 
     def end(self) -> int:
-        """Read until the process ends; its exit code."""
-        deadline = time.monotonic() + GUARD
+        """Read until the process ends, or shows nothing any more; its exit code."""
+        shown, deadline = "", 0.0
         while self.process.poll() is None:
+            if self.all_shown != shown or not deadline:
+                shown, deadline = self.all_shown, time.monotonic() + GUARD
             if time.monotonic() > deadline:
                 self.process.kill()
-            self._read()
+            self.read()
         os.close(self._master)
         return self.process.wait()
 
-    def _read(self) -> None:
+    def read(self) -> None:
+        """Read what has been shown by now, or in a moment."""
         ready, _, _ = select.select([self._master], [], [], 0.05)
         if ready:
             try:
-                self.shown += os.read(self._master, 65536).decode(errors="replace")
+                read = os.read(self._master, 65536).decode(errors="replace")
+                self.shown += read
+                self.all_shown += read
             except OSError:  # the process has closed its end
                 time.sleep(0.01)
 

@@ -8,6 +8,9 @@ A comment before a block says what a test does with it:
                                a Python block: run it as a script of its own
     <!-- run, varies: 4.1 s; ° --> the same; the numbers in the texts named may be others, and
                                all numbers before a text without one
+    <!-- run, with: A => B; C => D --> the same, with B in place of A: what a test has in place of
+                               what a user has, as a virtual bus; also before `varies`
+    <!-- run, beside: PROGRAM, with: … -->  the same, while a program goes on in another terminal
     <!-- output -->            what the Python block before it prints
     <!-- board -->             the line starts the board that the next blocks talk to
     <!-- board /icub/robot --> the same; the name of its node is this one
@@ -19,17 +22,19 @@ A comment before a block says what a test does with it:
     <!-- own ur.yaml: a b -->  the block is that file; the user's URDF that it names is one with
                                these joints, and it is loaded
     <!-- until Ctrl-C -->      each line is typed when the one before it has printed something, in
-                               a terminal of its own where it goes on; Ctrl-C ends all of them
+                               a terminal of its own where it goes on; Ctrl-C ends all of them, and
+                               a board among them: then there is the one of before again
     <!-- not run: reason -->   it cannot be run in a test
 
-Where a page says `pip install`, the package must have the extras that it names. A prompt may name
-a host or a terminal (`robot$`).
+Where a page says `pip install`, the package must have the extras that it names; `ros2` is
+support/ros2.py. A prompt may name a host or a terminal (`robot$`). A line that ends in `&` starts
+a board; where a page answers a question (`[y/N] y`), so does the test, in a terminal.
 
 Spaces and the place in a bar do not count. A line of `...` in an output matches any lines. A
 page that starts no board talks to one of the default configuration; pytest alone needs none. cbctl
 runs within the test over one connection, in a terminal of 80 columns: what it takes to find the
-board is tested elsewhere. A line that names a board (`--board`), and each of a shell block, is a
-process of its own.
+board is tested elsewhere. A line that names a board (`--board`) or drives, and each of a shell
+block, is a process of its own. The folder has `config` and `.venv` as the project's has.
 """
 
 from __future__ import annotations
@@ -44,12 +49,14 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import metadata
 from pathlib import Path
 
 import pytest
+from cbctl_terminal import Terminal
+from waiting import until
 
 from control_board_ros.cli.app import invoke
 from control_board_ros.cli.board.session import Session
@@ -61,22 +68,38 @@ from control_board_ros.testing import BoardProcess, board_process, child_environ
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(
-    r"(?:<!-- (?P<mark>[^>]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
+    r"(?:<!-- (?P<mark>[^\n]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
 )
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
 #: A number as re.escape writes it, and the pattern for any number.
 ESCAPED, ANY = r"(?:\\-)?\d+(?:\\\.\d+)?", NUMBER.replace("\\", "\\\\")
-MODULES = {
-    "cbctl": "control_board_ros.cli",
-    "control_board": "control_board_ros.node.main",
-    "pytest": "pytest",
+SUPPORT = Path(__file__).parent
+#: The folder of programs of the environment, which users have activated.
+BIN = str(Path(sys.executable).parent)
+#: Fast DDS's server, whose libraries are those of rclpy.
+SERVER = f"import os, sys, rclpy; os.execv('{BIN}/fast-discovery-server', sys.argv)"
+#: Programs that a page runs, as words of Python.
+PROGRAMS = {
+    "cbctl": "-m control_board_ros.cli",
+    "control_board": "-m control_board_ros.node.main",
+    "control_board_conformance": "-m control_board_ros.conformance",
+    "pytest": "-m pytest",
+    "pip": f"'{Path(__file__)}'",
+    "ros2": f"'{SUPPORT / 'ros2.py'}'",
+    "fast-discovery-server": f'-c "{SERVER}"',
+    "python": "",
+    "python3": "",
 }
 SHELL = ("sh", "bash")
-
+QUESTION = re.compile(r"(.*\[y/N\] )(\w+)$", re.M)
 
 MULTICAST = re.compile(r"(udp_multicast:239\.74\.163\.)\d+")
 #: What is run, of the verbs.
 RUN = ("run", "board", "loads", "own", "until")
+#: s that programs which go on are watched.
+WATCHED = 2.0
+#: Programs that need no board.
+ALONE = ("pytest", "pip", "fast-discovery-server", ".venv/bin/python")
 #: Exit code of a program of ours that Ctrl-C ended.
 INTERRUPTED = 130
 
@@ -95,17 +118,37 @@ class Block:
         return self.mark.partition(",")[0].partition(":")[0].split(" ")[0] if self.mark else ""
 
     @property
+    def beside(self) -> list[str]:
+        """The words of what goes on in another terminal."""
+        return shlex.split(self.mark.partition("beside:")[2].partition(", with:")[0])
+
+    @property
     def varies(self) -> list[str]:
         _, _, texts = self.mark.partition("varies:")
         return [text.strip() for text in texts.split(";") if text.strip()]
 
 
 def blocks(text: str) -> list[Block]:
-    """The code blocks of a page."""
+    """The code blocks of a page, with what a test has in place of what a user has."""
     return [
-        Block(m["mark"] or "", m["language"], m["text"], text.count("\n", 0, m.start()) + 1)
+        Block(
+            m["mark"] or "",
+            m["language"],
+            replaced(m["text"], m["mark"] or ""),
+            text.count("\n", 0, m.start()) + 1,
+        )
         for m in BLOCK.finditer(text)
     ]
+
+
+def replaced(text: str, mark: str) -> str:
+    """A block's text with what stands in for other texts, which are there."""
+    pairs = mark.partition("with:")[2].partition(", varies:")[0]
+    for pair in filter(None, pairs.split(";")):
+        said, _, here = pair.partition("=>")
+        assert said.strip() in text, f"with: {said.strip()!r} is not in\n{text}"
+        text = text.replace(said.strip(), here.strip())
+    return text
 
 
 def commands(block: Block) -> list[tuple[str, str]]:
@@ -133,6 +176,15 @@ def beside_others(words: list[str]) -> list[str]:
     """A line with a port and a group address that no other run on this machine uses."""
     own = [MULTICAST.sub(rf"\g<1>{2 + os.getpid() % 250}", word) for word in words]
     return [*own, "--port", "0"] if words[1:2] in (["panel"], ["foxglove"]) else own
+
+
+def programs(folder: Path) -> None:
+    """Write the programs that pages run."""
+    folder.mkdir()
+    for name, words in PROGRAMS.items():
+        path = folder / name
+        path.write_text(f'#!/bin/sh\nexec "{sys.executable}" {words} "$@"\n', encoding="utf-8")
+        path.chmod(0o755)
 
 
 def check_extras(words: list[str]) -> None:
@@ -196,6 +248,9 @@ class Reader:
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
         self.folder, self.stack = folder, stack
+        programs(folder / "bin")
+        (folder / "config").symlink_to(ROOT / "config")
+        (folder / ".venv").symlink_to(sys.prefix)
         self._boards = stack.enter_context(contextlib.ExitStack())
         self._board: BoardProcess | None = None
         self._session: Session | None = None
@@ -214,23 +269,29 @@ class Reader:
             "until": self.run_until_ended,
         }
         for block, after in zip(found, [*found[1:], None], strict=True):
-            if block.verb in does:
-                does[block.verb](block)
-            elif block.verb == "run" and block.language == "python":
-                follows = after is not None and after.verb == "output"
-                self.run_script(block, after if follows else None)
-            elif block.verb == "run":
-                self.run(block)
+            with contextlib.ExitStack() as beside:
+                if block.beside:
+                    beside.enter_context(self.terminal(beside_others(block.beside)))
+                if block.verb in does:
+                    does[block.verb](block)
+                elif block.verb == "run" and block.language == "python":
+                    follows = after is not None and after.verb == "output"
+                    self.run_script(block, after if follows else None)
+                elif block.verb == "run":
+                    self.run(block)
         return sum(block.verb in RUN for block in found)
 
     def run(self, block: Block) -> None:
         """Type the lines of a console block, or of a shell block."""
         if block.language in SHELL:
-            for line in typed(block):
-                self.shell(block, shlex.split(line, comments=True))
+            alone = all(line.split()[0] in ALONE for line in typed(block))
+            done = self._run(["bash", "-eo", "pipefail", "-c", block.text], alone)
+            assert done.returncode == 0, f"line {block.line}: {done.stdout}"
         else:
             for command, expected in commands(block):
-                compare(block, expected, self.type(command), block.varies, command)
+                answers = QUESTION.findall(expected)
+                printed = self.type(command, [answer for _, answer in answers])
+                compare(block, expected, printed, block.varies, command)
 
     def save(self, block: Block) -> None:
         """Write a file."""
@@ -239,7 +300,8 @@ class Reader:
 
     def start_board(self, block: Block) -> None:
         """Start the board that a block says."""
-        self.start(shlex.split(block.text, comments=True), block.mark.partition(" ")[2])
+        node = block.mark.partition(", with:")[0].partition(" ")[2]
+        self.start(shlex.split(block.text, comments=True), node)
 
     def find(self, block: Block) -> None:
         """Look a block up in the file that it is a part of."""
@@ -257,39 +319,33 @@ class Reader:
 
     def run_until_ended(self, block: Block) -> None:
         """Type lines that go on, and end them by Ctrl-C: each ends well."""
+        before = self._boards, self._board, self._session
         with contextlib.ExitStack() as open_terminals:
             for line in typed(block):
                 words = beside_others(shlex.split(line, comments=True))
-                if words[0] == "control_board":
+                if "control_board" in words:
+                    self._boards = open_terminals.enter_context(contextlib.ExitStack())
                     self.start(words)
                 elif words[0] == "pip":
                     check_extras(words)
                 else:
                     open_terminals.enter_context(self.terminal(words))
+            time.sleep(WATCHED)
+        self._boards, self._board, self._session = before
 
     @contextlib.contextmanager
     def terminal(self, words: list[str]) -> Iterator[None]:
-        """A program in a terminal of its own, from its first line to Ctrl-C."""
-        command = self._program(words[0], words[1:])
-        alone = words[0] == "python"  # drives, which know no board
-        environment = child_environment(0) if alone else self._environment(command)
-        with subprocess.Popen(
-            command,
-            env=environment | {"COLUMNS": "80"},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        ) as process:
-            assert process.stdout is not None
-            first = process.stdout.readline()
-            try:
-                yield
-            finally:
-                process.send_signal(signal.SIGINT)
-                printed = first + process.communicate(timeout=240)[0]
-        assert "Traceback" not in printed, printed
-        assert process.returncode in (0, INTERRUPTED), f"{words}: {process.returncode}: {printed}"
+        """A program in a terminal of its own, from what it shows first to Ctrl-C."""
+        alone = words[0] in ("python", *ALONE)  # drives, servers
+        at = Terminal(["env", "TERM=xterm-256color", *words], self._environment(alone))
+        try:
+            until(lambda: re.search("[A-Za-z]{3}", at.shown) or at.read())
+            yield
+        finally:
+            at.process.send_signal(signal.SIGINT)
+            code = at.end()
+        assert "Traceback" not in at.all_shown, at.all_shown
+        assert code in (0, INTERRUPTED), f"{words}: {code}: {at.all_shown}"
 
     def load(self, block: Block) -> None:
         """Load a parameter file on top of a shipped robot."""
@@ -317,8 +373,7 @@ class Reader:
         self._boards.close()
         self._session = None
         robot = node.strip("/").partition("/")[0]
-        command = self._program(words[0], words[1:])
-        made = board_process(command=command, robot=robot, env=self.installed)
+        made = board_process(command=["env", *words], robot=robot, env=self.installed | self._path)
         self._board = self._boards.enter_context(made)
 
     @property
@@ -341,24 +396,26 @@ class Reader:
                 time.sleep(0.02)  # a reader waits until the arm is at rest
         return self._session
 
-    def type(self, command: str) -> str:
-        """Type a line; what is printed."""
-        words = shlex.split(command, comments=True)
-        if words[0] == "cbctl" and "--board" not in words:
+    def type(self, command: str, answers: Sequence[str] = ()) -> str:
+        """Type a line, and answers to its questions; what is printed."""
+        words = beside_others(shlex.split(command, comments=True))
+        if words[-1] == "&":
+            self.start(words[:-1])
+            return ""
+        if answers:
+            at = Terminal(["env", *words], self._environment() | {"TERM": "dumb"})
+            for answer in answers:
+                at.see("[y/N] ")
+                at.type(f"{answer}\n")
+            at.end()
+            return at.all_shown.replace("\r\n", "\n")
+        if words[0] == "cbctl" and not {"--board", "drives"} & {*words}:
             session = self.session
             printed = io.StringIO()
             with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
                 invoke(session, words[1:])
             return printed.getvalue()
-        return self._run(self._program(words[0], words[1:])).stdout
-
-    def shell(self, block: Block, words: list[str]) -> None:
-        """Type a line of which only the end counts."""
-        if words[0] == "pip":
-            check_extras(words)
-            return
-        done = self._run(self._program(words[0], words[1:]))
-        assert done.returncode == 0, f"line {block.line}: {words}: {done.stdout}"
+        return self._run(["env", *words], words[0] in ALONE).stdout
 
     def run_script(self, block: Block, expected: Block | None) -> None:
         """Run a Python block as a script."""
@@ -370,27 +427,27 @@ class Reader:
         else:
             compare(expected, expected.text, printed, block.varies, "the script above")
 
-    def _run(self, command: list[str]) -> subprocess.CompletedProcess[str]:
+    def _run(self, command: list[str], alone: bool = False) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             command,
-            env=self._environment(command) | {"COLUMNS": "80"},
+            env=self._environment(alone),
+            stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=240,
+            timeout=480,
             check=False,
         )
 
-    def _environment(self, command: list[str]) -> dict[str, str]:
-        """That of the board; tests start boards of their own, on domains of their own."""
-        if self._board is None and MODULES["pytest"] in command:
-            return child_environment(0) | self.installed
-        return self.board.environment | self.installed
+    def _environment(self, alone: bool = False) -> dict[str, str]:
+        """That of the board, which programs that stand alone do not need."""
+        known = self._board or (None if alone else self.board)
+        environment = known.environment if known else child_environment(0)
+        return environment | self.installed | self._path | {"COLUMNS": "80"}
 
-    def _program(self, name: str, arguments: list[str]) -> list[str]:
-        if name == "python":
-            return [sys.executable, *arguments]
-        return [sys.executable, "-m", MODULES[name], *arguments]
+    @property
+    def _path(self) -> dict[str, str]:
+        return {"PATH": os.pathsep.join([str(self.folder / "bin"), BIN, os.environ["PATH"]])}
 
 
 @pytest.fixture
@@ -401,3 +458,7 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> object:
     monkeypatch.chdir(tmp_path)
     with contextlib.ExitStack() as stack:
         yield Reader(tmp_path, stack)
+
+
+if __name__ == "__main__":
+    check_extras(["pip", *sys.argv[1:]])
