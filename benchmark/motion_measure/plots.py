@@ -44,9 +44,10 @@ def _reach(now: Mapping[str, Any], before: Mapping[str, Any]) -> None:
     """Every figure over its goal, one dot per robot, before (hollow) and now."""
     lines = [(r, q) for r in ROWS.values() for q in r.quantities if q.shipped]
     robots = [name for name in ROBOTS if name in now]
-    figure, axes = plt.subplots(figsize=(10, 6), constrained_layout=True)
+    figure, axes = plt.subplots(figsize=(10, 8), constrained_layout=True)
+    colours = mpl.colormaps["tab20"].colors
     for n, name in enumerate(robots):
-        for record, style in ((before.get(name), "none"), (now[name], f"C{n}")):
+        for record, style in ((before.get(name), "none"), (now[name], colours[n])):
             if not record:
                 continue
             places, values = [], []
@@ -57,7 +58,7 @@ def _reach(now: Mapping[str, Any], before: Mapping[str, Any]) -> None:
                     values.append(max(abs(found[0]) / goal, 1e-3))
             label = name if record is now[name] else None
             axes.scatter(
-                values, places, s=22, facecolors=style, edgecolors=f"C{n}", label=label, zorder=3
+                values, places, s=22, facecolor=style, edgecolor=colours[n], label=label, zorder=3
             )
     axes.axvline(1.0, color="k", linewidth=1.0)
     axes.set_xscale("log")
