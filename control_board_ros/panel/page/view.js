@@ -15,7 +15,7 @@ const HIDDEN = 0.015; // rad or m: a ghost nearer than this to the robot is not 
 const FOLLOWING = ["pos", "posd", "mix", "vel"]; // modes with a position reference
 const EVERY = 30; // ms between drawings, at least
 const CHECK = 500; // ms between looks whether the robot is in the picture
-const FINE = 4; // decimals of rad or m that are told apart
+const FINE = 1e4; // steps in a rad or m that are told apart
 const SHARE = 4; // a machine that draws slowly spends this part of its time on it: one of four
 
 /** The joints that move a part. */
@@ -37,8 +37,8 @@ function torqueShare(joint) {
 
 /** All that is seen of a joint; as long as it stays the same nothing is drawn. */
 function looks({ joint, position, wanted }) {
-  const shares = [torqueShare(joint), joint.externalShare ?? 0].map((share) => share.toFixed(2));
-  return [position.toFixed(FINE), wanted.toFixed(FINE), joint.mode === "hwfa", ...shares].join(" ");
+  const shares = [torqueShare(joint), joint.externalShare ?? 0].map((share) => Math.round(100 * share));
+  return [Math.round(FINE * position), Math.round(FINE * wanted), joint.mode === "hwfa", ...shares].join(" ");
 }
 
 export class View {
