@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual drives, operated by LeRobot's buses of motors: ``lerobot_buses.py DRIVER``.
+"""Virtual drives, operated by LeRobot's buses of motors: ``lerobot_buses.py MAKE``.
 
 LeRobot's wheel has them beside much that wants torch; what its buses take from there are two
 functions for a terminal, which are empty here.
@@ -144,7 +144,69 @@ def reported(bus: Any) -> None:
         print(error)
 
 
-def mit_can(far: Any) -> None:
+def robstride(far: Any) -> None:
+    from lerobot.motors.robstride import RobstrideMotorsBus, robstride
+
+    robstride.RUNNING_TIMEOUT = robstride.PARAM_TIMEOUT = 5.0
+    made = motors("robstride", motor_type_str=lambda _: "O0")
+    bus = RobstrideMotorsBus(
+        far.address.partition(":")[2], made, can_interface="virtual", use_can_fd=False
+    )
+    patient(bus)
+    with connected(bus):
+        print("is found")
+        bus.configure_motors()
+        assert [drive.state for drive in far.drives] == [1, 1]
+        goes(bus, far)
+        far.drive.fail(1 << 14)
+        bus.write("Goal_Position", "one", 30.0)
+        until(lambda: far.drive.torque == 0.0)
+        bus.update_motor_state("one")  # by which it clears a fault
+        bus.enable_torque()
+        assert [drive.state for drive in far.drives] == [1, 1]
+        print("is cleared")
+        ends(bus, far)
+
+
+def patient(bus: Any) -> None:
+    """Its waits of 1 to 10 ms are for a bus, not for a busy machine."""
+    for method in (
+        getattr(bus, name, None)
+        for name in ("_recv_motor_response", "_recv_all_responses", "_recv_status_via_clear_fault")
+    ):
+        if method is not None:
+            waits = (5.0 if isinstance(each, float) else each for each in method.__defaults__)
+            method.__func__.__defaults__ = tuple(waits)
+
+
+def goes(bus: Any, far: Any) -> None:
+    """MIT goals of two motors, in degrees."""
+    goals = {"one": 30.0, "two": -20.0}
+
+    def there() -> bool:
+        found = bus.sync_read("Present_Position")
+        return all(near(found[name], goals[name], 1.0) for name in goals)
+
+    until(there, lambda: bus.sync_write("Goal_Position", goals))
+    ways = [far.position(k) * DEGREE for k in range(2)]
+    assert all(near(way, goal, 2.0) for way, goal in zip(ways, goals.values(), strict=True))
+    print("moves")
+
+
+def ends(bus: Any, far: Any) -> None:
+    """Without torque, and with another zero."""
+    bus.disable_torque()
+    assert [drive.state for drive in far.drives] == [0, 0]
+    print("is without torque")
+    until(lambda: abs(far.world.state[1][1]) < 1e-3)
+    before = far.position(1)
+    bus.set_zero_position("two")
+    until(lambda: near(bus.read("Present_Position", "two"), 0.0, 0.1))
+    assert near(far.position(1), before, 0.02)
+    print("has another zero")
+
+
+def damiao(far: Any) -> None:
     from lerobot.motors.damiao import DamiaoMotorsBus
 
     for drive in far.drives:
@@ -153,40 +215,30 @@ def mit_can(far: Any) -> None:
     made = motors("damiao", motor_type_str=lambda _: "dm4310", recv_id=lambda k: 0x10 + k)
     where = {"can_interface": "virtual", "use_can_fd": False}
     bus = DamiaoMotorsBus(far.address.partition(":")[2], made, **where)
-    for method in (bus._recv_motor_response, bus._recv_all_responses):
-        defaults = [5.0 if default in (1e-3, 2e-3) else default for default in method.__defaults__]
-        method.__func__.__defaults__ = tuple(defaults)
+    patient(bus)
     sys.modules[DamiaoMotorsBus.__module__].SHORT_TIMEOUT_SEC = 5.0
     sys.modules[DamiaoMotorsBus.__module__].MEDIUM_TIMEOUT_SEC = 0.1
     with connected(bus):
         assert [drive.state for drive in far.drives] == [1, 1]
         print("is found")
-        goals = {"one": 30.0, "two": -20.0}
-
-        def there() -> bool:
-            found = bus.sync_read("Present_Position")
-            return all(near(found[name], goals[name], 1.0) for name in goals)
-
-        until(there, lambda: bus.sync_write("Goal_Position", goals))
-        ways = [far.position(k) * DEGREE for k in range(2)]
-        assert all(near(way, goal, 2.0) for way, goal in zip(ways, goals.values(), strict=True))
-        print("moves")
+        goes(bus, far)
         bus.write("Kp", "one", 40.0)
         bus.write("Goal_Position", "one", 10.0)
         until(lambda: near(bus.read("Present_Position", "one"), 10.0, 1.0))
         assert bus.read("Temperature_MOS", "one") == 30.0
-        bus.disable_torque()
-        assert [drive.state for drive in far.drives] == [0, 0]
-        print("is without torque")
-        until(lambda: abs(far.world.state[1][1]) < 1e-3)
-        before = far.position(1)
-        bus.set_zero_position("two")
-        assert near(bus.read("Present_Position", "two"), 0.0, 0.1)
-        assert near(far.position(1), before, 0.02)
-        print("has another zero")
+        ends(bus, far)
 
+
+#: By make: its driver, and options of it.
+DRIVERS: dict[str, tuple[str, dict[str, str]]] = {
+    "feetech": ("feetech", {}),
+    "dynamixel": ("dynamixel", {}),
+    "damiao": ("mit_can", {}),
+    "robstride": ("mit_can", {"model": "rs00", "protocol": "mit", "unwatched": "1"}),
+}
 
 if __name__ == "__main__":
     logging.disable()
-    with far_drives(sys.argv[1], 2) as far:
+    driver, options = DRIVERS[sys.argv[1]]
+    with far_drives(driver, 2, **options) as far:
         globals()[sys.argv[1]](far)

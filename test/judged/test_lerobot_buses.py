@@ -7,19 +7,21 @@ import pytest
 from apart import run_apart
 
 SERVOS = ["is found", "is calibrated", "moves", "is cleared", "has another id"]
-#: By driver: what its program says in the end, errors of the servos aside.
+MOTORS = ["is without torque", "has another zero"]
+#: By make: what its program says in the end, errors of the servos aside.
 DONE = {
     "feetech": SERVOS,
     "dynamixel": SERVOS,
-    "mit_can": ["is found", "moves", "is without torque", "has another zero"],
+    "damiao": ["is found", "moves", *MOTORS],
+    "robstride": ["is found", "moves", "is cleared", *MOTORS],
 }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("driver", DONE)
-def test_lerobot_operates_its_motors(driver: str) -> None:
+@pytest.mark.parametrize("make", DONE)
+def test_lerobot_operates_its_motors(make: str) -> None:
     """Find, configure, calibrate, move, read, hear of a fault, clear it, and set up another id."""
-    said = run_apart("lerobot", "lerobot_buses.py", driver)
-    errors = [line for line in said if line not in DONE[driver]]
-    assert [line for line in said if line not in errors] == DONE[driver]
-    assert len(errors) == (driver != "mit_can"), errors
+    said = run_apart("lerobot", "lerobot_buses.py", make)
+    errors = [line for line in said if line not in DONE[make]]
+    assert [line for line in said if line not in errors] == DONE[make]
+    assert len(errors) == (DONE[make] is SERVOS), errors
