@@ -187,3 +187,21 @@ def test_an_unknown_way_of_keeping_turns_is_refused() -> None:
         Options.parse(("a",), {"turns": "some"}, bus="")
     options = Options.parse(("a",), {"a.turns": "one_turn"}, bus="")
     assert options.axes[0].turn == pytest.approx(TURN)
+
+
+@pytest.mark.parametrize("driver", ["moteus", "mit_can", "odrive_can", "dynamixel"])
+def test_a_virtual_drive_loses_its_turns_with_its_supply(driver: str) -> None:
+    """As those do that have an encoder of one turn: it reads itself within half a turn."""
+    bench = geared(driver)
+    drive = bench.drives[0]
+
+    def read() -> float:
+        drive.step(1e-3, 4.0, 0.0)
+        if driver == "dynamixel":
+            return float((drive._count() - 2048) * 2.0 * math.pi / 4096)
+        unit = 1.0 if driver == "mit_can" else 2.0 * math.pi
+        return float(drive._position * unit)
+
+    assert read() == pytest.approx(4.0, abs=1e-3)
+    drive.reboot()
+    assert read() == pytest.approx(4.0 - 2.0 * math.pi, abs=1e-3)

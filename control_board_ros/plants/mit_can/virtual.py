@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 
@@ -33,6 +34,8 @@ LOST, UNDER_VOLTAGE = 0xD, 0x9
 #: torque limit, 1e-4 of the range. MIT frames and orders have eight bytes.
 VELOCITY, FORCE = 3, 4
 FORMS = {d.MIT_MODE: "<8s", 2: "<ff", VELOCITY: "<f", FORCE: "<fHH"}
+#: rad, of the encoder at its output.
+TURN = 2.0 * math.pi
 #: Before the first command with power: none.
 STILL: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 #: N·m per rad/s at a gain of 1 of the speed loop.
@@ -69,6 +72,7 @@ class VirtualMit:
     def reboot(self) -> None:
         self.state = self.persists or d.DISABLED
         self.registers = dict(self.stored)
+        self._zero += TURN * round(self._position / TURN)  # turns are not counted without supply
         self._command: tuple[float, ...] = STILL
         self._quiet = self.torque = 0.0
 

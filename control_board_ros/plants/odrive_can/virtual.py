@@ -78,6 +78,7 @@ class VirtualOdrive:
 
     def reboot(self) -> None:
         self.conf, self.id = dict(self.stored), self._number
+        self._shift -= round(self._position)  # turns are not counted without supply
         self.state, self.error, self._control = f.IDLE, self.persists, f.POSITION_CONTROL
         self._goal = self._speed = self._forward = self._integral = 0.0
         self._quiet = self.torque = 0.0
