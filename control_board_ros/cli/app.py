@@ -20,7 +20,7 @@ from .line.arguments import HELP, Parser, arguments_of
 from .line.options import Options, hoist, read_options, split_ros_arguments
 from .line.words import Refused, UsageError
 from .text.output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
-from .verbs import VERBS, load
+from .verbs import MEANT, VERBS, load
 
 #: Set by the completion scripts: cbctl prints the words to offer.
 COMPLETE = "_CBCTL_COMPLETE"
@@ -79,7 +79,8 @@ def do(session: Session, words: Sequence[str]) -> int:
     name, *given = rest
     if name not in VERBS:
         what = "option" if name.startswith("-") else "verb"
-        raise UsageError(f"{what} {name[:40]!r} unknown{nearest(name, VERBS)}; see cbctl --help")
+        hint = nearest(MEANT.get(name, name), [*VERBS, *MEANT.values()])
+        raise UsageError(f"{what} {name[:40]!r} unknown{hint}; see cbctl --help")
     verb = load(name)
     if set(given) & set(HELP):
         from .help import put_verb_help

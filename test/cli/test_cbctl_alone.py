@@ -19,6 +19,7 @@ from control_board_ros import __version__
     [
         (["bogus"], "verb 'bogus' unknown; see cbctl --help"),
         (["mods"], "verb 'mods' unknown; did you mean 'modes'?; see cbctl --help"),
+        (["release"], "verb 'release' unknown; did you mean 'estop release'?; see cbctl --help"),
         (["--bogus", "modes"], "option '--bogus' unknown"),
         (["mode"], "required: JOINT… MODE; see cbctl mode --help"),
         (["mode", "vel"], "name joints, then a mode, e.g. cbctl mode all pos"),

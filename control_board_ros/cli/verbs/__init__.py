@@ -64,6 +64,8 @@ SECTIONS = {
     "Terminal": dict.fromkeys(("shell", "completion"), "terminal"),
 }
 VERBS = {name: module for verbs in SECTIONS.values() for name, module in verbs.items()}
+#: Words that are none, and what is meant: nearer by its letters would be another verb.
+MEANT = {"release": "estop release", "emergency_stop": "estop", "force_idle": "clear"}
 
 
 def load(name: str) -> Callable[..., Any]:

@@ -108,7 +108,7 @@ def welcome(
         f"{name} runs at {config.control_rate:g} Hz{f' with {plant}' if plant else ''}, "
         f"joints in {', '.join(present)}. {when}:",
         *(f"  cbctl{option} {line}" for line in (*words, "watch")),
-        "in a browser: cbctl panel (make panel); or, where ROS itself is installed:",
+        "in a browser: make panel (or, installed, cbctl panel); where ROS itself is installed:",
         *ros2_lines(name, config.joints[0]),
         "Park and stop with Ctrl-C; stop at once with a second one."
         if parks
