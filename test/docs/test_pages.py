@@ -20,7 +20,7 @@ PAGES = [
 TYPED = {"console", "sh", "bash", "python", "toml", "xml", "yaml"}
 VERBS = {*RUN, "output", "file", "package", "part", "not"}
 #: Blocks that no test runs, each with its reason beside it: fewer with time, never more.
-NOT_RUN = 23
+NOT_RUN = 22
 #: The pages with something to run.
 FOLLOWED = [
     page
