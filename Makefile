@@ -46,6 +46,7 @@ check: ## Run ruff, mypy --strict and import-linter
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy --config-file benchmark/mypy.ini benchmark
 	$(BIN)/lint-imports --no-cache --no-logo
 
 bench: ## Measure the figures of the README

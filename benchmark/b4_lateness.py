@@ -17,7 +17,7 @@ from control_board_ros.testing import free_domain
 
 NOTHING: Callable[[int], AbstractContextManager[Any]] = lambda _: nullcontext()  # noqa: E731
 #: Case, parameters of the node, load beside it, bounds of the p99: with niceness, without (ms).
-CASES = (
+CASES: tuple[tuple[str, dict[str, float], Any, float, float], ...] = (
     ("quiet", {}, NOTHING, 0.18, 0.3),
     (
         "1 kHz commands in, 1 kHz state out",

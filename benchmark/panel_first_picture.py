@@ -14,6 +14,7 @@ import shutil
 import statistics
 import subprocess
 import sys
+from typing import Any
 
 from control_board_ros.testing import board_process
 
@@ -23,7 +24,7 @@ PAINTED = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"
 SHOWN = "performance.getEntriesByName('first state shown')[0]?.startTime"
 
 
-def measure(browser: object, address: str) -> tuple[float, float]:
+def measure(browser: Any, address: str) -> tuple[float, float]:
     """First paint and first state on the screen, s after the request."""
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     try:

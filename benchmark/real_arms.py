@@ -86,8 +86,8 @@ def main() -> None:
         draw_synthetic()
         for name, lines in PAGES.items():
             if name in found:
-                marks = (f"<!-- {word}: {name} -->" for word in ("begin", "end"))
-                replace_between(PAGE, *marks, "\n".join(["", *lines(found[name]), ""]))
+                begin, end = (f"<!-- {word}: {name} -->" for word in ("begin", "end"))
+                replace_between(PAGE, begin, end, "\n".join(["", *lines(found[name]), ""]))
 
 
 def of_ur10e(folder: Path, pictures: Path | None) -> Figures:

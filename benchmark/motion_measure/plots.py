@@ -45,7 +45,7 @@ def _reach(now: Mapping[str, Any], before: Mapping[str, Any]) -> None:
     lines = [(r, q) for r in ROWS.values() for q in r.quantities if q.shipped]
     robots = [name for name in ROBOTS if name in now]
     figure, axes = plt.subplots(figsize=(10, 8), constrained_layout=True)
-    colours = mpl.colormaps["tab20"].colors
+    colours = [mpl.colormaps["tab20"](n) for n in range(len(robots))]
     for n, name in enumerate(robots):
         for record, style in ((before.get(name), "none"), (now[name], colours[n])):
             if not record:

@@ -21,7 +21,8 @@ from control_board_ros.simulation import Simulation
 from .robots import Robot
 
 Array = NDArray[np.float64]
-M, Way = ControlMode, InteractionMode
+M = ControlMode
+Way = InteractionMode
 
 #: Longest calibration at start, s.
 STARTUP = 60.0
@@ -165,9 +166,10 @@ class Rig:
             everyone.append(now.position)
             if until is not None and until(rows[-1][0], rows[-1][1]):
                 break
-        values = np.array(rows).reshape(-1, 4).T
+        position, velocity, torque, reference = np.array(rows).reshape(-1, 4).T
+        positions = np.array(everyone).reshape(len(rows), -1)
         time = np.arange(len(rows)) * self.period
-        return Record(time, *values, np.array(everyone).reshape(len(rows), -1))
+        return Record(time, position, velocity, torque, reference, positions)
 
     # --- where it is --------------------------------------------------------------------------
 
