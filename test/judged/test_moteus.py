@@ -67,8 +67,8 @@ def tool(far: Any, *arguments: str) -> str:
 
 
 async def until(controller: Any, reached: Callable[[Any], bool], act: Callable[[], Any]) -> Any:
-    """Command until something is so, 500 times at most; the last values."""
-    for _ in range(500):
+    """Command until something is so, 5000 times at most; the last values."""
+    for _ in range(5000):
         found = (await act()).values
         if reached(found):
             return found
@@ -108,7 +108,7 @@ def test_it_moves_within_its_own_limits(far: Any) -> None:
         async def act() -> Any:
             found = await drive.set_position(
                 position=0.5, velocity=0.0, velocity_limit=1.0, accel_limit=4.0,
-                watchdog_timeout=1.0, query=True,
+                watchdog_timeout=math.nan, query=True,
             )  # fmt: skip
             speeds.append(found.values[Register.VELOCITY])
             return found
@@ -125,7 +125,7 @@ def test_its_wait_for_a_trajectory_ends(far: Any) -> None:
     async def said(_: Any, drive: Any) -> Any:
         await drive.set_stop()
         return await drive.set_position_wait_complete(
-            position=0.25, accel_limit=8.0, watchdog_timeout=1.0
+            position=0.25, accel_limit=8.0, watchdog_timeout=math.nan
         )
 
     # The way is complete; the motor is ahead by the torque that brakes it, 2.5 N·m at
@@ -140,9 +140,11 @@ def test_the_acceleration_of_delivery_acts_until_it_is_waived(far: Any) -> None:
         await until(
             drive,
             lambda v: v[Register.MODE] == 10,
-            lambda: drive.set_position(position=math.nan, watchdog_timeout=1.0, query=True),
+            lambda: drive.set_position(position=math.nan, watchdog_timeout=math.nan, query=True),
         )
-        await drive.set_position(position=0.5, accel_limit=-1, watchdog_timeout=1.0, query=True)
+        await drive.set_position(
+            position=0.5, accel_limit=-1, watchdog_timeout=math.nan, query=True
+        )
 
     talk(far, said)
     assert (
@@ -159,7 +161,7 @@ def test_it_stays_within_bounds(far: Any) -> None:
             drive,
             lambda v: near(v[Register.POSITION], 0.1, 0.01),
             lambda: drive.set_stay_within(
-                lower_bound=0.1, upper_bound=0.2, watchdog_timeout=1.0, query=True
+                lower_bound=0.1, upper_bound=0.2, watchdog_timeout=math.nan, query=True
             ),
         )
 
