@@ -14,7 +14,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from drive_bench import LIBRARIES
-from explorer import Run, Walk
+from explorer import Run, Walk, pairs_of
 
 MAKES: dict[str, tuple[str, dict[str, str]]] = {
     "moteus": ("moteus", {"unwatched": "1"}),
@@ -28,6 +28,8 @@ MAKES: dict[str, tuple[str, dict[str, str]]] = {
 }
 #: One fault of so many is tried, all day and in make test-long.
 SELDOM, OFTEN = 211, 31
+#: Pairs of faults of a make.
+PAIRS = 200
 
 
 @pytest.mark.parametrize("make", MAKES)
@@ -40,6 +42,14 @@ def test_no_single_fault_makes_a_drive_act_otherwise_than_shown(make: str, strid
     walk = Walk(*MAKES[make]).go(stride)
     assert walk.found == {}
     assert walk.runs > 10
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("make", MAKES)
+def test_no_pair_of_faults_makes_a_drive_act_otherwise_than_shown(make: str) -> None:
+    """S8, S11: pairs at random, the second while the first is felt."""
+    pytest.importorskip(LIBRARIES[MAKES[make][0]])
+    assert pairs_of(*MAKES[make], PAIRS) == {}
 
 
 @pytest.mark.slow

@@ -4,7 +4,8 @@
 The board is reduced to what matters here: a fault latches OFF until it is cleared. While every
 set-point is "stay where you are", three things must hold whatever the fault:
 
-* the law that acts in a drive is that asked for, or a fault is reported, within the timeout;
+* the law that acts in a drive is that asked for, with its watchdog (Damiao, RobStride), or a fault
+  is reported, within the timeout;
 * nothing moves by more than STILL;
 * a drive has no power when the board says OFF, within the timeout.
 """
@@ -15,9 +16,10 @@ import gc
 import math
 import os
 import pickle
+import random
 import re
 import warnings
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -32,6 +34,9 @@ from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.cia402.states import Mode, State
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.feetech import table as feetech
+from control_board_ros.plants.mit_can import damiao, robstride_private
+from control_board_ros.plants.mit_can.virtual import VirtualMit
+from control_board_ros.plants.mit_can.virtual_robstride import PRIVATE, VirtualRobStride
 from control_board_ros.plants.odrive_can import frames as odrive
 from control_board_ros.plants.virtual.can_bus import Frame
 from control_board_ros.testing.plant_contract import set_points
@@ -176,6 +181,7 @@ class Run:
             asked, acts = kinds[joint], law_of(drive)
             off = asked is OFF or bool(faults[joint])
             right = acts in (OFF, None) if off else acts is asked or acts is None
+            right = right and (acts in (OFF, None) or watched(drive))
             if right or self._wires["to"].closed:  # what has no watchdog goes on while it is deaf
                 self._wrong[joint] = 0
             else:
@@ -336,6 +342,15 @@ def law_of(drive: Any) -> SetPoint | None:  # noqa: PLR0911 - one for each make
     return (positions | servo)[drive.table.get(table.MODE)]
 
 
+def watched(drive: Any) -> bool:
+    """Whether a drive that acts has its watchdog, which a restart takes away."""
+    if isinstance(drive, VirtualMit):
+        return bool(drive.registers[damiao.TIMEOUT])
+    if isinstance(drive, VirtualRobStride) and drive.protocol == PRIVATE:
+        return bool(drive.parameters[robstride_private.CAN_TIMEOUT])
+    return True
+
+
 def _moteus(drive: Any) -> SetPoint:
     command = drive._command
     if command[0x23] == 0.0 and command[0x24] == 0.0:
@@ -363,6 +378,36 @@ def single_faults(plain: Run, stride: int = 1) -> Iterator[Event]:
     events += [Event(what, at=cycle) for what in ("restart", "fault")
                for cycle in range(1, plain.cycle)]  # fmt: skip
     return iter(events[stride // 2 :: stride])
+
+
+def begin(plain: Run, event: Event) -> int:
+    """The exchange in which a fault begins, by a run without one."""
+    counts = [count[0 if event.way == "to" else 1] for count in plain.frames]
+    return bisect_left(counts, event.at) + 1 if event.way else event.at
+
+
+def pairs(plain: Run, count: int, seed: int = 0) -> Iterator[tuple[Event, Event]]:
+    """Pairs of faults at random, the second within the timeout and some exchanges of the first."""
+    chance, events = (
+        random.Random(seed),
+        sorted(single_faults(plain), key=lambda event: begin(plain, event)),
+    )
+    begins = [begin(plain, event) for event in events]
+    for first in chance.sample(range(len(events)), count):
+        last = bisect_right(begins, begins[first] + CYCLES + GRACE)
+        yield events[first], events[chance.randrange(first, last)]
+
+
+def pairs_of(driver: str, options: dict[str, str], count: int, seed: int = 0) -> dict[str, str]:
+    """What pairs of faults violate, each with the first that does."""
+    plain, found = Run(driver, options).go(), dict[str, str]()
+    for pair in pairs(plain, count, seed):
+        run = Run(driver, options)
+        for event in pair:
+            run.add(event)
+        for text in run.go().violations:
+            found.setdefault(text, f"{[*pair]}")
+    return found
 
 
 @dataclass
@@ -397,10 +442,7 @@ class Walk:
             return self
         due: dict[int, list[Event]] = {}
         for event in single_faults(plain, stride):
-            place = 0 if event.way == "to" else 1
-            counts = [count[place] for count in plain.frames]
-            at = bisect_left(counts, event.at) + 1 if event.way else event.at
-            due.setdefault(at, []).append(event)
+            due.setdefault(begin(plain, event), []).append(event)
         run = Run(self.driver, self.options)
         steps = run.steps()
         gc.collect()
