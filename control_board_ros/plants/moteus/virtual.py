@@ -113,9 +113,7 @@ class VirtualMoteus:
         self._console, self._plan = Console(self), Planner()
         self._shift = self.conf["motor_position.output.offset"]
         turn = 1.0 if self.conf[f.OUTPUT_SOURCE] >= 0.0 else abs(self.conf[f.ROTOR_RATIO])
-        self._shift -= turn * round(
-            self._position / turn
-        )  # which it does not count without supply
+        self._shift -= turn * round(self._position / turn)  # not counted without supply
         self._enabling = self._left = self._integral = 0.0
         self._next = f.STOPPED
         self._command: dict[int, float] = dict(UNNAMED)
