@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from drive_bench import LIBRARIES, Bench
 
-from control_board_ros.plants.__main__ import main
+from control_board_ros.plants.__main__ import SERIAL, main
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.feetech import table as feetech
 from control_board_ros.plants.mit_can import damiao
@@ -32,8 +32,10 @@ def bench_of(make: str) -> Bench:
 
 
 def set_id(bench: Bench, make: str, *words: str) -> int:
+    """At one baud rate, unless any may be."""
+    rate = ["--baudrate", "1000000"] if make in SERIAL and not bench.baudrate else []
     with bench.direct():
-        return main(["set-id", MAKES[make][0], *words, "--bus", "direct"])
+        return main(["set-id", MAKES[make][0], *words, "--bus", "direct", *rate])
 
 
 @pytest.mark.parametrize("make", MAKES)
@@ -43,6 +45,13 @@ def test_an_id_is_stored_and_read_back(make: str, capsys: pytest.CaptureFixture[
         assert "id 2 is id 9 now" in capsys.readouterr().out
         bench.drives[1].reboot()
         assert [drive.id for drive in bench.drives] == [1, 9]
+
+
+def test_a_servo_is_locked_again() -> None:
+    """It is deaf while it stores."""
+    with bench_of("feetech") as bench:
+        assert set_id(bench, "feetech", "2", "9") == 0
+        assert bench.drives[1].table.get(feetech.LOCK) == 1
 
 
 @pytest.mark.parametrize("make", MAKES)

@@ -262,9 +262,9 @@ class ServoBus:
         if lock is not None:
             self.put(old, lock, 0)
         self.put(old, item, new)
+        verify(old, new, heard)  # it is deaf while it stores
         if lock is not None:
             self.put(new, lock, 1)
-        verify(old, new, heard)
 
     def hold(self, drive: int, interview: Interview[Any] | None, seconds: float) -> None:
         """Ask the question of an interview, once, and hear its answers.
