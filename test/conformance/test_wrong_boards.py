@@ -57,6 +57,7 @@ def found(trying: subprocess.Popen[str], name: str, *rules: str) -> dict[str, st
 
 
 @pytest.mark.ros
+@pytest.mark.slow
 def test_a_rule_that_is_broken_is_reported() -> None:
     with wrong_board("idle_leaves_a_fault") as board:
         results = tried(board, ["M5", "F1", "F2", "F5"])

@@ -228,9 +228,10 @@ def compiled_modules() -> None:
     [
         (1, "pwm"),
         (7, "pwm"),
-        (7, "current"),
-        (32, "current"),
-        pytest.param(127, "pwm", marks=pytest.mark.slow),
+        *(
+            pytest.param(count, output, marks=pytest.mark.slow)
+            for count, output in ((7, "current"), (32, "current"), (127, "pwm"))
+        ),
     ],
 )
 def test_every_bit_is_the_same(count: int, output: str) -> None:

@@ -177,6 +177,7 @@ def test_a_clock_that_jumps_back_or_stops(talker: Talker) -> None:
     talker.node.destroy_publisher(publisher)
 
 
+@pytest.mark.slow
 def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
     """Gains, limits and timeouts in the midst of a move; then back again."""
     assert talker.call("pause", SetBool, data=True).success

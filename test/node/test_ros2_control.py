@@ -30,6 +30,7 @@ def component(talker: Talker) -> Component:
     return made
 
 
+@pytest.mark.slow
 def test_a_trajectory_of_positions_arrives(talker: Talker, component: Component) -> None:
     """A trajectory controller that claims all positions, of joints in POSITION_DIRECT."""
     assert talker.set_mode([], "posd").success

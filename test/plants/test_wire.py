@@ -103,6 +103,7 @@ def test_a_loop_that_stood_still_is_not_caught_up(row: str, cycles: int) -> None
     assert top <= SPEED.get(row, 1.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [60, pytest.param(1700, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("row", ROWS)
 def test_random_modes_on_a_bad_wire_raise_no_fault(row: str, count: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import control_board_ros.conformance  # noqa: F401  (each of its modules registers its rules)
@@ -83,15 +83,18 @@ def counts(path: Path, rules: list[str]) -> bool:
     return of_the_suite or not BEYOND.keys().isdisjoint(rules)
 
 
-def named_in(path: Path) -> Iterator[list[str]]:
+@cache
+def named_in(path: Path) -> list[list[str]]:
     """The rules that each test of a file proves, of those in the conformance table."""
+    named = []
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
             rules = proved_by(ast.get_docstring(node))
             if counts(path, rules):
-                yield rules
+                named.append(rules)
+    return named
 
 
 def files() -> list[Path]:
     """The files with tests of the conformance table."""
-    return [path for path in sorted(ALL.rglob("test_*.py")) if any(True for _ in named_in(path))]
+    return [path for path in sorted(ALL.rglob("test_*.py")) if named_in(path)]
