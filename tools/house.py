@@ -83,7 +83,7 @@ def code_lines(source: str) -> int:
 
 def words(*paths: Path) -> int:
     """Words of all pages below the paths."""
-    pages = [page for path in paths for page in path.rglob("*.md")]
+    pages = [page for path in paths for page in path.rglob("*.md") if page.parent.name != "site"]
     return sum(len(page.read_text("utf-8").split()) for page in pages)
 
 

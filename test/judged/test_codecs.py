@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.plants.drives.can_line import message
+from control_board_ros.plants.drives.can_frame import message
 from control_board_ros.plants.drives.driver import Answers
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.feetech import table as feetech

@@ -20,7 +20,8 @@ import moteus
 from moteus import fdcanusb_device
 from moteus.protocol import Register
 
-from control_board_ros.plants.drives.can_line import CanLine, message
+from control_board_ros.plants.drives.can_frame import message
+from control_board_ros.plants.drives.can_line import CanLine
 from control_board_ros.plants.drives.fdcanusb import parse
 from control_board_ros.plants.moteus.driver import found_of, identity, make
 from control_board_ros.plants.moteus.virtual import virtual_drive

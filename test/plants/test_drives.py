@@ -22,7 +22,7 @@ from wire import wired
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.plants.cia402.objects import MAX_SPEED
-from control_board_ros.plants.drives import can_line
+from control_board_ros.plants.drives import can_frame, can_line
 from control_board_ros.plants.dynamixel.virtual import checksum
 from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
@@ -529,7 +529,7 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
     bench.follow(bench.accepts[0], 20)
     to_drives, from_drives = wired(bench.bus)
     to_drives.cut = from_drives.cut = True
-    off = can_line.frame()(arbitration_id=can_line.BUS_OFF, is_error_frame=True)
+    off = can_frame.frame()(arbitration_id=can_line.BUS_OFF, is_error_frame=True)
     bench.wire_end.received.append(off)  # as socketcan reports it
     with pytest.raises(OSError, match=r"bus direct is off: .* restart-ms"):
         bench.until(lambda _: False, bench.accepts[0], cycles=50)

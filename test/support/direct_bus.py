@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from control_board_ros.plants.drives.can_line import message
+from control_board_ros.plants.drives.can_frame import message
 from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.virtual.can_bus import VirtualCan, frames_of
 from control_board_ros.plants.virtual.pty_bus import VirtualSerial

@@ -6,10 +6,10 @@ from __future__ import annotations
 import contextlib
 import errno
 from collections.abc import Callable, Iterable
-from functools import cache
 from typing import Any, Self
 
 from ..errors import PlantSettingsError
+from .can_frame import message
 from .clock import Clock
 from .remedies import bus_error
 
@@ -17,43 +17,8 @@ from .remedies import bus_error
 FLOOD = 8
 #: s to wait for the answers of all drives to a scan.
 PATIENCE = 0.05
-#: The largest id of 11 bits.
-SHORT = 0x7FF
-#: Flag of a frame's id, as socketcan has it: a remote frame, which requests that of its id.
-REMOTE = 0x40000000
-#: Another: 29 bits, of an id that would fit into 11.
-EXTENDED = 0x80000000
 #: Bit of an error frame, as socketcan numbers them: the interface left the bus.
 BUS_OFF = 0x40
-
-
-@cache
-def frame() -> Any:
-    """A message of python-can that shares its data with its copies.
-
-    A virtual bus copies each message for each receiver; copying its data is slow.
-    """
-    import can
-
-    class Frame(can.Message):
-        __slots__ = ()
-
-        def __deepcopy__(self, memo: object) -> Any:
-            return self.__copy__()
-
-    return Frame
-
-
-def message(frame_id: int, data: bytes, *, fd: bool) -> Any:
-    """A frame of python-can, of 29 bits where its id needs them or has EXTENDED; see REMOTE."""
-    return frame()(
-        arbitration_id=frame_id & ~(REMOTE | EXTENDED),
-        is_remote_frame=bool(frame_id & REMOTE),
-        data=data,
-        is_extended_id=frame_id & ~REMOTE > SHORT,
-        is_fd=fd,
-        bitrate_switch=fd,
-    )
 
 
 def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:

@@ -12,7 +12,7 @@ import select
 import time
 from typing import Any
 
-from .can_line import message
+from .can_frame import message
 
 #: Bytes of an unfinished line after which it is dropped.
 LONGEST = 512

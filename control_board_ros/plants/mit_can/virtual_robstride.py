@@ -10,7 +10,8 @@ import math
 import struct
 from collections.abc import Iterator
 
-from ..drives.can_line import EXTENDED, SHORT, Frame
+from ..drives.can_frame import EXTENDED, SHORT
+from ..drives.can_line import Frame
 from . import frames as f
 from . import robstride as r
 from . import robstride_private as p

@@ -17,7 +17,8 @@ from typing import Any
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import PATIENCE, REMOTE, CanLine, Frame, budget
+from ..drives.can_frame import REMOTE
+from ..drives.can_line import PATIENCE, CanLine, Frame, budget
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import RESTARTED, flagged
 from ..drives.interview import Question, Questions, ask, find

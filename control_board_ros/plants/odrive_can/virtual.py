@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
-from ..drives.can_line import REMOTE
+from ..drives.can_frame import REMOTE
 from ..virtual.can_bus import VirtualCanBus
 from . import frames as f
 

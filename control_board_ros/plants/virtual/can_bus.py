@@ -9,7 +9,8 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_line import EXTENDED, REMOTE, SHORT, message, open_bus
+from ..drives.can_frame import EXTENDED, REMOTE, SHORT, message
+from ..drives.can_line import open_bus
 from .world import World
 
 #: s of silence on the bus after which the world is stepped anyway.
