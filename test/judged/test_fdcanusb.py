@@ -7,6 +7,7 @@ import asyncio
 import errno
 import os
 import pty
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,6 +24,7 @@ from moteus.protocol import Register
 from control_board_ros.plants.drives.can_frame import message
 from control_board_ros.plants.drives.can_line import CanLine
 from control_board_ros.plants.drives.fdcanusb import parse
+from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.moteus.driver import found_of, identity, make
 from control_board_ros.plants.moteus.virtual import virtual_drive
 from control_board_ros.plants.virtual.world import World, free_world
@@ -86,5 +88,26 @@ def test_a_refusal_and_a_missing_device_are_one_line() -> None:
         os.write(master, b"ERR bus off\r\n")
         with pytest.raises(OSError, match="the adapter says: ERR bus off"):
             line.collect(1.0)
+    os.close(master)
+    os.close(slave)
+
+
+def test_without_pyserial_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(PlantSettingsError, match="pip install pyserial"):
+        CanLine("fdcanusb:/dev/fdcanusb", fd=True).open()
+
+
+def test_an_adapter_that_takes_nothing_ends_no_cycle() -> None:
+    """S10: it is an error of its bus, not a wait."""
+    master, slave = pty.openpty()
+
+    def flood(line: CanLine) -> None:
+        for _ in range(10_000):
+            line.send(1, bytes(48))
+
+    line = CanLine(f"fdcanusb:{os.ttyname(slave)}", fd=True)
+    with line, pytest.raises(OSError, match=r"[Tt]imeout"):
+        flood(line)
     os.close(master)
     os.close(slave)

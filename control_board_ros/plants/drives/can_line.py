@@ -98,6 +98,8 @@ class CanLine:
         self._errors = (can.CanError, OSError)
         try:
             self._bus = self.connect(self._text, fd=self._fd, bitrate=self._bitrate)
+        except PlantSettingsError:  # it names its remedy
+            raise
         except (can.CanError, OSError, ValueError) as error:
             raise bus_error(self._text, error) from None
 

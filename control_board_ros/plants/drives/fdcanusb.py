@@ -12,10 +12,13 @@ import select
 import time
 from typing import Any
 
+from ..errors import PlantSettingsError
 from .can_frame import message
 
 #: Bytes of an unfinished line after which it is dropped.
 LONGEST = 512
+#: s after which an adapter that takes no bytes is an error of its bus.
+STUCK = 0.05
 
 
 class Fdcanusb:
@@ -25,13 +28,18 @@ class Fdcanusb:
         device: As ``/dev/fdcanusb``.
 
     Raises:
+        PlantSettingsError: there is no pyserial.
         OSError: it cannot be opened.
     """
 
     def __init__(self, device: str) -> None:
-        import serial
-
-        self._port = serial.Serial(device, timeout=0, exclusive=True)
+        try:
+            import serial
+        except ImportError:
+            raise PlantSettingsError(
+                "fdcanusb: pyserial is not installed; pip install pyserial"
+            ) from None
+        self._port = serial.Serial(device, timeout=0, write_timeout=STUCK, exclusive=True)
         self._port.reset_input_buffer()
         self._bytes = b""
 
