@@ -33,17 +33,6 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
         yield bench
 
 
-def recover(bench: Any) -> None:
-    for _ in range(500):
-        found = bench.follow(OFF)
-        if not any(found.faults):
-            return
-        for joint, fault in enumerate(found.faults):
-            if fault:
-                bench.plant.clear_fault(joint)
-    raise AssertionError(f"it is never well: {found.faults}")
-
-
 def test_a_position_is_reached_and_read(bench: Any) -> None:
     bench.until(lambda found: np.abs(found.position - 0.5).max() < 2e-3, POSITION, position=0.5)
     assert np.abs(bench.world.state[0] - 0.5).max() < 2e-3
@@ -67,7 +56,7 @@ def test_a_fault_is_reported_alone_and_cleared(bench: Any) -> None:
     found = bench.until(lambda found: bool(found.faults[1]), POSITION)
     assert found.faults[1].number == 0x3210
     assert not found.faults[0]
-    recover(bench)
+    bench.recover()
     bench.until(lambda _: bench.drives[1].status == ENABLED, POSITION)
 
 
@@ -76,7 +65,7 @@ def test_its_watchdog_acts_when_the_board_falls_silent(bench: Any) -> None:
     bench.pass_time(0.5)
     assert [drive.status for drive in bench.drives] == [FAULT, FAULT]
     bench.until(lambda found: all(found.faults), POSITION)
-    recover(bench)
+    bench.recover()
 
 
 def test_a_silent_drive_is_named_and_comes_back(bench: Any) -> None:
@@ -87,7 +76,7 @@ def test_a_silent_drive_is_named_and_comes_back(bench: Any) -> None:
     assert not found.faults[0]
     bench.drives[1].silent = False
     bench.drives[1].reboot()
-    recover(bench)
+    bench.recover()
     bench.until(lambda _: bench.drives[1].status == ENABLED, POSITION)
 
 

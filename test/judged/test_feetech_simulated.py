@@ -85,7 +85,7 @@ def test_a_fault_is_reported_alone_and_cleared(bench: Any) -> None:
     assert str(found.faults[1]) == "32 overload"
     assert not found.faults[0]
     bench.bus.servos[1].memory[STATUS] = 0
-    recover(bench)
+    bench.recover()
 
 
 def test_a_silent_servo_is_named_and_comes_back(bench: Any) -> None:
@@ -95,16 +95,5 @@ def test_a_silent_servo_is_named_and_comes_back(bench: Any) -> None:
     assert "no answer from id 2" in str(found.faults[1])
     assert not found.faults[0]
     bench.bus.simulated.servos.append(silent)
-    recover(bench)
+    bench.recover()
     bench.until(lambda found: np.abs(found.position - 0.3).max() < 2e-3, POSITION, position=0.3)
-
-
-def recover(bench: Any) -> None:
-    for _ in range(500):
-        found = bench.follow(OFF)
-        if not any(found.faults):
-            return
-        for joint, fault in enumerate(found.faults):
-            if fault:
-                bench.plant.clear_fault(joint)
-    raise AssertionError(f"it is never well: {found.faults}")

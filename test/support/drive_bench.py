@@ -189,6 +189,17 @@ class Bench:
                 return found
         raise AssertionError(f"it never came; {found}")
 
+    def recover(self) -> None:
+        """Clear the faults, as often as the drives need it."""
+        for _ in range(500):
+            found = self.follow(SetPoint.OFF)
+            if not any(found.faults):
+                return
+            for joint, fault in enumerate(found.faults):
+                if fault:
+                    self.plant.clear_fault(joint)
+        raise AssertionError(f"it is never well: {found.faults}")
+
     def pass_time(self, seconds: float) -> None:
         """Time passes for the drives without frames from the board."""
         end = self.time + seconds

@@ -31,8 +31,8 @@ from . import robstride_private as p
 IDS = range(1, 128)
 #: Protocols of a RobStride motor: as it is delivered, and that which its maker's tool can set.
 PRIVATE, MIT = "private", "mit"
-#: Questions of a scan that are sent at once.
-FEW = 8
+#: Questions of a scan that are sent at once: an interface's queue holds ten frames, as it comes.
+BATCH = 8
 Motor = d.Damiao | r.RobStride | p.RobStridePrivate
 
 
@@ -187,8 +187,8 @@ def answering(
 ) -> Iterator[tuple[int, Any]]:
     """Who answers a question, and what; without known drives, to whom it would be a command."""
     drives, came = [drive for drive in IDS if drive not in known], []
-    for few in range(0, len(drives), FEW):  # an interface's queue holds ten frames, as it comes
-        for drive in drives[few : few + FEW]:
+    for first in range(0, len(drives), BATCH):
+        for drive in drives[first : first + BATCH]:
             line.send(*question(drive).request[0])
         came += line.collect(PATIENCE / 10)
     came += line.collect(PATIENCE)
