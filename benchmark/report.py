@@ -2,8 +2,8 @@
 """From figures to the terminal, the record and the documents.
 
 The record, benchmark/results.json, holds each figure with its date and the one before it.
-docs/performance.md and README.md show it between markers; the text around them is written
-by hand and kept.
+docs/performance.md and README.md show a part of it between markers; the text around them is
+written by hand and kept. ``python benchmark/report.py`` prints all of it, a page of the site.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PAGE = ROOT / "docs" / "performance.md"
 README = ROOT / "README.md"
 BEGIN, END = "<!-- performance -->", "<!-- /performance -->"
 PACKAGES = ("control_board_ros", "numpy", "pybullet", "ros-jazzy-rclpy", "ros-fastrtps")
-#: The figures that README shows; docs/performance.md has all.
+#: The figures that README shows.
 SHORT = (
     "B1 control cycle, 7 joints, all in POSITION",
     "B3 simulation without ROS",
@@ -46,6 +46,12 @@ scripts measure, and how, is at the head of each in `benchmark/`.
 
 {BEGIN}
 {END}
+"""
+FULL = """\
+# All figures of performance
+
+The record behind [performance](../performance.md), benchmark/results.json: the last figures and
+those before them.
 """
 
 
@@ -148,9 +154,24 @@ def write_pages(record: dict[str, Any]) -> None:
     if not PAGE.is_file():
         PAGE.parent.mkdir(exist_ok=True)
         PAGE.write_text(INTRODUCTION, encoding="utf-8")
-    replace_between(PAGE, BEGIN, END, full_table(record))
+    replace_between(PAGE, BEGIN, END, page_table(record))
     if README.is_file():
         replace_between(README, BEGIN, END, short_table(record))
+
+
+def page_table(record: dict[str, Any]) -> str:
+    """The first figure of each number, and those that are not reached."""
+    rows = [("#", "what", "measured", "to reach")]
+    numbers = set()
+    for entry in record["figures"].values():
+        missed = entry["met"] is False
+        if missed or entry["number"] not in numbers:
+            text = f"**{entry['text']}**" if missed else entry["text"]
+            rows.append((entry["number"], entry["case"], text, entry["goal"]))
+        numbers.add(entry["number"])
+    verdicts = [entry["met"] for entry in record["figures"].values()]
+    count, reached = len(verdicts) - verdicts.count(None), verdicts.count(True)
+    return f"{reached} of {count} goals are reached; **bold** is not.\n\n{table(rows)}"
 
 
 def full_table(record: dict[str, Any]) -> str:
@@ -199,3 +220,7 @@ def replace_between(path: Path, begin: str, end: str, text: str) -> None:
     _, ended, after = rest.partition(end)
     if found and ended:
         path.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    print(f"{FULL}\n{full_table(json.loads(RECORD.read_text('utf-8')))}")

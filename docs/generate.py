@@ -4,6 +4,7 @@
 python docs/generate.py             write them
 python docs/generate.py --check     write nothing; exit code 1 if a page is stale
 python docs/generate.py --pictures  the pictures, too (minutes; needs chromium)
+python docs/generate.py --print fields  a page that only the site has; or parameters
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ PAGES = {
     "parameters.md": ("parameters_page", "the configuration classes"),
     "modes.md": ("diagram", "the mode tables"),
 }
+#: Pages that only the site has: name -> (module, its function).
+PRINTED = {"fields": ("interface_page", "fields"), "parameters": ("parameters_page", "full")}
 
 
 def pages() -> dict[Path, str]:
@@ -62,7 +65,12 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Write the generated pages of docs/.")
     parser.add_argument("--check", action="store_true", help="only list stale pages")
     parser.add_argument("--pictures", action="store_true", help="draw the pictures, too")
+    parser.add_argument("--print", choices=PRINTED, help="a page that only the site has")
     options = parser.parse_args(argv)
+    if options.print:
+        module, function = PRINTED[options.print]
+        print(getattr(importlib.import_module(module), function)())
+        return 0
     texts = pages()
     old = stale(texts)
     for path in old:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page docs/interface.md: the names on ROS, and each message, service and action.
+"""The page docs/interface.md, the names on ROS, and the site's page of their fields.
 
 Names, types, QoS and meaning come from control_board_ros/interface.py, fields and theirs from
 msg_defs/, and which mode accepts what from the table of the core.
@@ -15,6 +15,7 @@ from control_board_ros.core.terms.modes import modes_accepting
 from control_board_ros.interface import (
     ACTIONS,
     COMMAND_TOPICS,
+    LATCHED,
     LIFECYCLE,
     PUBLISHED,
     SERVICES,
@@ -32,13 +33,19 @@ PARTS = {
 TITLES = {"msg": "Messages", "srv": "Services", "action": "Actions"}
 
 INTRODUCTION = """\
-Names that begin with `~` are below the node's name (`/control_board` by default), others below
-its namespace; all can be remapped. Angles are rad, speeds rad/s, torques N·m; sliding joints use
-m, m/s and N. Every request and command selects its joints by `names`; empty means all joints.
-Modes are accepted as code (`pos`) or long name (`POSITION`).
+Names that begin with `~` are below the node's name (`/control_board` by
+default), others below its namespace; all can be remapped. Units are rad, rad/s and N·m; sliding
+joints use m, m/s and N. Every request and command selects its joints by `names`; empty means all.
+Modes are written as code (`pos`) or long name (`POSITION`). Every response begins with `success`
+and `message`: joint, request, cause of the failure, and the valid values.
 
-Every response begins with `success` and `message`. The message names the joint, the request, the
-cause of the failure, and the valid values.
+A type below is a link to its fields with units. Elsewhere: the page *Fields of the messages* of
+the [site](install.md), or `ros2 interface show control_board_msgs/srv/SetControlMode`. In Python:
+`from control_board_msgs.msg import JointModes`.
+"""
+
+PUBLISHED_TEXT = """\
+QoS is {usual} where nothing else is said. *Latched*: reliable, transient local, depth 1.
 """
 
 COMMANDS = """\
@@ -52,48 +59,43 @@ TRAJECTORIES = """\
 `~/joint_trajectory` and `~/follow_joint_trajectory` have the meaning of ros2_controllers'
 joint_trajectory_controller, joint by joint:
 
-- Segments are linear with positions only, cubic with velocities, quintic with accelerations.
-  A field is present at every point or at none, with one number per joint; times increase; the
-  last point is at rest. An invalid trajectory is refused as a whole, counted in
-  `rejected_commands`, and the log names the point.
-- `header.stamp` is the start; 0 means now. Until a start in the future the joints continue their
-  present motion. With a start in the past, past points are dropped; a trajectory that is over is
+- Segments are linear with positions only, cubic with velocities, quintic with accelerations. A
+  field is present at every point or at none; times increase; the last point is at rest. An invalid
+  trajectory is refused as a whole, counted in `rejected_commands`, and the log names the point.
+- `header.stamp` is the start; 0 means now. Before a start in the future the joints continue their
+  motion; of a start in the past, past points are dropped, and a trajectory that is over is
   refused.
 - It starts at the reference in force, with its velocity, unless its first point has the time of
-  the start. It replaces the motion of its joints; other joints are not affected.
-- On the topic, joints in another mode are counted and logged, the others follow; a goal of the
-  action is then refused as a whole. With `allow_partial_joints_goal: false`, a trajectory without
-  all joints of the board is refused as a whole, on the topic and by the action.
-- It ends for a joint that is stopped, changes its control or interaction mode, faults, or
-  receives another direct position; for all of its joints with a message without points.
-  Nothing of it is kept.
-- Software limits bound it, with a line in the log.
+  the start, and replaces the motion of its joints only. Software limits bound it, with a line in
+  the log. Positions of continuous joints count turns: 6.3 rad is not 0.0168 rad.
+- On the topic, joints in another mode are counted and logged, the others follow; the action
+  refuses the whole goal. With `allow_partial_joints_goal: false`, both refuse a trajectory without
+  all joints of the board.
+- It ends for a joint that is stopped, changes a mode, faults, or receives another direct position;
+  for all of its joints with a message without points. Nothing of it is kept.
 
 The action adds, with the parameters and error codes of the controller:
 
-- One goal at a time: a new one aborts the old with INVALID_GOAL. Joints in both continue until
-  the new one starts; the others stop. Cancelling, and every failure, stops the joints within
-  their acceleration limits: q = q₀ + v₀²/2a.
-- `path_tolerance` is checked in every control cycle until the last point, then
-  `goal_tolerance`; the goal succeeds when all joints are within it. `goal_time_tolerance` is
-  the time for that, 0: unlimited. In a goal, a tolerance of 0 selects the default, a negative
-  number removes the limit. Defaults: `<joint>.constraints.trajectory` and `.goal` of positions,
-  `constraints.stopped_velocity_tolerance` of the velocity at the end, `constraints.goal_time`.
-  Tolerances of velocity are checked; those of acceleration are not, since it is not measured.
+- One goal at a time: a new one aborts the old with INVALID_GOAL. Joints in both continue until the
+  new one starts; the others stop. Cancelling, and every failure, stops the joints within their
+  acceleration limits.
+- `path_tolerance` is checked in every cycle until the last point, then `goal_tolerance`, for
+  `goal_time_tolerance` (0: unlimited). A tolerance of 0 selects the default, a negative number
+  removes the limit. Defaults: `<joint>.constraints.trajectory` and `.goal`,
+  `constraints.stopped_velocity_tolerance`, `constraints.goal_time`. Accelerations are not checked.
 - Feedback, 20 times a second, has desired, actual and error of all joints in the board's order.
 - A refused goal is accepted and aborts at once, so that its result can state the reason; the
   running goal continues ([why](decisions/0018-a-refused-goal-says-why.md)).
-- Positions of continuous joints count turns: 6.3 rad is not 0.0168 rad.
 
 """
 
 JOINT_COMMANDS_TEXT = """\
-`~/joint_commands` carries references of joints in different modes: each joint uses the array of
-its control mode (`position` in POSITION, POSITION_DIRECT and MIXED, `velocity` in VELOCITY and
-MIXED, `effort` in TORQUE; in MIXED a position before a velocity). NaN is no command. An array is
-empty, or has one number per joint; a shorter one has the joints, in order, whose mode accepts it,
-and is refused where their number differs. A repeated position is no new move. ros2_control's
-topic-based hardware sends this message: [how to](howto/ros2_control.md).
+`~/joint_commands` carries references of joints in different modes: each
+joint uses the array of its control mode (`position` in POSITION, POSITION_DIRECT and MIXED,
+`velocity` in VELOCITY and MIXED, `effort` in TORQUE; in MIXED a position before a velocity). NaN
+is no command; a repeated position is no new move. An array is empty, or has one number per joint;
+a shorter one has the joints, in order, whose mode accepts it, and is refused where their number
+differs ([ros2_control](howto/ros2_control.md)).
 """
 
 #: Error codes of ~/follow_joint_trajectory.
@@ -109,43 +111,29 @@ CODES = (
         "an unknown joint, one named twice; some missing, with `allow_partial_joints_goal: false`",
     ),
     ("−3 OLD_HEADER_TIMESTAMP", "the last point is past"),
-    (
-        "−4 PATH_TOLERANCE_VIOLATED",
-        "a joint was beyond a tolerance on its path; the joints stop",
-    ),
-    (
-        "−5 GOAL_TOLERANCE_VIOLATED",
-        "a joint was beyond a tolerance at the end of the goal time; the joints stop",
-    ),
+    ("−4 PATH_TOLERANCE_VIOLATED", "beyond a tolerance on the path; the joints stop"),
+    ("−5 GOAL_TOLERANCE_VIOLATED", "beyond a tolerance after the goal time; the joints stop"),
 )
 
 POSES = """\
-A pose is a name for positions of joints, with a speed. Every robot has `home` and `park`: `home`
-is every joint's `home`, `park` the same, unless the parameters `poses.<pose>.<joint>` define them
-([parameters](parameters.md#poses)). `~/save_pose` adds a user's poses, with given positions or as
-measured, to `$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml` (`~/.config` by default;
-`<robot>` is the name in the URDF). The file may be edited; every request reads it. Of a pose with
-joints of several boards, each board uses and saves its own part.
+Every robot has `home` (every joint's `home`) and `park` (the same), unless `poses.<pose>.<joint>`
+define them ([parameters](parameters.md#poses)). `~/save_pose` adds a user's poses to
+`$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml` (`~/.config` by default; `<robot>` is the
+name in the URDF), which may be edited; every request reads it. Of a pose with joints of several
+boards, each board uses and saves its own part.
 
-- `~/go_to_pose` moves the pose's joints along minimum-jerk profiles; other joints are not
-  affected. The slowest joint has the requested mean speed, else the pose's, else (both 0) its own
-  reference speed; all joints arrive together, also where some are in motion at the start. Where
-  limits make the move slower, the result reports it.
-- It switches no modes: a joint in a mode that accepts no position moves makes the whole goal
-  fail, and the result names every such joint.
-- It ends, fails and is cancelled as `~/move`.
-- With `park_on_exit`, the first SIGINT, SIGTERM or SIGHUP moves the robot to `park`, then to
-  IDLE, then the process ends; the second one ends it at once, without power. Joints in
-  POSITION_DIRECT, VELOCITY, MIXED, TORQUE or OPENLOOP are switched to POSITION first. With a joint
-  without power (IDLE, HW_FAULT, CALIBRATING, NOT_CONFIGURED) nothing moves, and the process ends
-  with the reason and exit code 5.
+`~/go_to_pose` moves the pose's joints, no others. The slowest has the requested mean speed, else
+the pose's, else its own reference speed; all arrive together. It switches no modes: a joint in a
+mode without position moves makes the whole goal fail, and the result names it. Otherwise it is as
+`~/move`. Parking at the end of the process: [how to](howto/poses.md#parking).
 
 """
 
 MANAGED = """\
-With `lifecycle: true` the node is a managed one, for `ros2 lifecycle`, lifecycle managers and
-launch files. It becomes active at its start; with `autostart: false` it waits. It publishes its
-topics in every state. Unless it is active, requests that need power are refused with the reason.
+With `lifecycle: true` the node is a managed one ([why
+so](decisions/0019-managed-nodes-by-rclpy.md)). It becomes active at its start; with `autostart:
+false` it waits. It publishes its topics in every state; unless it is active, requests that need
+power are refused with the reason.
 
 | transition | resulting state | joints |
 |---|---|---|
@@ -157,26 +145,33 @@ topics in every state. Unless it is active, requests that need power are refused
 | shutdown | finalized | NOT_CONFIGURED, permanently: the process waits for its SIGINT |
 
 A joint in HW_FAULT stays there until FORCE_IDLE or cleanup. `~/configure` is refused while the
-node is unconfigured: use the transition. `~/power_cycle` and `~/reset` return the joints to what
-the state allows. An impossible transition has the answer `success: false`, and the log lists the
-possible ones ([why](decisions/0019-managed-nodes-by-rclpy.md)).
+node is unconfigured. `~/power_cycle` and `~/reset` return the joints to what the state allows. An
+impossible transition is answered `success: false`; the log lists the possible ones.
 
 """
 
 YARP_TEXT = """\
-With the parameter `yarp_interface`, the board offers the interface of YARP's
-`controlBoard_nws_ros2`, so that its clients run unchanged: [how to](howto/yarp_clients.md). Here
-`~` is `yarp_msgs_name`, by default the board's own name. Values are in SI units, as in YARP's
-interface. Every response has a word, `OK` or that of a refusal, and the reason in `opt_descr`.
+With the parameter `yarp_interface`, beside the names above ([how
+to](howto/yarp_clients.md)). Here `~` is `yarp_msgs_name`, by default the board's own name. Values
+are in SI units. Every response has a word, `OK` or that of a refusal, and the reason in
+`opt_descr`.
 """
 
 TIME = """\
 Every stamp is an offset plus simulated time: stamps never go backwards, and their distances are
 those of the readings. At `real_time_factor` 1 they are the system's time; with another factor at
 the start, or with `publish_clock` or `use_sim_time`, they are simulated time, published on
-`/clock`. A factor set at run time changes the pace of the stamps without a jump, and `/clock` is
-published from then on ([why](decisions/0014-one-time-base.md)). Diagnostics have the same clock.
+`/clock`. A factor set at run time changes the pace without a jump, and `/clock` is published from
+then on ([why](decisions/0014-one-time-base.md)).
 
+"""
+
+#: Heads the page that only the site has.
+FIELDS = """\
+# Fields of the messages
+
+The definitions of `control_board_msgs`, as `ros2 interface show` prints them: messages, services
+and actions of [the ROS interface](../interface.md).
 """
 
 
@@ -195,9 +190,9 @@ class Definition:
         return f"{self.name}.{self.kind}"
 
     @property
-    def anchor(self) -> str:
-        """GitHub's anchor of the title."""
-        return self.title.lower().replace(".", "")
+    def path(self) -> str:
+        """Its file, from the root of the project."""
+        return f"msg_defs/{self.kind}/{self.title}"
 
 
 def read(path: Path) -> Definition:
@@ -235,30 +230,36 @@ def meaning(endpoint: Endpoint) -> str:
 
 
 PARTS_TEXT = """\
-`robot:=icub` starts a node for each part, `/icub/head` and so on, with everything above below
-its own name; its readings are in `~/joint_states`. The node `/icub/robot` offers the same topics,
-services and actions over the joints of all parts, in the parts' order. A request to it is checked
-as a whole and takes effect on all parts in the same cycle. `joint_states` and `robot_description`
-are in the namespace of the robot, `/diagnostics` has one entry per part:
-[how to](howto/whole_robot.md).
+`robot:=icub` starts a node for each part, `/icub/head` and so on, with everything above below its
+own name. The node `/icub/robot` offers the same over the joints of all parts
+([how to](howto/whole_robot.md)).
 """
 
 
+def qos(endpoint: Endpoint) -> str:
+    """What is said of an endpoint's QoS: nothing of the usual one."""
+    if endpoint.qos in (STREAM, LATCHED):
+        return "" if endpoint.qos == STREAM else "Latched. "
+    found = str(endpoint.qos)
+    return f"{found[0].upper()}{found[1:]}. "
+
+
 def page() -> str:
-    """The whole page."""
+    """The page of names."""
     known = definitions()
 
     def link(kind: str) -> str:
         ours = known.get(kind)
         package, _, name = kind.split("/")
-        return f"[{ours.name}](#{ours.anchor})" if ours else f"{package}/{name}"
+        return f"[{ours.name}](../{ours.path})" if ours else f"{package}/{name}"
 
     def rows(endpoints: Iterable[Endpoint]) -> list[str]:
         return [row(f"`{e.name}`", link(e.type), meaning(e)) for e in endpoints]
 
     lines = ["# The ROS interface", "", INTRODUCTION]
-    lines += ["## Published", "", *header("topic", "type", "QoS", "content")]
-    lines += [row(f"`{e.name}`", link(e.type), str(e.qos), meaning(e)) for e in PUBLISHED]
+    lines += ["## Published", "", PUBLISHED_TEXT.format(usual=STREAM)]
+    lines += header("topic", "type", "content")
+    lines += [row(f"`{e.name}`", link(e.type), qos(e) + meaning(e)) for e in PUBLISHED]
     lines += ["", "## Command topics", "", COMMANDS.format(qos=STREAM)]
     lines += [*header("topic", "type", "what it does"), *rows(COMMAND_TOPICS)]
     for title, endpoints in (("Services", SERVICES), ("Actions", ACTIONS)):
@@ -274,19 +275,20 @@ def page() -> str:
     lines += ["", "## Managed nodes", "", MANAGED.rstrip("\n"), ""]
     lines += [*header("name", "type", "what it is for"), *rows(LIFECYCLE)]
     lines += ["", "## Robots of several parts", "", PARTS_TEXT.rstrip("\n")]
-    lines += ["", "## Time", "", TIME]
-    lines += ["## For clients of YARP", "", YARP_TEXT, *header("name", "type", "meaning")]
-    lines += [*rows(YARP), ""]
-    lines += ["## Definitions of control_board_msgs", ""]
-    lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]
-    for definition in known.values():
-        lines += ["", *section(definition)]
+    lines += ["", "## Time", "", TIME.rstrip("\n")]
+    lines += ["", "## For clients of YARP", "", YARP_TEXT, *header("name", "type", "meaning")]
+    lines += rows(YARP)
     return "\n".join(lines) + "\n"
+
+
+def fields() -> str:
+    """The page of the definitions, for the site."""
+    return "\n".join([FIELDS, *("\n".join([*section(d), ""]) for d in definitions().values())])
 
 
 def section(definition: Definition) -> list[str]:
     """One definition: its text and its fields."""
-    lines = [f"### {definition.title}", "", definition.about]
+    lines = [f"## {definition.title}", "", definition.about]
     for title, rows in zip(PARTS[definition.kind], definition.parts, strict=True):
         lines += ["", *header("field" if title == "Message" else title, "type", "meaning")]
         lines += [row(f"`{name}`", f"`{kind}`", text) for name, kind, text in rows]

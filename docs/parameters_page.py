@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page docs/parameters.md, from the table that declares the parameters."""
+"""The page docs/parameters.md and the site's full table, from the table of the parameters."""
 
 from __future__ import annotations
 
@@ -17,29 +17,35 @@ from control_board_ros.settings.poses import POSITION_ROW, SPEED_ROW
 from control_board_ros.settings.schema import BOARD, JOINT
 
 INTRODUCTION = """\
-All parameters of `control_board`: the board's own, and those of each joint. Start from a file in
-[config/](../config): `--ros-args --params-file FILE`; single values: `-p NAME:=VALUE`.
+All parameters of `control_board`. Start from a file in [config/](../config):
+`--ros-args --params-file FILE`; single values: `-p NAME:=VALUE`. Those below *A joint* are written
+as `lbr_iiwa_joint_1.limits.lower` for one joint, or as `joint_defaults.limits.lower` for all.
+Later files win over earlier ones; within a file the joint's own value wins. An unknown name, a
+wrong type or a value out of range ends the start with one line that states the place and the
+allowed values (exit code 2).
 
-A joint's parameter is written as `lbr_iiwa_joint_1.limits.lower` for one joint, or as
-`joint_defaults.limits.lower` for all. Later files win over earlier ones; within a file the joint's
-own value wins over the default. An unknown name, a wrong type or a value out of range ends the
-start with one line that states the place and the allowed values (exit code 2).
-
-*live*: can be changed at run time, as with
+**Bold**: live, can be changed at run time, as with
 `ros2 param set /control_board lbr_iiwa_joint_1.limits.lower -1.5`. Values set together are checked
-together: all are applied, or none. Other parameters are read-only.
+together: all are applied, or none. Other parameters are read-only. `ros2 param describe` and the
+page *All about the parameters* of the [site](install.md) have types and allowed values, too.
 
-A unit after "or" is that of sliding joints; their torques are forces in N. Rules of the
-specification are in brackets. A default "from" something is computed where no value is given.
-Numbers are at most 1e12; `.inf` is accepted only where stated.
+A unit after "or" is that of sliding joints; their torques are forces in N. A default "from"
+something is computed where no value is given.
 """
+
+FULL = """\
+# All about the parameters
+
+[Parameters](../parameters.md) with types, units and allowed values. Numbers are at most 1e12;
+`.inf` is accepted only where stated. *live*: can be changed at run time.
+"""
+
+#: Loops with the same parameters, shown side by side.
+LOOPS = ("position_pid", "direct_pid", "torque_pid", "current_pid")
 
 GROUPS = {
     "limits": "Limits",
-    "position_pid": "Position control",
-    "direct_pid": "Direct position control",
-    "torque_pid": "Torque control",
-    "current_pid": "Current control",
+    **dict.fromkeys(LOOPS, "Control loops"),
     "impedance": "Impedance",
     "payload": "Payload",
     "contact": "Contact",
@@ -55,15 +61,72 @@ GROUPS = {
 
 
 def page() -> str:
-    """The whole page."""
+    """The page of names, defaults and meanings."""
     lines = ["# Parameters", "", INTRODUCTION]
-    everything = sorted(rows(), key=lambda found: order(found.name))
-    for title, group in groupby(everything, key=lambda found: title_of(found.name)):
+    for title, group in groups():
         lines += [f"## {title}", ""]
-        lines += header("parameter", "type", "default", "unit", "allowed", "live", "meaning")
-        lines += [line(found) for found in group]
+        lines += loops(group) if title == GROUPS[LOOPS[0]] else short(group)
         lines.append("")
     return "\n".join(lines)
+
+
+def full() -> str:
+    """The page of everything, for the site."""
+    lines = [FULL]
+    for title, group in groups():
+        lines += [f"## {title}", ""]
+        lines += header("parameter", "type", "default", "unit", "allowed", "live", "meaning")
+        lines += [*map(line, group), ""]
+    return "\n".join(lines)
+
+
+def groups() -> list[tuple[str, list[Parameter]]]:
+    """All parameters, by the titles below which they stand."""
+    everything = sorted(rows(), key=lambda found: order(found.name))
+    return [(t, list(g)) for t, g in groupby(everything, key=lambda found: title_of(found.name))]
+
+
+def short(group: list[Parameter]) -> list[str]:
+    """The table of a group: name, default with unit, meaning with the words allowed."""
+    lines = header("parameter", "default", "meaning")
+    for found, text in zip(group, texts(group), strict=True):
+        new = [choice for choice in found.choices if choice not in text]
+        words = f" ({', '.join(found.choices)})" if new else ""
+        lines.append(row(named(found), default_of(found), f"{text}{words}."))
+    return lines
+
+
+def loops(group: list[Parameter]) -> list[str]:
+    """The table of the control loops, one column each."""
+    lines = header("parameter", *(f"`{loop}`" for loop in LOOPS), "meaning")
+    cells: dict[str, list[Parameter]] = {}
+    for found in group:
+        cells.setdefault(found.name.rpartition(".")[2], []).append(found)
+    for name, of_loops in cells.items():
+        meaning = of_loops[0].text.partition(": ")[2].capitalize()
+        lines.append(row(f"**`{name}`**", *map(default_of, of_loops), f"{meaning}."))
+    return lines
+
+
+def texts(group: list[Parameter]) -> list[str]:
+    """The texts of a group without the words that all begin with."""
+    parts = [found.text.partition(": ") for found in group]
+    if len({head for head, _, _ in parts}) == 1:
+        return [rest[:1].upper() + rest[1:] for _, _, rest in parts]
+    return [found.text for found in group]
+
+
+def named(found: Parameter) -> str:
+    """The name, bold where it can change."""
+    name = f"`{found.name.removeprefix('<joint>.')}`"
+    return f"**{name}**" if found.run_time else name
+
+
+def default_of(found: Parameter) -> str:
+    """The default with its unit, or what it is derived from."""
+    if found.default is None:
+        return f"from {found.derived}" + (f" ({found.unit})" if found.unit else "")
+    return f"`{shown(found.default)}` {found.unit}".strip()
 
 
 def rows() -> Iterator[Parameter]:

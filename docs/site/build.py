@@ -72,15 +72,23 @@ def broken(folder: Path) -> list[str]:
     return found
 
 
+#: Pages that only the site has, tables too long to be read beside the text: name, and its program.
+TABLES = {
+    "motion_tables.md": ["benchmark/motion.py", "--tables"],
+    "performance_tables.md": ["benchmark/report.py"],
+    "conformance_tables.md": ["test/spec/conformance.py", "--tables"],
+    "interface_fields.md": ["docs/generate.py", "--print", "fields"],
+    "parameters_tables.md": ["docs/generate.py", "--print", "parameters"],
+}
+
+
 def write_tables() -> None:
-    """Write the pages that only the site has: tables too large to be read beside the text."""
-    made = subprocess.run(
-        [sys.executable, "benchmark/motion.py", "--tables"],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    (SITE / "motion_tables.md").write_bytes(made.stdout)
+    """Write these pages."""
+    for name, program in TABLES.items():
+        made = subprocess.run(
+            [sys.executable, *program], cwd=ROOT, stdout=subprocess.PIPE, check=True
+        )
+        (SITE / name).write_bytes(made.stdout)
 
 
 def main(argv: list[str] | None = None) -> int:

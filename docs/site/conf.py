@@ -51,14 +51,21 @@ html_sidebars = {
 html_context = {"versions": os.environ.get("SITE_VERSIONS", release).split()}
 
 LINK = re.compile(r"(!?)\[([^\]]+)\]\(([^)\s#]+)(#[^)\s]*)?\)")
+DEFINITION = re.compile(r"/msg_defs/\w+/(\w+)\.(\w+)$")
 FENCED = re.compile(r"(^```.*?^```$)", re.M | re.S)
 
 
 def _inside(page: Path, text: str) -> str:
-    """A page whose links to the sources are plain text: the site has docs/ only."""
+    """A page whose links to the sources are plain text: the site has docs/ only.
+
+    Those to the definition of a message lead to its fields.
+    """
 
     def keep(link: re.Match[str]) -> str:
         target = link[3]
+        if defined := DEFINITION.search(target):
+            fields = os.path.relpath(DOCS / "site" / "interface_fields.md", page.parent)
+            return f"[{link[2]}]({fields}#{defined[1].lower()}{defined[2]})"
         if re.match(r"[a-z]+:", target) or (page.parent / target).resolve().is_relative_to(DOCS):
             return link[0]
         return link[2]

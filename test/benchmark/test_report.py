@@ -43,6 +43,19 @@ def test_record_keeps_earlier_entries(report: Any, tmp_path: Path) -> None:
     assert "2.50 ×" in row
 
 
+def test_the_page_has_one_figure_of_each_number_and_what_is_missed(
+    report: Any, tmp_path: Path
+) -> None:
+    first, second = figure(report, 2.5), figure(report, 9.0, "another")
+    missed = report.Figure("B1", "a goal", 2.0, "×", goal=sys.modules["common"].at_most(1.0))
+    record = report.remember([first, second, missed], tmp_path / "results.json")
+    text = report.page_table(record)
+    assert "0 of 1 goals" in text
+    assert "2.50 ×" in text
+    assert "another" not in text
+    assert "**2.00 ×**" in text
+
+
 def test_record_forgets_cases_that_are_gone(report: Any, tmp_path: Path) -> None:
     """A case that its benchmark no longer measures leaves the record, other groups stay."""
     path = tmp_path / "results.json"
@@ -63,7 +76,7 @@ def test_pages_keep_handwritten_text(report: Any, tmp_path: Path) -> None:
     page = report.PAGE.read_text(encoding="utf-8")
     assert page.startswith("mine\n")
     assert page.endswith("mine too\n")
-    assert "old" not in page
+    assert "\nold\n" not in page
     assert "2.50 ×" in page
     assert report.README.read_text(encoding="utf-8") == "no markers\n"
 

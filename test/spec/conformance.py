@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """``make conformance``: run the tests of the rules and show, rule by rule, how they went.
 
-Prints the table rule -> tests -> result, writes it to docs/conformance.md, and ends with 1 when
-a rule has no test or a test failed, or when ``control_board_conformance`` finds one that is not
-held. The tests are those of test/spec, and those of a rule beyond the source wherever they are,
-but for soak tests. Arguments go to pytest, for example ``-k brakes``; the page is only written,
-and the board only tried from outside, by a run of all tests.
+Prints the table rule -> tests -> result, records it in conformance.json and docs/conformance.md,
+and ends with 1 when a rule has no test or a test failed, or when ``control_board_conformance``
+finds one that is not held. The tests are those of test/spec, and those of a rule beyond the source
+wherever they are, but for soak tests. Arguments go to pytest, for example ``-k brakes``; the
+record is only written, and the board only tried from outside, by a run of all tests. ``--tables``
+runs nothing and prints the recorded table, which the site shows.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 from collections import Counter, defaultdict
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +23,9 @@ import pytest
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "conformance.md"
+RECORD = HERE / "conformance.json"
+#: Rule -> its result, the one from outside, and its tests with how often each ran.
+Record = dict[str, dict[str, Any]]
 sys.path.insert(0, str(HERE.parent / "support"))
 
 from conformance_sessions import ARM, session_on  # noqa: E402
@@ -84,27 +90,73 @@ def from_outside() -> dict[str, Result]:
     return {result.rule.name: result for result in results}
 
 
-def page(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) -> str:
-    """The table as Markdown."""
-    lines = [
-        "# Conformance",
-        "",
-        "Rule by rule, the tests that prove it, those of `test/spec` by their file alone, and how",
-        "often each ran (with different modes, joints or values). From outside: the result of",
-        "[`control_board_conformance`](howto/conformance.md) over ROS; it has the rules of the",
-        "source and of YARP 4, not those of this project (R, T, B, S, E, G, X). Written by",
-        "`make conformance`.",
-        "",
-        "| rule | about | result | from outside | tests |",
-        "|---|---|---|---|---|",
-    ]
-    for rule, tests in table.items():
-        shown = "<br>".join(f"`{name}` × {sum(n.values())}" for name, n in sorted(tests.items()))
-        linked = f"[{rule}](spec.md#{rule.lower()})"
-        found = outside[rule].outcome if rule in outside else "–"
-        lines.append(f"| {linked} | {RULES[rule]} | {verdict(tests)} | {found} | {shown} |")
-    count = sum(verdict(tests) == "passed" for tests in table.values())
-    return "\n".join([*lines, "", f"{count} of {len(table)} rules hold.", ""])
+HEAD = """\
+# Conformance
+
+Every rule of the [specification](spec.md) has tests, and `make conformance` runs them: rule,
+tests, runs, result. A test names its rules at the start of its docstring:
+`grep -rnE '""[A-Z0-9, ]*M4[,:]' test` finds those of a rule, and the site's page *The tests of the
+rules* lists all. *From outside* is [`control_board_conformance`](howto/conformance.md) over ROS;
+it has the rules of the source and of YARP 4, not those of this project.
+
+"""
+FULL = """\
+# The tests of the rules
+
+Rule by rule, the tests that prove it, those of `test/spec` by their file alone, and how often each
+ran (with different modes, joints or values); [conformance](../conformance.md) in short.
+
+| rule | about | result | from outside | tests |
+|---|---|---|---|---|
+"""
+
+
+def recorded(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) -> Record:
+    """What conformance.json keeps of a run."""
+    return {
+        rule: {
+            "result": verdict(tests),
+            "outside": f"{outside[rule].outcome}" if rule in outside else "–",
+            "tests": {name: sum(n.values()) for name, n in sorted(tests.items())},
+        }
+        for rule, tests in table.items()
+    }
+
+
+def page(record: Record) -> str:
+    """docs/conformance.md: a line for each section of the specification."""
+    lines = ["| rules | tests | runs | hold | held from outside |", "|---|---|---|---|---|"]
+    for _, group in groupby(record, key=lambda rule: rule[0]):
+        rules = list(group)
+        links = [
+            f"[{rule}](spec.md#{rule.lower()})" for rule in dict.fromkeys((rules[0], rules[-1]))
+        ]
+        of = [record[rule] for rule in rules]
+        tests = {name: runs for entry in of for name, runs in entry["tests"].items()}
+        hold = sum(entry["result"] == "passed" for entry in of)
+        tried = [entry["outside"] for entry in of if entry["outside"] != "–"]
+        outside = f"{tried.count('held')} of {len(tried)}" if tried else "–"
+        cells = (
+            " to ".join(links),
+            len(tests),
+            sum(tests.values()),
+            f"{hold} of {len(of)}",
+            outside,
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    count = sum(entry["result"] == "passed" for entry in record.values())
+    return HEAD + "\n".join([*lines, "", f"{count} of {len(record)} rules hold.", ""])
+
+
+def tables(record: Record) -> str:
+    """The page of all tests, for the site."""
+    lines = []
+    for rule, entry in record.items():
+        shown = "<br>".join(f"`{name}` × {runs}" for name, runs in entry["tests"].items())
+        linked = f"[{rule}](../spec.md#{rule.lower()})"
+        cells = (linked, RULES[rule], entry["result"], entry["outside"], shown)
+        lines.append(f"| {' | '.join(cells)} |")
+    return FULL + "\n".join([*lines, ""])
 
 
 def show(table: dict[str, dict[str, Counter[str]]]) -> None:
@@ -119,6 +171,9 @@ def show(table: dict[str, dict[str, Counter[str]]]) -> None:
 
 
 def main(arguments: list[str]) -> int:
+    if arguments == ["--tables"]:
+        print(tables(json.loads(RECORD.read_text("utf-8"))), end="")
+        return 0
     results = Results()
     options = ["-q", "-p", "no:cacheprovider", f"--rootdir={ROOT}"]
     code = pytest.main([*options, *map(str, files()), *arguments], plugins=[results])
@@ -128,8 +183,10 @@ def main(arguments: list[str]) -> int:
     if not results.chosen and not arguments:
         outside = from_outside()
         good = good and all(r.outcome is not Outcome.NOT_HELD for r in outside.values())
-        PAGE.parent.mkdir(exist_ok=True)
-        PAGE.write_text(page(table, outside), encoding="utf-8")
+        record = recorded(table, outside)
+        text = json.dumps(record, indent=1, ensure_ascii=False)
+        RECORD.write_text(f"{text}\n", encoding="utf-8")
+        PAGE.write_text(page(record), encoding="utf-8")
         print(f"\nwritten: {PAGE.relative_to(ROOT)}")
     print(f"\n{'all rules hold' if good and not code else 'not all rules hold'}")
     return int(code) or int(not good)
