@@ -131,7 +131,7 @@ mode without position moves makes the whole goal fail, and the result names it. 
 
 MANAGED = """\
 With `lifecycle: true` the node is a managed one ([why
-so](decisions/0019-managed-nodes-by-rclpy.md)). It becomes active at its start; with `autostart:
+so](decisions/0018-a-refused-goal-says-why.md)). It becomes active at its start; with `autostart:
 false` it waits. It publishes its topics in every state; unless it is active, requests that need
 power are refused with the reason.
 

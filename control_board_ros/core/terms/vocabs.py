@@ -50,7 +50,7 @@ class Vocab(IntEnum):
     """An enumeration whose values are vocabs.
 
     A member equals its number, so it cannot equal its code, too: what is equal has one hash
-    (docs/decisions/0024-modes-and-texts.md). Compare ``mode.code == "pos"``, or
+    (docs/decisions/0010-the-client-serves-itself.md). Compare ``mode.code == "pos"``, or
     ``mode is ControlMode("pos")``, which accepts codes and long names; ``mode == "pos"`` is false
     and warns, once for each line of a program.
     """
