@@ -122,10 +122,11 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def page(browser: Any, address: str) -> Iterator[Any]:
-    """The panel on a desk, of the operator."""
-    size = {"width": 1440, "height": 900}
-    with context_of(browser, viewport=size, color_scheme="dark") as context:
+def page(browser: Any, address: str, request: pytest.FixtureRequest) -> Iterator[Any]:
+    """The panel on a desk, of the operator; in 3D where the file says so."""
+    desk = {"viewport": {"width": 1440, "height": 900}, "color_scheme": "dark"}
+    in_3d = getattr(request.module, "IN_3D", False)
+    with context_of(browser, in_3d=in_3d, **desk) as context:
         yield from operated(context, address)
 
 

@@ -13,6 +13,8 @@ from waiting import until
 from control_board_ros.client import ControlBoardClient
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
+#: The view is looked at, too.
+IN_3D = True
 #: WCAG 2.1, levels A and AA: names, roles, contrast.
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"]
 FAULT = "lbr_iiwa_joint_7"
@@ -72,7 +74,7 @@ def test_axe_finds_nothing(page: Any, busy: None, theme: str) -> None:
 
 def test_axe_finds_nothing_on_a_phone(page: Any, browser: Any, address: str) -> None:
     """Of a spectator."""
-    with context_of(browser, **PHONE) as context:
+    with context_of(browser, in_3d=IN_3D, **PHONE) as context:
         phone = context.new_page()
         phone.goto(address)
         phone.get_by_label("More of joint_2").click()

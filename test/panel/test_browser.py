@@ -12,11 +12,9 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of, press_if_there
-from hand import Hand
 from waiting import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 FRONT = "lbr_iiwa_"
@@ -429,68 +427,6 @@ def test_plots(page: Any, tmp_path: Path) -> None:
     until(lambda: page.locator("#plots .legend li").count() == 7)
     page.get_by_label("Remove all plots").click()
     assert charts.count() == 0
-
-
-#: Pictures of the view, after one, where nothing but a change can be seen.
-DRAWN_AGAIN = """() => {{
-  const {{ view }} = panel, {{ render }} = view.renderer.info, {{ state }} = panel.cards[0].joint;
-  view.draw(panel.shownBoards(), true);
-  const before = render.frame;
-  {change}
-  view.drawn = 1; // long ago
-  view.draw(panel.shownBoards());
-  return render.frame - before;
-}}"""
-
-
-def test_the_robot_is_drawn(page: Any) -> None:
-    until(lambda: page.evaluate("Boolean(panel.view && panel.view.robot)"))
-    assert page.evaluate("panel.view.renderer.info.render.triangles") > 1000
-    drawn = page.evaluate("panel.view.robot.joints.lbr_iiwa_joint_4.angle")
-    known = page.evaluate("panel.cards[3].joint.state.position")
-    assert drawn == pytest.approx(known, abs=0.01)
-    assert page.evaluate(DRAWN_AGAIN.format(change="")) == 0
-    assert page.evaluate(DRAWN_AGAIN.format(change="state.position += 0.01;")) == 1
-    ghost = page.get_by_label("Show the reference as a ghost")
-    ghost.click()
-    assert ghost.get_attribute("aria-pressed") == "false"
-    ghost.click()
-    page.get_by_label("Show the whole robot").click()
-    for pressed in ("true", "false"):
-        page.get_by_label("Drag joints in the view").click()
-        assert (
-            page.get_by_label("Drag joints in the view").get_attribute("aria-pressed") == pressed
-        )
-
-
-def test_a_push_is_shown(page: Any, client: ControlBoardClient, process: BoardProcess) -> None:
-    """X1: a bar at the joint, and an arrow around its axis in the view, either way."""
-    client.set_control_mode(None, "pos")  # one that is free runs onto its stop, which pushes back
-    arrow = "panel.view.pushes.get('lbr_iiwa_joint_7')?.length ?? 0"
-    bar = page.get_by_label("External torque of joint_7")
-
-    def pushed() -> object:
-        shares = "panel.cards.map((card) => [card.joint.mode, card.joint.externalShare])"
-        return page.evaluate(f"[{arrow}, {shares}]")
-
-    hand = Hand(process)
-    try:
-        until(lambda: page.evaluate(arrow) == 0, pushed)
-        for torque in (8.0, -8.0):  # of 40 N·m
-
-            def acts(torque: float = torque) -> bool:
-                hand.push(torque)  # the first may come before the board knows its sender
-                return bool(page.evaluate(arrow) * torque > 80.0)
-
-            until(acts, pushed)
-            share = pytest.approx(100.0 * torque / 10.0, abs=15.0)
-            until(lambda share=share: int(bar.get_attribute("aria-valuenow")) == share, pushed)
-            assert page.evaluate("panel.view.pushes.get('lbr_iiwa_joint_7').group.visible")
-            others = "[...panel.view.pushes].filter(([, push]) => push.length).map(([n]) => n)"
-            assert page.evaluate(others) == ["lbr_iiwa_joint_7"]
-    finally:
-        hand.close()
-    until(lambda: page.evaluate(arrow) == 0)
 
 
 def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:

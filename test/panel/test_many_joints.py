@@ -116,7 +116,7 @@ def test_cards_hold_what_is_theirs(browser: Any, address: str, size: tuple[int, 
     width, height = size
     how: dict[str, Any] = dict(PHONE) if width < 700 else {}
     how |= {"viewport": {"width": width, "height": height}}
-    with context_of(browser, is_flat=True, **how) as context:
+    with context_of(browser, **how) as context:
         page = context.new_page()
         page.goto(address)
         until(lambda: page.evaluate("panel.cards.length === 32"))

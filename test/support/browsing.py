@@ -41,12 +41,15 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
 
 
 @contextlib.contextmanager
-def context_of(browser: Any, *, is_flat: bool = False, **how: Any) -> Iterator[Any]:
-    """A browser's context; closed in the end, however the test ends."""
+def context_of(browser: Any, *, in_3d: bool = False, **how: Any) -> Iterator[Any]:
+    """A browser's context; closed in the end, however the test ends.
+
+    It has no WebGL, thus no view, which processors draw slowly, unless in_3d says so.
+    """
     context = browser.new_context(**how)
     try:
         context.set_default_timeout(GUARD * 1000.0)
-        if is_flat:
+        if not in_3d:
             context.add_init_script(FLAT)
         yield context
     finally:
