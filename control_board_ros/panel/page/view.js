@@ -16,7 +16,19 @@ const FOLLOWING = ["pos", "posd", "mix", "vel"]; // modes with a position refere
 const EVERY = 30; // ms between drawings, at least
 const CHECK = 500; // ms between looks whether the robot is in the picture
 const FINE = 1e4; // steps in a rad or m that are told apart
+const PROCESSORS = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of renderers without a graphics card
+const COARSE = 0.5; // pixels that they draw for one of the screen, each way
 const SHARE = 4; // a machine that draws slowly spends this part of its time on it: one of four
+
+/** Whether this browser has no graphics card, so that processors draw what it shows. */
+function drawnByProcessors() {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  if (!probe) throw new Error("this browser has no WebGL 2");
+  const known = probe.getExtension("WEBGL_debug_renderer_info");
+  const renderer = probe.getParameter(known ? known.UNMASKED_RENDERER_WEBGL : probe.RENDERER);
+  probe.getExtension("WEBGL_lose_context")?.loseContext();
+  return PROCESSORS.test(renderer);
+}
 
 /** The joints that move a part. */
 function jointsAbove(part) {
@@ -52,8 +64,9 @@ export class View {
     this.dragButton = h("button", { type: "button", class: "ghost", "aria-pressed": "false", "aria-label": "Drag joints in the view", title: "Drag joints: sets their targets", onclick: () => this.toggleDrag() }, icon("hand"));
     element.replaceChildren(this.canvas, h("div", { class: "view-tools" }, this.dragButton, this.ghostButton, this.fitButton),
       h("div", { class: "scale", "aria-label": "Colour: share of the torque limit" }, "torque", h("span", { class: "ramp" }), "limit"), this.note);
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    const coarse = drawnByProcessors();
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !coarse, alpha: true });
+    this.renderer.setPixelRatio(coarse ? COARSE : Math.min(devicePixelRatio, 2));
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.01, 100);
     this.camera.up.set(0, 0, 1);
