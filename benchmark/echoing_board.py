@@ -20,5 +20,5 @@ def echo(_services: Services, request: Any, response: Any) -> Any:
 
 
 if __name__ == "__main__":
-    Services.set_control_mode = echo  # type: ignore[method-assign]
+    Services.set_control_mode = echo  # type: ignore[attr-defined]
     sys.exit(main())

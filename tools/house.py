@@ -29,7 +29,7 @@ import grimp
 
 ROOT = Path(__file__).resolve().parents[1]
 PRODUCT = "control_board_ros"
-KERNEL = ("core", "node", "client", "interface.py")
+KERNEL = ("core", "node", "client", "interface.py", "operations.py")
 #: What is on a line beside code.
 LAYOUT = {
     *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE),

@@ -38,7 +38,7 @@ def answers_in_the_boards_order() -> None:
         chosen = old(board, request)
         return [name for name in board.names if name in chosen]
 
-    around("node.wiring.services:Services._joints", lambda old, *args: joints(old, *args[-2:]))
+    around("operations:requested", joints)
     for name in ("get_control_mode", "get_interaction_mode"):
         around(f"node.wiring.services:Services.{name}", in_order)
 

@@ -336,13 +336,11 @@ def an_ignored_move_is_kept() -> None:
     around("core.machine.machine:Machine.enter", enter)
 
 
-@replaces("M5", "node.wiring.services:answered")
-def a_refusal_with_success(old: Any, response: Any, reply: Any) -> Any:
+@replaces("M5", "operations:answer")
+def a_refusal_with_success(old: Any, reply: Any) -> Any:
     from control_board_ros.core.terms.reply import Answer
 
-    old(response, reply)
-    response.success = bool(reply) or Answer.UNSUPPORTED in reply.answers
-    return response
+    return old(reply) | {"success": bool(reply) or Answer.UNSUPPORTED in reply.answers}
 
 
 @replaces("M5", "core.machine.machine:Machine.raise_fault")

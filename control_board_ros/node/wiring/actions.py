@@ -25,8 +25,8 @@ from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
+from ...operations import bounded, doubles, optional
 from ..loop.loop import Member
-from .messages import bounded, doubles, optional
 from .request_log import GoalRecord, RequestLog
 
 #: Period in s at which active goals are checked and feedback is sent (wall clock).

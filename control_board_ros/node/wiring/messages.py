@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from and to the board's values: pure functions, no ROS node needed.
-
-The board itself checks names and lengths; here only their number is bounded.
-"""
+"""Messages of the board's values: pure functions, no ROS node needed."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,53 +14,23 @@ from control_board_msgs.msg import JointFault, JointFaults, JointModes
 from ...core.state import Reference
 from ...core.terms.faults import FaultRecord
 from ...core.terms.measurement import Row
-from ...core.terms.reply import Reply
-from ...core.terms.vocabs import ControlMode, InteractionMode, Vocab
+from ...core.terms.vocabs import Vocab
 from ...core.watch.freeze_frame import FreezeFrame
+from ...operations import codes, doubles
 
 NANOSECONDS = 1_000_000_000
-
-#: By look-up: decoding a vocab costs more than the rest of a response.
-CODES: dict[Vocab, str] = {
-    mode: mode.code for kind in (ControlMode, InteractionMode) for mode in kind
-}
+#: Fields of a reply that not every response has.
+OF_REPLIES = frozenset({"names", "answers", "reasons", "codes"})
 
 Response = TypeVar("Response")
 
 
-def bounded(texts: Sequence[str], count: int) -> tuple[str, ...]:
-    """The first ``count`` + 1 joints, or modes, of a request to a board of ``count`` joints.
-
-    One name too many is enough for the board's refusal, so that a list of megabytes costs no more.
-    """
-    return tuple(texts[: count + 1])
-
-
-def optional(values: Sequence[float]) -> Sequence[float] | None:
-    """The values of a message; None where they are empty."""
-    return values if len(values) else None
-
-
-def answered(response: Response, reply: Reply) -> Response:
-    """The response, filled with a reply."""
-    response.success = bool(reply)  # type: ignore[attr-defined]
-    response.message = reply.message  # type: ignore[attr-defined]
-    if hasattr(response, "names"):
-        response.names = list(reply.joints)
-    if hasattr(response, "answers"):
-        response.answers = [str(answer) for answer in reply.answers]
-        response.reasons = list(reply.reasons) or [""] * len(reply.answers)  # type: ignore[attr-defined]
-        response.codes = list(map(str, reply.codes)) or [""] * len(reply.answers)  # type: ignore[attr-defined]
+def filled(response: Response, fields: Mapping[str, Any]) -> Response:
+    """The response with these fields; of those of a reply, with the ones that its type has."""
+    for name, value in fields.items():
+        if name not in OF_REPLIES or hasattr(response, name):
+            setattr(response, name, value)
     return response
-
-
-def codes(values: Sequence[Vocab]) -> list[str]:
-    return [CODES[value] for value in values]
-
-
-def doubles(values: Any) -> array[float]:
-    """A float64[] field of numbers, shape (n,): assigned whole, never entry by entry."""
-    return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
 
 
 def split_time(nanoseconds: int) -> tuple[int, int]:

@@ -13,10 +13,10 @@ from ...core.goals.pose import Pose
 from ...core.goals.poses import PoseTask, made_pose, pose_now
 from ...core.group import JointGroup
 from ...core.selection import RequestError
+from ...operations import bounded, doubles
 from ...settings.poses import UserPoses
 from ...text import unknown_word
 from ..loop.loop import Member
-from .messages import bounded, doubles
 
 
 class Poses:

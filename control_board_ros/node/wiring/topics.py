@@ -28,9 +28,9 @@ from ...interface import (
     JOINT_TRAJECTORY,
     Endpoint,
 )
+from ...operations import bounded, optional
 from ...protocols import Floats
 from ..loop.loop import Member
-from .messages import bounded, optional
 
 K = CommandKind
 #: The field of a JointState for the values that messages of references name so.

@@ -34,10 +34,11 @@ from ...core.selection import RequestError
 from ...core.state import Snapshot
 from ...core.terms.reply import Reply
 from ...interface import FOLLOW_JOINT_TRAJECTORY
+from ...operations import bounded, doubles
 from ..loop.loop import ControlLoop, Member
 from ..loop.timing import TimeBase
 from .actions import Goal, action_server, goal_timer
-from .messages import NANOSECONDS, bounded, doubles, set_stamp
+from .messages import NANOSECONDS, set_stamp
 from .request_log import GoalRecord, RequestLog
 from .topics import Callback, Warn
 

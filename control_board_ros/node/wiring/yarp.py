@@ -26,10 +26,10 @@ from ...core.state import Snapshot
 from ...core.terms.reply import Answer, Reply, joints_of
 from ...core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ...interface import ENDPOINTS, YARP, Endpoint
+from ...operations import bounded, doubles
 from ...protocols import Floats
 from ..loop.loop import Member
 from .command_subscription import CommandSubscription
-from .messages import bounded, doubles
 from .publishing import StatePublisher, publisher
 from .reporter import Reporter
 from .request_log import RequestLog, left_out

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a service does with a board, in core's words, without ROS.
+
+interface.py has an operation in the row of each service that reads or changes joints; the node
+serves it on ROS. It takes the board, held between two cycles, and a request, which is any object
+with the fields of the service's type, and returns the fields of the response.
+
+Raises: ValueError of an operation is a request that is wrong as a whole; it becomes the message of
+the response.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .core.selection import RequestError
+from .core.terms.drives import DriveUse
+from .core.terms.motors import TERMS
+from .core.terms.reply import Reply
+from .core.terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode, Vocab
+from .joint_limits import FIELDS
+from .text import unknown_word
+
+if TYPE_CHECKING:
+    from .core.config.config import JointConfig
+    from .core.group import JointGroup
+
+Fields = dict[str, Any]
+Operation = Callable[["JointGroup", Any], Fields]
+
+FEEDFORWARD = "feedforward"
+#: The kinds of SendReference beside feed-forward.
+KINDS = {kind.name.lower(): kind for kind in CommandKind}
+#: By look-up: decoding a vocab costs more than the rest of a response.
+CODES: dict[Vocab, str] = {
+    mode: mode.code for kind in (ControlMode, InteractionMode) for mode in kind
+}
+
+
+def reads(fields_of: Callable[[JointGroup, list[str], Any], Fields]) -> Operation:
+    """Reads joints; ``fields_of`` takes the board, names of joints, and the request."""
+
+    def operation(board: JointGroup, request: Any) -> Fields:
+        joints = requested(board, request)
+        return {"success": True, "names": joints, **fields_of(board, joints, request)}
+
+    return operation
+
+
+def changes(
+    change: Callable[[JointGroup, tuple[str, ...], Any], Reply],
+    **also: Callable[[JointGroup, Reply], Any],
+) -> Operation:
+    """Changes joints; ``change`` takes the board, names of joints, and the request.
+
+    ``also``: further fields of the response, of the board after the change, and of its reply.
+    """
+
+    def operation(board: JointGroup, request: Any) -> Fields:
+        reply = change(board, bounded(request.names, board.count), request)
+        return answer(reply) | {name: value(board, reply) for name, value in also.items()}
+
+    return operation
+
+
+def answer(reply: Reply) -> Fields:
+    """The fields of a response that a reply fills."""
+    none = [""] * len(reply.answers)
+    return {
+        "success": bool(reply),
+        "message": reply.message,
+        "names": list(reply.joints),
+        "answers": list(map(str, reply.answers)),
+        "reasons": list(reply.reasons) or none,
+        "codes": list(map(str, reply.codes)) or none,
+    }
+
+
+# -- requests -----------------------------------------------------------------------------------
+
+
+def requested(board: JointGroup, request: Any) -> list[str]:
+    """The names of the joints that a request reads; RequestError where one is unknown."""
+    return list(board.selector.select(bounded(request.names, board.count)).names)
+
+
+def bounded(texts: Sequence[str], count: int) -> tuple[str, ...]:
+    """The first ``count`` + 1 joints, or modes, of a request to a board of ``count`` joints.
+
+    One name too many is enough for the board's refusal, so that a list of megabytes costs no more.
+    """
+    return tuple(texts[: count + 1])
+
+
+def optional(values: Sequence[float]) -> Sequence[float] | None:
+    """The values of a message; None where they are empty."""
+    return values if len(values) else None
+
+
+# -- responses ----------------------------------------------------------------------------------
+
+
+def doubles(values: Any) -> array[float]:
+    """A float64[] field of numbers, shape (n,): assigned whole, never entry by entry."""
+    return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+
+def codes(values: Iterable[Vocab]) -> list[str]:
+    return [CODES[value] for value in values]
+
+
+def mode_fields(values: Sequence[Vocab]) -> Fields:
+    return {"modes": codes(values), "vocabs": array("i", map(int, values))}
+
+
+def available_mode_fields(
+    available: Sequence[tuple[Sequence[ControlMode], Sequence[InteractionMode]]],
+) -> Fields:
+    return {
+        "control_modes": [",".join(codes(control)) for control, _ in available],
+        "interaction_modes": [",".join(codes(interaction)) for _, interaction in available],
+    }
+
+
+def limit_fields(joints: Sequence[JointConfig]) -> Fields:
+    limits = [joint.limits for joint in joints]
+    return {name: doubles([getattr(one, name) for one in limits]) for name in FIELDS}
+
+
+def brake_words(modes: Iterable[BrakeMode | None]) -> list[str]:
+    return [mode or "" for mode in modes]
+
+
+def array_fields(arrays: Any) -> Fields:
+    """The arrays of a dataclass by the names of its fields."""
+    return {field.name: doubles(getattr(arrays, field.name)) for field in fields(arrays)}
+
+
+def drive_fields(drives: Sequence[DriveUse]) -> Fields:
+    laws = ("position", "impedance", "torque", "current", "output")
+    return {
+        "set_points": [",".join(drive.set_points) for drive in drives],
+        **{law: [getattr(drive, law) or "" for drive in drives] for law in laws},
+        "on_silence": [drive.on_silence for drive in drives],
+    }
+
+
+# -- of several steps -----------------------------------------------------------------------------
+
+
+def impedance_fields(board: JointGroup, joints: Sequence[str], _request: Any) -> Fields:
+    stiffness, damping = board.get_impedance(joints)
+    max_stiffness, max_damping = board.get_max_impedance(joints)
+    return {
+        "stiffness": doubles(stiffness),
+        "damping": doubles(damping),
+        "max_stiffness": doubles(max_stiffness),
+        "max_damping": doubles(max_damping),
+        "torque_offset": doubles(board.get_torque_offset(joints)),
+    }
+
+
+def coupling_fields(board: JointGroup, _request: Any) -> Fields:
+    """The coupling at the present positions: axes, physical joints, matrix by rows, offsets."""
+    coupling, at = board.get_coupling(), board.get_encoder()
+    jacobian = coupling.jacobian(at)
+    return {
+        "success": True,
+        "axes": list(coupling.axes),
+        "physical_joints": list(coupling.physical_joints),
+        "matrix": doubles(jacobian.ravel()),
+        "offsets": doubles(coupling.positions(at) - jacobian @ at),
+    }
+
+
+def configure(board: JointGroup, _request: Any) -> Fields:
+    return answer(board.configure())
+
+
+def set_motors(board: JointGroup, joints: Sequence[str], request: Any) -> Reply:
+    names = ("max_currents", "output_limits", *TERMS)
+    return board.set_motors(joints, **{name: optional(getattr(request, name)) for name in names})
+
+
+def set_encoders(board: JointGroup, joints: Sequence[str], request: Any) -> Reply:
+    board.selector.select(joints)  # an unknown joint is reported first
+    if (positions := optional(request.positions)) is None:
+        raise RequestError("positions are required: one per joint, rad or m")
+    return board.set_encoders(joints, positions, motor=request.motor)
+
+
+def send_reference(
+    board: JointGroup,
+    kind: str,
+    joints: Sequence[str],
+    values: Sequence[float] | None,
+    along: Sequence[float] | None,
+    *,
+    together: bool,
+    valid_for: float,
+) -> Reply:
+    """Send references as the command topic of a kind does; arguments as of SendReference."""
+    if kind == FEEDFORWARD and not valid_for:
+        return board.set_feedforward(joints, values, along, together=together)
+    if kind in KINDS:
+        given = () if values is None else values
+        return board.command(
+            KINDS[kind], joints, given, along, together=together, valid_for=valid_for
+        )
+    if kind == FEEDFORWARD:
+        return board.reject(joints, "a feedforward does not expire; send it with valid_for 0")
+    return board.reject(joints, unknown_word("kind", kind, [*KINDS, FEEDFORWARD]))
