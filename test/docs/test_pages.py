@@ -20,7 +20,7 @@ PAGES = [
 TYPED = {"console", "sh", "bash", "python", "toml", "xml", "yaml"}
 VERBS = {*RUN, "output", "file", "package", "part", "not"}
 #: Blocks that no test runs, each with its reason beside it: fewer with time, never more.
-NOT_RUN = 22
+NOT_RUN = 15
 #: The pages with something to run.
 FOLLOWED = [
     page
@@ -35,6 +35,7 @@ NEEDED = {
     "gymnasium": "mujoco",
     "whole_robot": "icub_models",
     "record_and_report": "rosbags",
+    "view_and_plot": "rosbags",
 }
 
 
