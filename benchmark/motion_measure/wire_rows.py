@@ -88,7 +88,7 @@ def figures(rows: Sequence[str], wires: Sequence[str]) -> Iterator[WireFigures]:
 
 
 def print_wires(rows: Sequence[str], wires: Sequence[str]) -> None:
-    """One table for all set-points, as docs/reliability.md has it."""
+    """One table for all set-points, of which docs/reliability.md has a part."""
     print("| drive | wire | top speed, × limit | reversal, % of it | deviation, mrad | faults |")
     print("|---|---|---|---|---|---|")
     for one in figures(rows, wires):
