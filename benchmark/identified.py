@@ -74,8 +74,9 @@ def table(rows: Rows) -> list[str]:
                 f"| {title} | {len(own)} | {percent(middle(errors))} | {percent(errors[-1])} | "
                 f"±{percent(middle(widths))} | {refused} |"
             )
-    cells = ", ".join(sorted(rows))
-    return [*found, "", f"Cells (robot, engine, seed): {cells}."]
+    sides = [sorted(set(side)) for side in zip(*(cell.split() for cell in rows), strict=True)]
+    cells = " × ".join(", ".join(side) for side in sides)
+    return [*found, "", f"{len(rows)} cells: {cells} (robot, engine, seed)."]
 
 
 def middle(values: Sequence[float]) -> float:
