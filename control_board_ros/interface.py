@@ -195,9 +195,10 @@ DIAGNOSTICS = topic(
     "diagnostic_msgs/msg/DiagnosticArray",
     STREAM,
     "Once a second: loop rate, overruns, worst latency, rejected commands (those for unknown "
-    "joints, too), faults; of drives the answers that came too late for their exchange, and the "
-    "frames that their bus had no room for; with `timing`, where the time of the cycles went. One "
-    "entry for the board and one per joint, whose names begin with the board's full name.",
+    "joints, too), faults; of drives the answers that were lost or came too late for their "
+    "exchange, and the frames that their bus had no room for; with `timing`, where the time of "
+    "the cycles went. One entry for the board and one per joint, whose names begin with the "
+    "board's full name.",
 )
 CLOCK = topic(
     "/clock",
@@ -337,7 +338,8 @@ GET_LIMITS = service(
 GET_DRIVES = service(
     "~/get_drives",
     "GetDrives",
-    "Read the set-points that the drives of joints accept, and where each loop runs.",
+    "Read the set-points that the drives of joints accept, where each loop runs, and what the "
+    "drives report: how each keeps its zero, its power and mode, answers lost and late.",
     reads(lambda board, joints, _: drive_fields(board.get_drives(joints))),
 )
 SEND_REFERENCE = service(

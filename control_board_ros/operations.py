@@ -34,6 +34,8 @@ Fields = dict[str, Any]
 Operation = Callable[["JointGroup", Any], Fields]
 
 FEEDFORWARD = "feedforward"
+#: Power of drives, as they report it.
+POWER = {True: "on", False: "off", None: ""}
 #: The kinds of SendReference beside feed-forward.
 KINDS = {kind.name.lower(): kind for kind in CommandKind}
 #: By look-up: decoding a vocab costs more than the rest of a response.
@@ -143,10 +145,16 @@ def array_fields(arrays: Any) -> Fields:
 
 def drive_fields(drives: Sequence[DriveUse]) -> Fields:
     laws = ("position", "impedance", "torque", "current", "output")
+    reports = [drive.reported for drive in drives]
     return {
         "set_points": [",".join(drive.set_points) for drive in drives],
         **{law: [getattr(drive, law) or "" for drive in drives] for law in laws},
         "on_silence": [drive.on_silence for drive in drives],
+        "zero": [one.zero or "" for one in reports],
+        "power": [POWER[one.power] for one in reports],
+        "law": [one.law or "" for one in reports],
+        "lost": [-1 if one.lost is None else one.lost for one in reports],
+        "late": [-1 if one.late is None else one.late for one in reports],
     }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
-from control_board_ros.core.terms.drives import DriveUse
+from control_board_ros.core.terms.drives import DriveReport, DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
@@ -132,7 +132,7 @@ class ModeRequests(Interface):
 
     @operation
     async def get_drives(self, joints: Joints = None) -> list[DriveUse]:
-        """Set-points that the drives accept, and which loop runs where (S1)."""
+        """Set-points that the drives accept, which loop runs where (S1), and what they report."""
         found = await self._services.read(GET_DRIVES, joints)
         return [
             DriveUse(
@@ -143,6 +143,13 @@ class ModeRequests(Interface):
                 current=found.current[k] or None,
                 output=found.output[k] or None,
                 on_silence=found.on_silence[k],
+                reported=DriveReport(
+                    zero=found.zero[k] or None,
+                    power={"on": True, "off": False}.get(found.power[k]),
+                    law=found.law[k] or None,
+                    lost=None if found.lost[k] < 0 else found.lost[k],
+                    late=None if found.late[k] < 0 else found.late[k],
+                ),
             )
             for k in range(len(found.names))
         ]

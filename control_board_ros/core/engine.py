@@ -24,6 +24,7 @@ from .machine.machine import Machine
 from .machine.motors import Feedforward, MotorAccess, mix_of
 from .machine.requests import Requests, StartUp
 from .state import StateArrays
+from .terms.drives import DriveReport
 from .terms.events import Events
 from .terms.measurement import UNREAD, Actuation, Measurement
 from .watch.external_torque import ExternalTorques
@@ -38,14 +39,15 @@ class Engine:
         config: of the joints, of all parts where there are several.
         zones: the parts, each with events of its own.
 
-    Attributes: config, limits, state, torque_sensor (where a torque is known, shape (n,)),
-    checked (when the last reading was, s of the clock handed to ``tick``), and the components that
-    the module names.
+    Attributes: config, limits, state, torque_sensor (where a torque is known, shape (n,)), drives
+    (what each reports of itself; empty: nothing), checked (when the last reading was, s of the
+    clock handed to ``tick``), and the components that the module names.
     """
 
     def __init__(self, config: BoardConfig, zones: Sequence[Zone]) -> None:
         self.config, self.limits = config, BoardLimits.of(config)
         self._asked, self.checked = config, 0.0
+        self.drives: Sequence[DriveReport] = ()
         self._narrowed: Callable[[BoardConfig], BoardConfig] = lambda config: config
         self.state = state = StateArrays(config.names)
         state.measured[UNREAD] = np.nan  # until the first reading (B7)
@@ -129,6 +131,7 @@ class Engine:
         state.periods = 1.0 if elapsed is None else elapsed / self.config.period
         state.clock += state.periods
         self.monitor.take(measurement.values, measurement.motors)
+        self.drives = measurement.drives or self.drives
         if self.mix is not None:
             self.mix.axis_currents(state.current)
         if measurement.applied is not None:

@@ -40,7 +40,7 @@ from .selection import (
 )
 from .state import Snapshot, StateArrays
 from .terms.arguments import Array, Flags, Joints, Values
-from .terms.drives import DriveUse
+from .terms.drives import DriveReport, DriveUse
 from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
@@ -488,8 +488,12 @@ class JointGroup(ModeShortcuts):
         return [(one.control_modes, one.interaction_modes) for one in found]
 
     def get_drives(self, joints: Joints = None) -> list[DriveUse]:
-        """Which set-points the drives accept, and which loop runs where (S1)."""
-        return [one.drive_use for one in self.get_config(joints)]
+        """Which set-points the drives accept, which loop runs where (S1), and what they report."""
+        numbers, reports = self._numbers(joints), self.engine.drives
+        return [
+            one.drive_use._replace(reported=reports[j] if reports else DriveReport())
+            for j, one in zip(numbers, self.get_config(joints), strict=True)
+        ]
 
     def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
         """The interaction modes as stored, also where inactive (I2)."""

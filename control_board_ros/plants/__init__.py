@@ -6,7 +6,7 @@ the motors accept PWM only, and names what makes one in
 the entry-point group ``control_board_ros.plants``; users choose it by ``plant:=name``.
 """
 
-from ..core.terms.drives import OnSilence, SetPoint
+from ..core.terms.drives import DriveReport, OnSilence, SetPoint
 from ..core.terms.measurement import SetPoints
 from .interface import (
     Clock,
@@ -26,6 +26,7 @@ __all__ = [
     "DriveFault",
     "DriveLimits",
     "DrivePlant",
+    "DriveReport",
     "JointDescription",
     "OnSilence",
     "Readings",

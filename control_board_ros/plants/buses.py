@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.terms.drives import DriveReport
 from ..core.terms.measurement import Array, SetPoints
 from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings, Setup
 
@@ -36,7 +37,8 @@ class Bus:
     A bus that raises is connected again, every RETRY seconds, with all its joints without power;
     the others do not notice (S10).
 
-    Attributes: error (why it has no answer; empty: it has), last, started (s).
+    Attributes: error (why it has no answer; empty: it has), last, started (s), drives (what each
+        of its drives reports of itself).
     """
 
     def __init__(self, plant: DrivePlant, columns: slice) -> None:
@@ -47,6 +49,7 @@ class Bus:
         self._ending = threading.Event()
         self.started, self.error = 0.0, ""
         self.last: Readings | None = None
+        self.drives: Sequence[DriveReport] = [DriveReport()] * (columns.stop - columns.start)
 
     def do(self, task: Callable[[], Any]) -> Future[Any]:
         """Run a task in its thread, after those before it."""
@@ -80,6 +83,7 @@ class Bus:
         done, self._pending = self._pending, None
         if (error := done.exception()) is None:
             self.last, self.error = done.result(), ""
+            self.drives = self.last.drives or self.drives
         else:
             self.fail(error)
         return True
@@ -113,7 +117,7 @@ class Buses:
     Args:
         plants: One for each bus; their joints follow each other.
 
-    Attributes: late (exchanges in which each bus answered too late so far).
+    Attributes: late (exchanges in which each bus answered too late so far, while it works).
     """
 
     def __init__(self, plants: Sequence[DrivePlant]) -> None:
@@ -158,7 +162,7 @@ class Buses:
         ages = np.zeros(self._count)
         for k, bus in enumerate(self._buses):
             if not bus.finish() or bus.error:
-                self.late[k] += 1
+                self.late[k] += not bus.error
                 ages[bus.columns] = time.monotonic() - bus.started + self._period
         return self._joined(ages)
 
@@ -169,7 +173,8 @@ class Buses:
         """
         found = [bus.last or unread(bus.columns) for bus in self._buses]
         rows: dict[str, Any] = {}
-        for name in [field.name for field in fields(Readings) if field.name != "faults"]:
+        apart = "faults", "drives"
+        for name in [field.name for field in fields(Readings) if field.name not in apart]:
             parts = [getattr(one, name) for one in found]
             if name in OF_MOTORS and any(part is not None for part in parts):
                 nothing = [np.full_like(one.position, np.nan) for one in found]
@@ -179,6 +184,12 @@ class Buses:
                 parts = [z if p is None else p for p, z in zip(parts, zeros, strict=True)]
             if all(part is not None for part in parts):
                 rows[name] = np.concatenate(parts)
+        if any(one.drives for one in found):
+            rows["drives"] = [
+                one._replace(late=(one.late or 0) + late)
+                for bus, late in zip(self._buses, self.late, strict=True)
+                for one in bus.drives
+            ]
         own = rows.get("ages")
         rows["ages"] = ages if own is None else np.maximum(own, ages)
         faults: list[str | DriveFault | None] = []
@@ -209,5 +220,6 @@ def unread(columns: slice) -> Readings:
     """Readings of joints that were never read."""
     nothing = np.full(columns.stop - columns.start, np.nan)
     rows: dict[str, Any] = dict.fromkeys((field.name for field in fields(Readings)), nothing)
-    none: dict[str, Any] = {"ages": np.zeros_like(nothing), "faults": (), **dict.fromkeys(COUNTED)}
+    none: dict[str, Any] = {"ages": np.zeros_like(nothing), "faults": (), "drives": None}
+    none |= dict.fromkeys(COUNTED)
     return Readings(**rows | none)

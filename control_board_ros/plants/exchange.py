@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config.config import BoardConfig
-from ..core.terms.drives import SetPoint
+from ..core.terms.drives import DriveReport, SetPoint
 from ..core.terms.measurement import MOTOR_ROWS, ROWS, VALUES, Array, Motor, Row, SetPoints
 from ..text import clean
 from .interface import OF_MOTORS, DrivePlant, Readings, Setup
@@ -30,7 +30,7 @@ class Sample:
     PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)), dropped
     (frames to each joint's bus so far that were dropped, shape (n,)), motors
     (rows of Motor, NaN where there is no sensor; None: there is none), lost (joints whose zero is
-    lost, by number).
+    lost, by number), drives (what each reports of itself; empty: nothing new).
     """
 
     values: Array
@@ -40,6 +40,7 @@ class Sample:
     dropped: Array
     motors: Array | None = None
     lost: tuple[int, ...] = ()
+    drives: tuple[DriveReport, ...] = ()
 
 
 class Exchange:
@@ -157,7 +158,7 @@ class Exchange:
         if found.lost is not None:
             lost = tuple(np.flatnonzero(self._row("lost", found.lost)).tolist())
         faults, motors = self._faults(found), self._motors(found)
-        return Sample(values, faults, applied, late, dropped, motors, lost)
+        return Sample(values, faults, applied, late, dropped, motors, lost, self._reports(found))
 
     def _settled(self, applied: Array, velocity: Array, torque: Array, wanted: SetPoints) -> Array:
         """The steady current of the winding, i = (V − Ke dq)/R, or that of the torque."""
@@ -182,6 +183,14 @@ class Exchange:
             np.copyto(velocity, changed, where=np.isnan(velocity))
         self._turned = position.copy()
         return rows
+
+    def _reports(self, found: Readings) -> tuple[DriveReport, ...]:
+        """What the drives report of themselves, in the board's order; empty: nothing new."""
+        if found.drives is None:
+            return ()
+        if len(found.drives) != self._count:
+            raise NonsenseError(f"drives has {len(found.drives)} entries; {self._count} or None")
+        return tuple(DriveReport(*found.drives[number]) for number in self.numbers)
 
     def _faults(self, found: Readings) -> dict[int, str]:
         if len(found.faults) not in (0, self._count):

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from ..core.board import Board
 from ..core.config.config import BoardConfig, ConfigError
+from ..core.terms.drives import DriveReport
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import (
     ROWS,
@@ -90,6 +91,7 @@ class GuardedPlant:
         applied: PWM that the plant reports as applied last, percent, shape (n,).
         late: Answers of each joint that came too late for their exchange so far, shape (n,).
         dropped: Frames to each joint's bus that its interface had no room for, shape (n,).
+        drives: What each drive reports of itself, by joint; empty: nothing.
         limits: Of the drives that are connected, by joint; replaced whole when they differ.
         processes: The ids of those that run the plant, beside this one.
     """
@@ -121,6 +123,7 @@ class GuardedPlant:
         self.applied: Array = np.zeros(n)
         self.late: NDArray[np.int64] = np.zeros(n, dtype=np.int64)
         self.dropped: Array = np.zeros(n)
+        self.drives: tuple[DriveReport, ...] = ()
         limits = [joint.timeouts for joint in board.joints]
         self._oldest = np.array([[one.encoder, one.torque_sensor] for one in limits]).T
         self._off = SetPoints.off(n)
@@ -186,6 +189,7 @@ class GuardedPlant:
             motors=motors,
             elapsed=elapsed if elapsed > 0.0 and self._cycle > 0 else None,
             lost=lost,
+            drives=self.drives,
         )
 
     def write(self, actuation: Actuation) -> None:
@@ -289,7 +293,7 @@ class GuardedPlant:
         while True:
             self._sample, self._error = (self._clock(), wanted.cycle, sample), ""
             self.late += sample.late
-            self.dropped = sample.dropped
+            self.dropped, self.drives = sample.dropped, sample.drives or self.drives
             self._answered.set()
             if not self._owns_clock or self._is_old(wanted, self._clock()):
                 self._await_turn(wanted)

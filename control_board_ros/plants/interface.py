@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config.config import JointConfig
-from ..core.terms.drives import OnSilence, SetPoint
+from ..core.terms.drives import DriveReport, OnSilence, SetPoint
 from ..core.terms.measurement import Array, SetPoints
 from ..core.terms.modes import SELECTABLE
 from ..core.terms.vocabs import ControlMode
@@ -162,6 +162,8 @@ class Readings:
             None: none were, or they are not counted.
         lost: Joints that require a calibration, whose zero is lost since their last one (S9);
             None: none is.
+        drives: What each drive reports of itself; None: as in the last reading that had it, so
+            that it costs nothing where nothing changed.
     """
 
     position: Array
@@ -177,6 +179,7 @@ class Readings:
     dropped: Array | None = None
     faults: Sequence[str | DriveFault | None] = ()
     lost: NDArray[np.bool_] | None = None
+    drives: Sequence[DriveReport] | None = None
 
 
 #: Readings of motors, in the order of ``measurement.Motor``.

@@ -39,7 +39,7 @@ JOINT = {
     "hard_upper": 2.96706,
     "control_modes": ["pos", "posd", "vel", "mix", "torq", "open", "idl"],
     "interaction_modes": ["stif", "comp"],
-    "drive": {"set_points": ("pwm",), "loops": "pwm: all"},
+    "drive": {"set_points": ("pwm",), "loops": "pwm: all", "reported": {}},
     "moves": [],
 }
 
@@ -85,6 +85,15 @@ def test_info(shown: Shown, width: int) -> None:
         assert words.count(word) == 7, word
     name = JOINTS[6] if width == 120 else "joint_7"
     assert name in words
+
+
+def test_what_drives_report(shown: Shown) -> None:
+    """S8, S9: whatever they do, in words; a board whose drives report nothing has no column."""
+    said = {"power": False, "law": "8 CSP", "zero": "one turn", "lost": 7, "late": 0}
+    rows = {"a": JOINT | {"drive": JOINT["drive"] | {"reported": said}}, "b": JOINT}
+    text = " ".join(shown(200, joints_table, "/b", rows).split())
+    assert "power off, mode 8 CSP, zero one turn, 7 lost" in text
+    assert "drive reports" not in shown(200, joints_table, "/b", {"b": JOINT})
 
 
 @pytest.mark.parametrize("width", WIDTHS)

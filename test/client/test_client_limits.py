@@ -12,6 +12,7 @@ from levers import path_with
 from talk import patient, until
 
 from control_board_ros.client import ControlBoardClient
+from control_board_ros.core.terms.drives import DriveReport
 from control_board_ros.testing import BoardProcess, board_process, ros_node
 
 pytestmark = pytest.mark.ros
@@ -51,6 +52,16 @@ def test_the_smaller_limits_are_shown(client: ControlBoardClient) -> None:
         assert client.set_pos_limits(0, lower[1], asked)
         assert client.get_parameters([name]) == {name: asked}
         assert client.get_limits(0)[1].tolist() == [acts]
+
+
+def test_what_drives_report_crosses_every_process(client: ControlBoardClient) -> None:
+    """S8: in another process than the board, told where it changes; what is not told is None."""
+    reported = lambda: [one.reported for one in client.get_drives([1, 0])]  # noqa: E731
+    assert client.set_control_mode(0, "open")
+    until(lambda: [one.power for one in reported()] == [False, True])
+    assert reported() == [DriveReport("lost", False), DriveReport("lost", True, "1 PWM")]
+    assert client.set_control_mode(0, "idl")
+    until(lambda: reported()[1] == DriveReport("lost", False))
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ from control_board_ros.interface import (
     Endpoint,
 )
 from control_board_ros.joint_limits import FIELDS
-from control_board_ros.plants import DriveLimits
+from control_board_ros.plants import DriveLimits, DriveReport
 from control_board_ros.plants.offers import bounded
 from control_board_ros.settings.loading import Settings, load
 
@@ -117,7 +117,7 @@ def test_unknown_joints_are_refused_everywhere(board: InProcess, service: Endpoi
 
 
 def test_available_modes_and_drives(board: InProcess) -> None:
-    """S1: what each joint implements, and which loop runs where."""
+    """S1, S8: what each joint implements, which loop runs where, and what its drive reports."""
     name = board.names[2]
     modes = board.call(GET_AVAILABLE_MODES, names=[name])
     assert list(modes.control_modes) == ["pos,posd,vel,mix,torq,open,idl"]
@@ -126,6 +126,15 @@ def test_available_modes_and_drives(board: InProcess) -> None:
     for field in ("set_points", "position", "impedance", "torque", "output"):
         assert list(getattr(drives, field)) == ["pwm"]
     assert list(drives.on_silence) == ["free"]
+    assert [*drives.zero, *drives.power, *drives.law] == [""] * 3  # a simulation reports nothing
+    assert [*drives.lost, *drives.late] == [-1, -1]
+    said = [DriveReport()] * 6 + [DriveReport("absolute", False, "10 position", 3, 0)]
+    board.rig.board.engine.drives = said
+    drives = board.call(GET_DRIVES, names=[board.names[6], name])
+    assert list(drives.zero) == ["absolute", ""]
+    assert list(drives.power) == ["off", ""]
+    assert list(drives.law) == ["10 position", ""]
+    assert [list(drives.lost), list(drives.late)] == [[3, -1], [0, -1]]
 
 
 def test_limits(board: InProcess) -> None:

@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pytest
 
+from control_board_ros.core.terms.drives import DriveReport
 from control_board_ros.core.terms.measurement import VALUES, SetPoints, Value
 from control_board_ros.plants import Description, DriveFault, JointDescription, Readings, SetPoint
 from control_board_ros.plants.buses import Buses
@@ -35,6 +36,7 @@ class Servos:
         self.went = self.cleared = -1
         self.voltage: np.ndarray | None = None
         self.dropped: np.ndarray | None = None
+        self.drives: list[DriveReport] | None = None
 
     def describe(self):
         return self.description
@@ -52,6 +54,7 @@ class Servos:
             position=self.position.copy(),
             voltage=self.voltage,
             dropped=self.dropped,
+            drives=self.drives,
             faults=[self.fault] * len(self.position),
         )
 
@@ -110,6 +113,18 @@ def test_dropped_frames_of_one_bus_are_kept(three) -> None:
     servos[1].dropped = np.array([4.0])
     found = until(buses, lambda found: found.dropped is not None)  # its bus may be late
     assert found.dropped.tolist() == [0.0, 0.0, 4.0, 0.0, 0.0, 0.0]
+
+
+def test_what_drives_report_is_kept_by_bus(three) -> None:
+    """A bus that has nothing new is as before; what was late by its thread counts with its own."""
+    servos, buses = three
+    servos[0].drives = [DriveReport(power=True), DriveReport()]
+    found = until(buses, lambda found: found.drives is not None)
+    assert [one.power for one in found.drives] == [True, None, None, None, None, None]
+    servos[0].drives, servos[1].drives = None, [DriveReport(law="8 CSP", late=3)]
+    found = until(buses, lambda found: found.drives and found.drives[2].law)
+    assert found.drives[0].power is True
+    assert found.drives[2].late == 3 + buses.late[1]
 
 
 def test_a_late_bus_is_not_waited_for_and_its_answer_is_used_next(three) -> None:

@@ -7,13 +7,14 @@ import json
 import math
 import struct
 from collections.abc import Generator, Iterable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 from drive_bench import LIBRARIES, PERIOD, Bench
 
-from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.core.terms.drives import DriveReport, SetPoint
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.virtual.can_bus import Frame
@@ -22,9 +23,85 @@ OFF, POSITION = SetPoint.OFF, SetPoint.POSITION
 REV = 2.0 * math.pi
 
 
+#: What drives report with power, and frames that switch the second off; None: its torque item.
+REPORTS: dict[str, tuple[str | None, str | None, Frame | None]] = {
+    "moteus": ("one turn", "10 position", (0x8002, bytes([0x01, 0x00, 0x00]))),
+    "mit_can": ("one turn", "1 MIT", (2, b"\xff" * 7 + b"\xfd")),
+    "odrive_can": ("one turn", None, (2 << 5 | 0x07, struct.pack("<I", 1))),
+    "cia402": (None, "8 CSP", (0x602, struct.pack("<BHBI", 0x2B, 0x6040, 0, 0))),
+    "dynamixel": ("one turn", "4 extended position", None),
+    "feetech": ("absolute", "0 position", None),
+}
+
+
 def bench_of(driver: str, **options: str) -> Bench:
     pytest.importorskip(LIBRARIES[driver])
     return Bench(driver, options=options)
+
+
+@pytest.fixture(params=list(REPORTS))
+def told(request: pytest.FixtureRequest) -> Iterator[tuple[str, Bench, list[DriveReport]]]:
+    """A driver with power, and what its drives reported last."""
+    driver = request.param
+    with bench_of(driver, **({"unwatched": "1"} if driver == "odrive_can" else {})) as bench:
+        reports: list[DriveReport] = []
+        tick = bench.tick
+
+        def noting(wanted: Any) -> Any:
+            found = tick(wanted)
+            reports[:] = found.drives or reports
+            return found
+
+        bench.tick = noting  # type: ignore[method-assign]
+        bench.connect()
+        bench.until(lambda _: [one.power for one in reports] == [True, True], bench.accepts[0])
+        yield driver, bench, reports
+
+
+def test_power_and_law_are_those_that_a_drive_reports(
+    told: tuple[str, Bench, list[DriveReport]],
+) -> None:
+    """S8: one is switched off behind the board's back; it was never the board's wish."""
+    driver, bench, reports = told
+    zero, law, frame = REPORTS[driver]
+    bench.follow(bench.accepts[0], 10)
+    assert [(one.zero, one.power, one.law) for one in reports] == [(zero, True, law)] * 2
+    if frame is None:
+        module = import_module(f"control_board_ros.plants.{driver}.table")
+        bench.drives[1].table.set(module.TORQUE, 0)
+    else:
+        bench.bus.step([frame])
+    bench.until(lambda _: reports[1].power is not True, bench.accepts[0], 5)
+    bench.until(lambda _: reports[1].power is False, bench.accepts[0], 100)
+    assert reports[0].power is True
+
+
+def test_lost_and_late_answers_are_counted(
+    told: tuple[str, Bench, list[DriveReport]],
+) -> None:
+    """S11: a late one is lost until it comes; on a serial bus the maker's library drops it."""
+    driver, bench, reports = told
+    kind, held = bench.accepts[0], list[Frame]()
+    bench.follow(kind, 10)
+    counts = lambda: bench.plant.answers.lost + bench.plant.answers.late  # noqa: E731
+    begin = counts()
+
+    def nothing(frames: Iterable[Frame]) -> Iterator[Frame]:
+        held.extend(frames)
+        yield from ()
+
+    bench.bus.from_drives = nothing
+    bench.follow(kind)
+    assert counts() == [begin[0] + 1, begin[1] + 1, *begin[2:]]
+    bench.arrive(held)
+    bench.follow(kind)  # the late ones; those of this exchange do not come
+    bench.bus.from_drives = iter
+    bench.follow(kind, 5)
+    late = int(REPORTS[driver][2] is not None)
+    assert counts() == [n + k for n, k in zip(begin, [2 - late] * 2 + [late] * 2, strict=True)]
+    bench.plant._says_at = 0.0  # a second passes
+    bench.follow(kind)
+    assert [one.lost for one in reports] + [one.late for one in reports] == counts()
 
 
 class Objects:

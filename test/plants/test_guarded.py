@@ -17,6 +17,7 @@ from levers import Levers, OwnClock
 from waiting import until
 
 from control_board_ros.core.board import Board
+from control_board_ros.core.terms.drives import DriveReport
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -173,6 +174,7 @@ def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench:
         (Readings(position=None), "position is None"),
         (Readings(position=np.zeros(2), torque=["a", 1]), "torque is ['a', 1]; 2 numbers"),
         (Readings(position=np.zeros(2), faults=["x"]), "faults has 1 entries; 2 or none"),
+        (Readings(position=np.zeros(2), drives=[]), "drives has 0 entries; 2 or None"),
     ],
 )
 def test_a_plant_that_returns_nonsense_is_a_fault_that_says_which(
@@ -505,6 +507,26 @@ def test_a_drive_that_leaves_a_joint_no_room_is_a_fault() -> None:
         bench.until(lambda: bool(bench.guarded.read().reasons))
         plant.trouble, plant.allowed = None, repeat(-1.0)
         bench.until(lambda: "left.limits.velocity" in str(bench.guarded.read().reasons))
+
+
+def test_what_drives_report_stays_until_they_report_again() -> None:
+    """S8, S11: of the board's joints, in its order; it counts late and lost answers itself."""
+    plant = Levers("right", "left")
+    said = [DriveReport(zero="one turn", power=True, law="8 CSP", lost=5, late=2), DriveReport()]
+    plant.answer = Readings(position=np.zeros(2), ages=np.array([0.0, 0.004]), drives=said)
+    with benched(plant) as bench:
+        get = lambda: [one.reported for one in bench.board.get_drives(["left", "right"])]  # noqa: E731
+        bench.until(lambda: get() == said[::-1])
+        plant.answer.drives = None
+        bench.until(lambda: bench.guarded.late[1] >= 3)
+        assert get() == said[::-1]
+        statuses = Diagnostics(ControlLoop(bench.board, bench.guarded), "x").joint_statuses()
+        shown = [{one.key: one.value for one in status.values} for status in statuses]
+        assert (shown[0]["late answers"], shown[0]["lost answers"]) == ("2", "5")
+        assert int(shown[1]["late answers"]) >= 3
+        assert "lost answers" not in shown[1]
+        plant.answer.drives = [said[0]._replace(power=False), said[1]]
+        bench.until(lambda: get()[1].power is False)
 
 
 def test_late_answers_are_counted_and_shown() -> None:

@@ -10,7 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from control_board_ros.plants import Clock, Description, DriveLimits, JointDescription, Readings
+from control_board_ros.plants import (
+    Clock,
+    Description,
+    DriveLimits,
+    DriveReport,
+    JointDescription,
+    Readings,
+)
 
 SPEED = 1.0  # rad/s at 100 %
 HERE = str(Path(__file__).parent)
@@ -88,9 +95,22 @@ def make(names: Sequence[str], arguments: Mapping[str, str]) -> Levers:
     return Levers(*names)
 
 
+class Telling(Levers):
+    """Its drives report power and mode, where one changed."""
+
+    _told: list[bool] | None = None
+
+    def read(self) -> Readings:
+        found = super().read()
+        if self._told != self.on:
+            self._told = self.on.copy()
+            found.drives = [DriveReport("lost", on, "1 PWM" if on else None) for on in self.on]
+        return found
+
+
 def make_narrow(names: Sequence[str], _: Mapping[str, str]) -> Levers:
-    """As ``make``, with drives that allow less than any board."""
-    return Levers(*names, limits=DriveLimits(upper=1.0, velocity=0.5, torque=3.0))
+    """As ``make``, with drives that allow less than any board, and say what they do."""
+    return Telling(*names, limits=DriveLimits(upper=1.0, velocity=0.5, torque=3.0))
 
 
 class Logged(Levers):

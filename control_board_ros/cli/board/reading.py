@@ -155,7 +155,8 @@ def read_joints(session: Session) -> Rows:
         rows[name] = row | {
             "control_modes": [mode.code for mode in control],
             "interaction_modes": [mode.code for mode in interaction],
-            "drive": drive._asdict() | {"loops": drive.loops},
+            "drive": drive._asdict()
+            | {"loops": drive.loops, "reported": drive.reported._asdict()},
             "moves": moved[k],
         }
     return rows

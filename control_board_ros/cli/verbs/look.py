@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from ...core.terms.drives import DriveReport
 from ...core.terms.joint_kind import JointKind
 from ..board.reading import (
     UNCALIBRATED,
@@ -136,6 +137,8 @@ def joints_table(board: str, rows: Rows) -> Any:
     }
     if any(row["drive"]["set_points"] != ("pwm",) for row in rows.values()):
         columns["drive: laws"] = [row["drive"]["loops"] for row in rows.values()]
+    if any(said := [str(DriveReport(**row["drive"]["reported"])) for row in rows.values()]):
+        columns["drive reports"] = said
     if any(row["moves"] and name not in row["moves"] for name, row in rows.items()):
         columns["moves"] = [" ".join(row["moves"]) for row in rows.values()]
     return grid(
@@ -143,7 +146,7 @@ def joints_table(board: str, rows: Rows) -> Any:
         names=list(rows),
         keys=2,
         right=("", "limits", "stops"),
-        fold=("modes", "drive: laws", "moves"),
+        fold=("modes", "drive: laws", "drive reports", "moves"),
         title=board,
     )
 

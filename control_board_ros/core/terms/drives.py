@@ -40,6 +40,32 @@ class OnSilence(StrEnum):
     BRAKED = "braked"  # held, by a brake or by the drive
 
 
+class DriveReport(NamedTuple):
+    """What a drive reports of itself, and what was lost on its bus; None: that is not reported.
+
+    Attributes:
+        zero: How its zero survives a restart: "absolute", "one turn", "0.1 turns", "lost".
+        power: Its motor has power.
+        law: Its mode of operation, by its maker's number and name.
+        lost: Questions for its readings that were not answered, since ``connect``; one that is
+            answered later than in its exchange counts until then.
+        late: Answers that came later than in their exchange, since ``connect``.
+    """
+
+    zero: str | None = None
+    power: bool | None = None
+    law: str | None = None
+    lost: int | None = None
+    late: int | None = None
+
+    def __str__(self) -> str:
+        power = None if self.power is None else f"power {'on' if self.power else 'off'}"
+        law, zero = self.law and f"mode {self.law}", self.zero and f"zero {self.zero}"
+        counts = [f"{count} {name}" for name, count in
+                  (("lost", self.lost), ("late", self.late)) if count]  # fmt: skip
+        return ", ".join(filter(None, (power, law, zero, *counts)))
+
+
 class DriveUse(NamedTuple):
     """The set-points of a joint's laws (S1), as codes; None where the drive has none for a law.
 
@@ -47,6 +73,7 @@ class DriveUse(NamedTuple):
         set_points: Those that its drive accepts.
         position, impedance, torque, current, output: The set-point of each law.
         on_silence: Reaction of the motor to missing commands (S5).
+        reported: What the drive says of itself.
     """
 
     set_points: tuple[str, ...]
@@ -56,11 +83,12 @@ class DriveUse(NamedTuple):
     current: str | None
     output: str | None
     on_silence: str
+    reported: DriveReport = DriveReport()
 
     @property
     def loops(self) -> str:
         """Each set-point with the laws that it carries, in one line: ``pwm: all``."""
-        laws = dict(zip(DriveUse._fields[1:-1], self[1:-1], strict=True))
+        laws = dict(zip(DriveUse._fields[1:-2], self[1:-2], strict=True))
         carried: dict[str, list[str]] = {}
         for law, code in laws.items():
             if code is not None:

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import arguments
-from .drives import SetPoint
+from .drives import DriveReport, SetPoint
 from .faults import FaultCode
 
 Array = arguments.Array
@@ -195,6 +195,7 @@ class Measurement:
     (n,); None: there is none. ``applied`` is the PWM that acted since the last reading, percent,
     shape (n,), where measured. ``motors`` has the rows of Motor, shape (MOTOR_ROWS, n),
     NaN where there is no sensor. ``lost`` are joints whose angle is not known any more (S9).
+    ``drives`` is what each drive reports of itself, shape (n,); empty: nothing new.
     """
 
     time: float
@@ -205,6 +206,7 @@ class Measurement:
     motors: Array | None = None
     elapsed: float | None = None
     lost: Sequence[int] = ()
+    drives: Sequence[DriveReport] = ()
 
 
 class Intake:

@@ -112,9 +112,16 @@ class ControlLoop:
 
     @property
     def late_answers(self) -> list[int]:
-        """Answers of each joint's drive that came too late for their exchange; or no entries."""
+        """Answers of each joint's drive that came too late for their exchange; or no entries.
+
+        Where the drives do not count them, cycles without a new reading.
+        """
         late = getattr(self._plant, "late", None)
-        return [] if late is None else late.tolist()
+        if late is None:
+            return []
+        counted = [drive.reported.late for drive in self.board.get_drives()]
+        pairs = zip(counted, late.tolist(), strict=True)
+        return [cycles if count is None else count for count, cycles in pairs]
 
     @property
     def dropped_frames(self) -> list[int]:

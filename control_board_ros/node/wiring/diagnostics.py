@@ -55,8 +55,9 @@ class Diagnostics:
     def joint_statuses(self) -> list[DiagnosticStatus]:
         snapshots = self._snapshots
         state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
-        counts = {
+        counts: dict[str, Sequence[int | None]] = {
             "late answers": self._loop.late_answers,
+            "lost answers": [drive.reported.lost for drive in self._loop.board.get_drives()],
             "dropped frames": self._loop.dropped_frames,
         }
         found = [
@@ -65,7 +66,7 @@ class Diagnostics:
                 state,
                 modes,
                 faults.records[j],
-                {name: count[j] for name, count in counts.items() if count},
+                {name: n for name, of in counts.items() if of and (n := of[j]) is not None},
             )
             for j in range(len(self._names))
         ]

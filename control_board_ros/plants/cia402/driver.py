@@ -94,6 +94,7 @@ class Cia402Drives:
             set_points=tuple(kind for kind, m in MODES.items() if m.name.lower() in names),
             on_silence=tuple(ON_SILENCE),
             torque=True,
+            laws=o.MODES,
             motor_encoders=frozenset(
                 k for k, axis in enumerate(self._axes) if float(axis.own["motor_counts"]) > 0.0
             ),

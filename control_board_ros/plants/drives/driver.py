@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -28,7 +28,8 @@ class Found:
 
     Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN; fault or None;
         limits at its output; turn (by multiples of which its position can be wrong after a
-        restart, rad at its output; 0: it is absolute; inf: it is lost; NaN: it does not say).
+        restart, rad at its output; 0: it is absolute; inf: it is lost; NaN: it does not say);
+        says_power, says_law (whether it reports them, or they are as they were told).
     """
 
     id: int
@@ -38,13 +39,25 @@ class Found:
     fault: DriveFault | None = None
     limits: DriveLimits = NONE
     turn: float = 0.0
+    says_power: bool = True
+    says_law: bool = True
 
     @property
     def zero(self) -> str:
         """How its zero survives a restart, in words."""
-        if math.isnan(self.turn):
-            return "not reported"
-        return {0.0: "absolute", ONE_TURN: "one turn"}.get(self.turn, "lost")
+        return zero_of(self.turn) or "not reported"
+
+
+def zero_of(turn: float) -> str | None:
+    """How a zero survives a restart, in words; None: it is not reported.
+
+    Args:
+        turn: See ``Found``.
+    """
+    turns = turn / ONE_TURN
+    if math.isnan(turns):
+        return None
+    return {0.0: "absolute", 1.0: "one turn", math.inf: "lost"}.get(turns, f"{turns:.3g} turns")
 
 
 class Answers:
@@ -63,11 +76,15 @@ class Answers:
         raw: Distinct answers of each in this exchange, as received.
         reported: What each drive says of itself.
         asked: Questions for the readings of each in this exchange.
+        answered: Whether it answered to them in time.
+        lost, late: Exchanges in which each did not answer so far, and those in which it did, but
+            later than it was waited for.
     """
 
     def __init__(self, axes: Sequence[Axis], clock: Callable[[], float] = time.monotonic) -> None:
         self.reported = [Reported() for _ in axes]
-        self.asked = [0] * len(axes)
+        self.asked, self.answered = [0] * len(axes), [False] * len(axes)
+        self.lost, self.late, self._pending = [0] * len(axes), [0] * len(axes), [0] * len(axes)
         self._clock, count = clock, len(axes)
         self.places = {axis.id: k for k, axis in enumerate(axes)}
         (self.position, self.velocity, self.torque, self.current, self.temperature,
@@ -76,16 +93,39 @@ class Answers:
         self.times = np.full(count, -math.inf)
         self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
 
+    def begin(self) -> None:
+        """Begin an exchange."""
+        for raw in self.raw:
+            raw.clear()
+        self.asked, self.answered = [0] * len(self.raw), [False] * len(self.raw)
+
     def came(self, drive: int, data: bytes) -> None:
+        """A drive answered with its readings."""
         self.times[drive] = self._clock()
         self.raw[drive][bytes(data)] = None
+        self.heard(drive)
+
+    def heard(self, drive: int) -> None:
+        """Count an answer: what comes before the question of this exchange is late."""
+        if self.asked[drive]:  # on a bus answers do not overtake each other
+            self.answered[drive], self._pending[drive] = True, 0
+        elif self._pending[drive]:
+            self._pending[drive] -= 1
+            self.lost[drive], self.late[drive] = self.lost[drive] - 1, self.late[drive] + 1
+
+    def miss(self, drive: int) -> None:
+        """Count a question of this exchange that was not answered in it."""
+        if not self.answered[drive]:
+            self._pending[drive] += 1
+            self.lost[drive] += 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traits:
     """What all drives of a driver have; see ``JointDescription``.
 
-    Attributes: motor_encoders (which have one beside the encoder of the position, by place).
+    Attributes: motor_encoders (which have one beside the encoder of the position, by place), laws
+        (their names, by the maker's own terms).
     """
 
     set_points: tuple[SetPoint, ...]
@@ -97,6 +137,7 @@ class Traits:
     temperature: bool = False
     voltage: bool = False
     motor_encoders: frozenset[int] = frozenset()
+    laws: Mapping[Any, str] = field(default_factory=dict)
 
 
 class Order(NamedTuple):

@@ -10,21 +10,21 @@ silence, restart, two drives with one id, and what is not confirmed within the t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.config.config import JointConfig
-from ...core.terms.drives import OnSilence, SetPoint
+from ...core.terms.drives import DriveReport, OnSilence, SetPoint
 from ...core.terms.joint_kind import JointKind
 from ...core.terms.measurement import Array, SetPoints, Value
 from ..errors import PlantSettingsError
 from ..interface import Description, DriveFault, JointDescription, Readings, Setup
 from .axes import Axes, Axis, Options
 from .clock import Clock
-from .driver import NONE, Answers, Driver, Found, Order
+from .driver import NONE, Answers, Driver, Found, Order, zero_of
 from .faults import RESTARTED, UNCONFIRMED
 from .interview import Interview, Questions
 from .reconcile import ASKING, UNHEARD, Action, Desired, done, step, unconfirmed
@@ -36,6 +36,8 @@ PACE = 5e-3
 CLASHES, FORGIVEN = 3.0, 0.3
 #: Most answers that may be pending, above what one exchange reads.
 LATEST = 100
+#: s after which drives report again what did not change.
+REPORT = 1.0
 OFF = Desired(None)
 #: Times its limit of velocity at which a joint jumps, by a turn that its drive lost.
 LEAP = 4.0
@@ -92,6 +94,9 @@ class DrivesPlant:
         #: Whose turns are to be found; whose are not certain, in words; whose zero is lost.
         self._turns_due, self._turn_faults = [False] * n, [""] * n
         self._zero_lost = np.zeros(n, dtype=np.bool_)
+        #: What the drives reported last, and when they report again, s.
+        self._said: list[tuple[Any, ...]] = []
+        self._says_at = -math.inf
 
     def describe(self) -> Description:
         """What the drives have; with type, firmware and limits of each once it is connected."""
@@ -162,14 +167,14 @@ class DrivesPlant:
 
     def _exchange(self, orders: Mapping[int, Order]) -> None:
         answers, begin = self.answers, self.clock.now()
-        for k, raw in enumerate(answers.raw):
-            raw.clear()
-            answers.asked[k] = 0
+        answers.begin()
         before = [reported.power for reported in answers.reported]
         self.driver.exchange(orders)
         for k, order in orders.items():
             self._actions[k] = order.action
-            if order.interview is not None:
+            if order.interview is None:
+                answers.miss(k)
+            else:
                 order.interview.asks = False
             reported = answers.reported[k]
             heard = answers.times[k] >= begin or bool(answers.raw[k])
@@ -278,6 +283,30 @@ class DrivesPlant:
             dropped=self._dropped(),
             faults=faults,
             lost=self._zero_lost.copy() if self._zero_lost.any() else None,
+            drives=self._reports(now),
+        )
+
+    def _reports(self, now: float) -> list[DriveReport] | None:
+        """What the drives report of themselves, where it changed, and once in REPORT."""
+        silent = [one.lost or one.unheard >= UNHEARD for one in self.answers.reported]
+        said = [(one.power, one.law, mute)
+                for one, mute in zip(self.answers.reported, silent, strict=True)]  # fmt: skip
+        if said == self._said and now < self._says_at:
+            return None
+        self._said, self._says_at = said, now + REPORT
+        return [self._report(k, *one) for k, one in enumerate(said)]
+
+    def _report(self, k: int, power: bool, law: Hashable, silent: bool) -> DriveReport:
+        found, own, names = self._found[k], self.axes[k].turn, self.driver.traits.laws
+        if found is None:
+            return DriveReport(lost=self.answers.lost[k], late=self.answers.late[k])
+        named = f"{law} {names[law]}" if law in names else f"{law}"
+        return DriveReport(
+            zero=zero_of(found.turn if own is None else own),
+            power=power if found.says_power and not silent else None,
+            law=named if found.says_law and not silent and law is not None else None,
+            lost=self.answers.lost[k],
+            late=self.answers.late[k],
         )
 
     def _dropped(self) -> Array | None:

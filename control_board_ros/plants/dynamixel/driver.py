@@ -73,6 +73,7 @@ class DynamixelDrives:
             current=self._senses,
             temperature=True,
             voltage=True,
+            laws=t.MODES,
         )
         self.line = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         self._servos = [Servo() for _ in self._axes]

@@ -24,6 +24,14 @@ READ_LENGTH = sum(item.length for item in READ)
 READ_FORMAT = "<BBBhiiHB"
 
 CURRENT_MODE, VELOCITY_MODE, POSITION_MODE, EXTENDED, PWM_MODE = 0, 1, 3, 4, 16
+MODES = {
+    CURRENT_MODE: "current",
+    VELOCITY_MODE: "velocity",
+    POSITION_MODE: "position",
+    EXTENDED: "extended position",
+    5: "current-based position",
+    PWM_MODE: "PWM",
+}
 LIBRARY = Library(
     "dynamixel_sdk", "dynamixel-sdk", "dynamixel", 2.0, (False,), 9, 2, 4, 0x7F, MODEL, TORQUE
 )

@@ -48,6 +48,7 @@ class FeetechDrives:
             current=True,
             temperature=True,
             voltage=True,
+            laws=t.MODES,
         )
         self.line = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         #: Position of each servo in counts, and its mode, as it answers.

@@ -23,6 +23,7 @@ READINGS = ((PHASE, 0x10, 0, "Phase"), (ANGULAR_RESOLUTION, 0xFF, 1, "Angular_Re
 READ = Item(MODE.address, CURRENT.address + 2 - MODE.address)
 
 POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
+MODES = {POSITION_MODE: "position", VELOCITY_MODE: "velocity", PWM_MODE: "PWM", 3: "step"}
 #: Bits of the sign; the numbers are magnitudes.
 SIGN, PWM_SIGN, HOMING_SIGN = 15, 10, 11
 LIBRARY = Library("scservo_sdk", "feetech-servo-sdk", "feetech", 0, (), 5, 1, 2, 0, MODEL, TORQUE)

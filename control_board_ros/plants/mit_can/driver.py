@@ -49,6 +49,7 @@ class MitDrives:
             resolution=2.0 * 12.5 / 2**16,
             torque=True,
             temperature=True,
+            laws={d.MIT_MODE: "MIT", p.OPERATION: "operation control"},
         )
         self.line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._motors = [self._motor(axis) for axis in self._axes]

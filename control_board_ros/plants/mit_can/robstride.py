@@ -184,7 +184,15 @@ class RobStride:
         self._faults = Faults(self.ranges)
         kind = f"RobStride {str(self._axis.own['model']).upper()}"
         fault = flagged(word, FAULTS)
-        return Found(id=number, type=kind, fault=fault, limits=limits(self.ranges), turn=ONE_TURN)
+        return Found(
+            id=number,
+            type=kind,
+            fault=fault,
+            limits=limits(self.ranges),
+            turn=ONE_TURN,
+            says_power=False,
+            says_law=False,
+        )
 
     def confirm(self, _timeout: float) -> Questions[bool]:
         """A restart is not reported; its protocol is set again before power."""
@@ -223,6 +231,8 @@ class RobStride:
         if (word := fault_word(data)) is not None:
             self._faults.word, answers.raw[k][data] = word, None
             reported.fault = self._faults.found
+            if self._action is Action.ASK:
+                answers.heard(k)
             return self._action is Action.ASK
         moved = f.readings(self.ranges, data)
         answers.position[k], answers.velocity[k], answers.torque[k] = moved

@@ -268,6 +268,7 @@ class RobStridePrivate:
                 reported.lost = True
             if self._action is Action.ASK:
                 answers.raw[k][data] = None
+                answers.heard(k)
                 return True
         elif kind == MOTION and not data.startswith(FIRMWARE):
             answers.came(k, data)

@@ -90,6 +90,7 @@ class MoteusDrives:
             torque=True,
             current=True,
             voltage=True,
+            laws=f.MODES,
         )
         self.line = CanLine(options.bus, fd=True)
 

@@ -15,6 +15,24 @@ REGISTER_MAP = 5
 #: Modes of the drive (register 0).
 STOPPED, FAULT, RUNNING, TIMEOUT = 0, 1, range(5, 11), 11
 VOLTAGE_DQ, CURRENT, POSITION = 8, 9, 10
+MODES = {
+    STOPPED: "stopped",
+    FAULT: "fault",
+    2: "enabling",
+    3: "calibrating",
+    4: "calibration complete",
+    5: "PWM",
+    6: "voltage",
+    7: "voltage FOC",
+    VOLTAGE_DQ: "voltage DQ",
+    CURRENT: "current",
+    POSITION: "position",
+    TIMEOUT: "timeout",
+    12: "zero velocity",
+    13: "stay within",
+    14: "measure inductance",
+    15: "brake",
+}
 #: Turns of the output per turn of the rotor; the encoder at the output, -1: there is none.
 ROTOR_RATIO = "motor_position.rotor_to_output_ratio"
 OUTPUT_SOURCE = "motor_position.output.reference_source"

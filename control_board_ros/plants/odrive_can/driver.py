@@ -77,6 +77,7 @@ class OdriveDrives:
             on_silence=(OnSilence.FREE,),
             rate=8e3,
             torque=True,
+            laws=f.MODES,
         )
         self.line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._drives = [Drive() for _ in self._axes]
@@ -124,6 +125,7 @@ class OdriveDrives:
             fault=flagged(struct.unpack_from("<I", beat)[0], f.ERRORS),
             limits=limits,
             turn=ONE_TURN,
+            says_law=f.LAW in drive.parameters,
         )
 
     @property

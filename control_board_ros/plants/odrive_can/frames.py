@@ -21,6 +21,12 @@ READ, WRITE = 0, 1
 PROTOCOL, FIRMWARE = 2, (0, 6)
 IDLE, CLOSED_LOOP = 1, 8
 TORQUE_CONTROL, VELOCITY_CONTROL, POSITION_CONTROL, PASSTHROUGH = 1, 2, 3, 1
+MODES = {
+    0: "voltage control",
+    TORQUE_CONTROL: "torque control",
+    VELOCITY_CONTROL: "velocity control",
+    POSITION_CONTROL: "position control",
+}
 #: Counts per rev/s and per N·m of the feed-forward of Set_Input_Pos, as delivered.
 FEED_FORWARD = 1000.0
 WATCHDOG_EXPIRED = 0x0100_0000

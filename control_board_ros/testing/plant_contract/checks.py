@@ -9,7 +9,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from ...core.terms.drives import KINDS, SetPoint
+from ...core.terms.drives import KINDS, DriveReport, SetPoint
 from ...plants.interface import (
     OF_MOTORS,
     Description,
@@ -102,7 +102,7 @@ def it_reads_numbers_of_all_joints(subject: Subject) -> None:
         expect(isinstance(found, Readings), f"exchange() gives {type(found).__name__}")
         for row in fields(Readings):
             value = getattr(found, row.name)
-            if row.name != "faults" and value is not None:
+            if row.name not in ("faults", "drives") and value is not None:
                 shape = np.shape(value)
                 expect(shape == (n,), f"{row.name} has shape {shape}; ({n},) is required")
                 known = ~np.isnan(value) if row.name in OF_MOTORS else np.ones(n, dtype=np.bool_)
@@ -117,6 +117,11 @@ def it_reads_numbers_of_all_joints(subject: Subject) -> None:
                 fault is None or isinstance(fault, str | DriveFault),
                 f"faults has {fault!r}; a text, a DriveFault, or None",
             )
+        reports = found.drives
+        expect(
+            reports is None or [type(one) for one in reports] == [DriveReport] * n,
+            f"drives has {reports}; {n} of DriveReport, or None",
+        )
         if found.ages is not None:
             expect(bool((np.asarray(found.ages) >= 0.0).all()), f"ages has {found.ages}; s from 0")
 
