@@ -19,7 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .core.selection import RequestError
+from .core.state import Reference
 from .core.terms.drives import DriveUse
+from .core.terms.measurement import Row
 from .core.terms.motors import TERMS
 from .core.terms.reply import Reply
 from .core.terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode, Vocab
@@ -29,6 +31,7 @@ from .text import unknown_word
 if TYPE_CHECKING:
     from .core.config.config import JointConfig
     from .core.group import JointGroup
+    from .core.watch.freeze_frame import FreezeFrame
 
 Fields = dict[str, Any]
 Operation = Callable[["JointGroup", Any], Fields]
@@ -41,6 +44,22 @@ KINDS = {kind.name.lower(): kind for kind in CommandKind}
 #: By look-up: decoding a vocab costs more than the rest of a response.
 CODES: dict[Vocab, str] = {
     mode: mode.code for kind in (ControlMode, InteractionMode) for mode in kind
+}
+
+#: Rows of the state block in a freeze frame.
+FRAME = {
+    "position": Row.POSITION,
+    "velocity": Row.VELOCITY,
+    "torque": Row.TORQUE,
+    "position_reference": Reference.POSITION,
+    "velocity_reference": Reference.VELOCITY,
+    "torque_reference": Reference.TORQUE,
+    "output": Reference.OUTPUT,
+    "current": Row.CURRENT,
+    "temperature": Row.TEMPERATURE,
+    "applied": Reference.APPLIED,
+    "age": Row.ENCODER_AGE,
+    "external_torque": Reference.EXTERNAL_TORQUE,
 }
 
 
@@ -156,6 +175,15 @@ def drive_fields(drives: Sequence[DriveUse]) -> Fields:
         "lost": [-1 if one.lost is None else one.lost for one in reports],
         "late": [-1 if one.late is None else one.late for one in reports],
     }
+
+
+def frame_fields(frame: FreezeFrame, torque_sensor: bool) -> Fields:
+    """The readings of a freeze frame; without a torque sensor the torque is NaN."""
+    rows = {name: frame.block[:, row] for name, row in FRAME.items()}
+    if not torque_sensor:
+        rows["torque"] = np.full(len(frame.stamps), np.nan)
+    values = {name: doubles(row) for name, row in rows.items()}
+    return {"success": True, **values, "motion_done": frame.done.tolist()}
 
 
 # -- of several steps -----------------------------------------------------------------------------

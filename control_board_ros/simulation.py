@@ -9,6 +9,7 @@ with Simulation.load("iiwa") as simulation:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Self
 
 from .core.board import Board
@@ -33,6 +34,8 @@ class Simulation:
     Attributes:
         board: The control board; with the groups of a robot's parts.
         plant: The simulated plant.
+        settings: Those that it was loaded from, with its parameters and poses; or None.
+        hooks: Called in every cycle before the tick, with the time of the reading, s.
     """
 
     def __init__(
@@ -40,7 +43,9 @@ class Simulation:
         board: BoardConfig | Board,
         simulation: SimulationConfig,
         body: Body | None = None,
+        settings: Settings | None = None,
     ) -> None:
+        self.settings, self.hooks = settings, list[Callable[[float], None]]()
         self.board = Board(board) if isinstance(board, BoardConfig) else board
         self.plant = SimulatedPlant(self.board.config, simulation, body)
         self._rate = self.board.config.control_rate
@@ -58,7 +63,7 @@ class Simulation:
         """
         overrides = {name.replace("__", "."): value for name, value in values.items()}
         loaded = load(config, overrides)
-        return cls(made_board(loaded), loaded.simulation)
+        return cls(made_board(loaded), loaded.simulation, settings=loaded)
 
     @property
     def time(self) -> float:
@@ -73,7 +78,10 @@ class Simulation:
         """
         read, tick, write = self.plant.read, self.board.tick, self.plant.write
         for _ in range(cycles):
-            write(tick(read()))
+            reading = read()
+            for hook in self.hooks:
+                hook(reading.time)
+            write(tick(reading))
 
     def run(self, seconds: float) -> None:
         """Advance simulated time, in whole control cycles."""

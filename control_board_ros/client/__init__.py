@@ -14,7 +14,8 @@
 ``await board.aio.move(…)`` is the awaitable form of each method, for asyncio and for coroutines
 of an rclpy executor. A call works from any thread, with the node spinning or not, and from
 within a callback: the client serves its own connection. A script without a node calls
-``connect("control_board")``, which brings one.
+``connect("control_board")``, which brings one; ``connect(simulation)`` is the client of a
+``Simulation`` in the same process, without ROS.
 """
 
 from .board import ControlBoardClient, connect

@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The client of one board, on a node of the user or on one of its own."""
+"""The client of one board: on a node of the user or on one of its own, or in the same process."""
 
 from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
-
-from rclpy.context import Context
-from rclpy.node import Node
+from functools import partial
+from typing import TYPE_CHECKING, Any, overload
 
 from .errors import BoardError
 from .goals import Goals
-from .link import Link
 from .modes import ModeRequests
 from .motors import BrakeRequests, MotorRequests
 from .operations import Awaitable, Blocking, gone_as_board_error
@@ -23,6 +20,9 @@ from .references import References
 from .services import Services
 from .whole_board import WholeBoard
 from .yarp_names import name_here
+
+if TYPE_CHECKING:
+    from .local_link import Simulated
 
 
 class Interfaces(
@@ -82,8 +82,9 @@ class ControlBoardClient(Blocking, Interfaces):
     ) -> None:
         if not hasattr(node, "resolve_topic_name"):
             raise TypeError(f"node must be an rclpy node, not {node!r}; connect() makes its own")
-        with gone_as_board_error():
-            services = Services(Link(node, board, find_timeout, answer_timeout))
+        self._open(over_ros(node, board, find_timeout, answer_timeout))
+
+    def _open(self, services: Services) -> None:
         inside = Interfaces(services)
         super().__init__(services, inside)
         self.aio = Aio(services, inside)
@@ -123,16 +124,51 @@ class ControlBoardClient(Blocking, Interfaces):
         return self.wait_until_found() if selector is None else selector.names
 
 
-def connect(board: str = "control_board", **options: Any) -> ControlBoardClient:
+def over_ros(node: Any, board: str, find_timeout: float, answer_timeout: float) -> Services:
+    """The services of a board over ROS; only here the client imports it."""
+    from .executor_thread import GONE
+    from .goal import RosGoal
+    from .ros_link import RosLink
+    from .state import StateView
+
+    with gone_as_board_error(GONE):
+        link = RosLink(node, board, find_timeout, answer_timeout)
+        return Services(link, StateView(link), partial(RosGoal, link))
+
+
+@overload
+def connect(board: str = "control_board", **options: Any) -> ControlBoardClient: ...
+@overload
+def connect(board: Simulated, part: str = "", **options: Any) -> ControlBoardClient: ...
+def connect(
+    board: str | Simulated = "control_board", part: str = "", **options: Any
+) -> ControlBoardClient:
     """A client with a ROS context and a node of its own, closed with it: for scripts.
 
+    Of a simulation in the same process it is a client without ROS. Simulated time then passes in
+    its calls only: a control cycle with each request and reading, and as many as a call waits for.
+
     Args:
-        board: name of the board's node, absolute or relative to ``/``.
+        board: name of the board's node, absolute or relative to ``/``; or a ``Simulation``.
+        part: of a simulated robot; empty: all its joints.
         options: ``find_timeout``, ``answer_timeout`` of :class:`ControlBoardClient`, s.
 
     Raises:
-        BoardError: ROS does not start: invalid RMW, domain or name.
+        BoardError: ROS does not start: invalid RMW, domain or name; or there is no such part.
     """
+    if isinstance(board, str):
+        return _connect_over_ros(board, **options)
+    from .local_link import services_of
+
+    client = ControlBoardClient.__new__(ControlBoardClient)
+    client._open(services_of(board, part, **options))
+    return client
+
+
+def _connect_over_ros(board: str, **options: Any) -> ControlBoardClient:
+    from rclpy.context import Context
+    from rclpy.node import Node
+
     context = Context()  # independent of the program's rclpy.init()
     try:
         context.init()
@@ -147,7 +183,7 @@ def connect(board: str = "control_board", **options: Any) -> ControlBoardClient:
     return client
 
 
-def _end(close: Callable[[], Any], node: Node, context: Context) -> None:
+def _end(close: Callable[[], Any], node: Any, context: Any) -> None:
     close()
     node.destroy_node()
     context.try_shutdown()

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One goal of an action, from request to result."""
+"""One goal of an action over ROS, from request to result."""
 
 from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, TypeVar
 from uuid import uuid4
 
@@ -13,6 +13,7 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from unique_identifier_msgs.msg import UUID
 
 from control_board_ros.core.terms.reply import Reply, accepted, refused
@@ -20,6 +21,9 @@ from control_board_ros.interface import Endpoint
 
 from .errors import BoardError
 from .executor_thread import GONE, hidden_node
+from .goals import Trajectory
+from .link import Outcome
+from .ros_link import RosLink
 from .services import Services, whole
 from .waiting import Wait
 
@@ -27,31 +31,27 @@ from .waiting import Wait
 LOOK = 1.0
 #: Feedback messages that are queued.
 FEEDBACK_KEPT = 100
-#: Success, message, codes.
-Outcome = tuple[bool, str, Sequence[str]]
 F = TypeVar("F")
 
 
-class Goal:
+class RosGoal:
     """An active goal.
 
     Args:
-        services: of the board.
-        action: the action's endpoint.
-        on_feedback: called with each feedback, in the link's thread.
-        on_result: called with the result, likewise.
-        outcome: reads a result: whether it succeeded, its message, and the codes of refusals.
+        link: the connection.
+        services: of the board; for others see :meth:`Services.goal`.
     """
 
     def __init__(
         self,
+        link: RosLink,
         services: Services,
         action: Endpoint,
-        on_feedback: Callable[[Any], None] = lambda _: None,
-        on_result: Callable[[Any], None] = lambda _: None,
-        outcome: Callable[[Any], Outcome] = lambda r: (r.success, r.message, r.codes),
+        on_feedback: Callable[[Any], None],
+        on_result: Callable[[Any], None],
+        outcome: Callable[[Any], Outcome],
     ) -> None:
-        self._link, self._thread = services.link, services.link.thread
+        self._link, self._thread = link, link.thread
         self._action, self._name = action, action.short
         self._changed = services.states.changed
         self._on_feedback, self._on_result = on_feedback, on_result
@@ -73,17 +73,7 @@ class Goal:
         *,
         to_the_end: bool = True,
     ) -> Reply:
-        """Send it and wait for the result, or for the first feedback.
-
-        An interruption cancels the goal, which stops the joints.
-
-        Args:
-            fields: of the goal message.
-            names: of the joints concerned.
-            feedback: called in the caller's thread.
-            read: makes its argument of a feedback message.
-            to_the_end: false: return at the first feedback.
-        """
+        """See :meth:`Goal.run`."""
 
         def show(message: Any) -> None:
             if feedback is not None:
@@ -119,7 +109,7 @@ class Goal:
         return whole(success, message, names, codes)
 
     async def _send(self, fields: dict[str, Any]) -> bool:
-        goal = self._action.load().Goal(**fields)
+        goal = self._action.load().Goal(**{name: as_message(v) for name, v in fields.items()})
 
         def send() -> None:
             self._sending = self._client.send_goal_async(goal, self._queue, self._id)
@@ -230,3 +220,19 @@ def cancel_over_new_context(domain: int, service: str, goal_id: Any, timeout: fl
         return bool(answer.done())
     finally:
         context.try_shutdown()
+
+
+def as_message(value: Any) -> Any:
+    """A field of a goal: the message of a trajectory; anything else as it is."""
+    if not isinstance(value, Trajectory):
+        return value
+    message = JointTrajectory(joint_names=list(value.names))
+    for k in range(value.times.size):
+        point = JointTrajectoryPoint(positions=value.positions[k].tolist())
+        if value.velocities is not None:
+            point.velocities = value.velocities[k].tolist()
+        nanoseconds = round(1e9 * float(value.times[k]))
+        point.time_from_start.sec = nanoseconds // 10**9
+        point.time_from_start.nanosec = nanoseconds % 10**9
+        message.points.append(point)
+    return message

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .errors import BoardError
-from .goal import Goal
 from .operations import Interface, operation
 from .state import seconds
 
@@ -94,7 +93,7 @@ class Goals(Interface):
         def read(sent: Any) -> MoveFeedback:
             return MoveFeedback(tuple(sent.names), np.array(sent.positions), sent.remaining_time)
 
-        return await Goal(self._services, MOVE).run(fields, selection.names, feedback, read)
+        return await self._services.goal(MOVE).run(fields, selection.names, feedback, read)
 
     @operation
     async def follow_trajectory(
@@ -119,16 +118,15 @@ class Goals(Interface):
         """
         try:
             selection = await self._services.select(joints)
-            message = trajectory(selection.names, times, positions, velocities)
+            points = trajectory(selection.names, times, positions, velocities)
         except RequestError as error:
             return refused(str(error))
 
-        goal = Goal(
-            self._services,
+        goal = self._services.goal(
             FOLLOW_JOINT_TRAJECTORY,
             outcome=lambda result: (result.error_code == 0, result.error_string, ()),
         )
-        fields = {"trajectory": message}
+        fields = {"trajectory": points}
         return await goal.run(
             fields, selection.names, feedback, lambda sent: seconds(sent.desired.time_from_start)
         )
@@ -160,8 +158,7 @@ class Goals(Interface):
         def read(sent: Any) -> CalibrationFeedback:
             return CalibrationFeedback(tuple(sent.names), np.array(sent.progress), sent.phase)
 
-        goal = Goal(
-            self._services,
+        goal = self._services.goal(
             CALIBRATE,
             view.on_feedback,
             lambda result: view.ended(names, result.success, result.message),
@@ -183,7 +180,7 @@ class Goals(Interface):
         response = await self._services.read(GET_CONTROL_MODE, joints)
         for name, code in zip(response.names, response.modes, strict=True):
             if parse_control_mode(code) not in CALIBRATES:  # the result is about to arrive
-                await link.thread.until(
+                await link.until(
                     lambda name=name: not view.status(name).running,  # type: ignore[misc]
                     link.answer_timeout,
                 )
@@ -191,28 +188,26 @@ class Goals(Interface):
         return statuses
 
 
+class Trajectory(NamedTuple):
+    """A trajectory of joints: times (s, shape (n,)), positions and velocities (shape (n, k))."""
+
+    names: tuple[str, ...]
+    times: Floats
+    positions: Floats
+    velocities: Floats | None
+
+
 def trajectory(
     names: tuple[str, ...], times: Values, positions: Values, velocities: Values | None
-) -> Any:
-    """The message of a trajectory.
+) -> Trajectory:
+    """A trajectory as arrays.
 
     Raises:
         RequestError: the shapes do not fit.
     """
-    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
     t, q = np.asarray(times, float), np.asarray(positions, float)
     dq = None if velocities is None else np.asarray(velocities, float)
     shape = (t.size, len(names))
     if t.ndim != 1 or q.shape != shape or (dq is not None and dq.shape != shape):
         raise RequestError(f"a trajectory of {t.size} times requires rows of shape {shape}")
-    message = JointTrajectory(joint_names=list(names))
-    for k in range(t.size):
-        point = JointTrajectoryPoint(positions=q[k].tolist())
-        if dq is not None:
-            point.velocities = dq[k].tolist()
-        nanoseconds = round(1e9 * float(t[k]))
-        point.time_from_start.sec = nanoseconds // 10**9
-        point.time_from_start.nanosec = nanoseconds % 10**9
-        message.points.append(point)
-    return message
+    return Trajectory(names, t, q, dq)

@@ -1,375 +1,116 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The client's connection to a board: its publishers, subscriptions and clients.
-
-The client keeps a hidden node of its own, in the context of the user's node, and serves it from
-a thread of its own. So a call works whether the user's node spins in another thread, in this
-one (from within a callback), or not at all.
-"""
+"""What a client needs of its connection to a board: over ROS, or in the same process."""
 
 from __future__ import annotations
 
-import contextlib
-import itertools
-import threading
-import time
-from collections.abc import Callable, Iterable
-from functools import partial
-from typing import Any
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import Any, Protocol
 
-from rclpy.action.client import ActionClient
-from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.duration import Duration
-from rclpy.node import Node
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.interface import Endpoint
 
-from control_board_ros.interface import (
-    EMERGENCY_STOP,
-    GET_CONTROL_MODE,
-    MODES,
-    NOT_KNOWN_YET,
-    STOP,
-    Endpoint,
-)
+from .errors import BoardNotFound, BoardTimeout
+from .state import State
 
-from .checking import check_response
-from .errors import BoardError, BoardNotFound, BoardTimeout, one_line
-from .executor_thread import GONE, ExecutorThread, hidden_node
-
-#: s from the match of a subscription until delivery to it is certain.
-MATCHING = 0.05
-#: s without an answer before the query is repeated.
-ACQUAINTED = 0.3
-#: What is sent before and without waiting for anything else (E2).
-STOPS = (EMERGENCY_STOP, STOP)
-#: s between log lines about lost messages.
-REPORT_EVERY = 5.0
-
-_numbers = itertools.count(1)
+#: Success, message and codes of a goal's result.
+Outcome = tuple[bool, str, Sequence[str]]
 
 
-class Link:
-    """Publishers, subscriptions, service and action clients, created at first use.
+class Link(Protocol):
+    """A connection to one board.
 
-    Args:
-        node: the user's node: source of context, namespace, remappings and log.
-        board: name of the board's node, relative to the node's namespace or absolute.
-        find_timeout: s to wait for a board to appear.
-        answer_timeout: s to wait for an answer.
-
-    Attributes: name (of the board's node, absolute), domain (ROS_DOMAIN_ID), thread,
-    find_timeout, answer_timeout.
+    Attributes: name (of the board, absolute), find_timeout and answer_timeout (s), gone (the
+    exceptions raised where the connection has ended).
     """
 
-    def __init__(self, node: Node, board: str, find_timeout: float, answer_timeout: float) -> None:
-        self.user = node
-        self._board = board.rstrip("/")
-        self.name = node.resolve_topic_name(self._board)
-        self.domain = node.context.get_domain_id()
-        self.find_timeout, self.answer_timeout = find_timeout, answer_timeout
-        name = f"_{node.get_name()}_board_client_{next(_numbers)}"
-        self._node = hidden_node(name, node.context, node.get_namespace())
-        self._node.destroy_publisher(self._node._parameter_event_publisher)
-        self._group = ReentrantCallbackGroup()
-        self._entities: dict[Endpoint, Any] = {}
-        self._callbacks: dict[Endpoint, Callable[..., None]] = {}  # of subscriptions
-        self._matched: dict[Any, int] = {}
-        self._acquainted: dict[Endpoint, frozenset[bytes]] = {}
-        self._unsettled = False
-        self._lock = threading.Lock()
-        self._modes_topic = self.full_name(MODES)
-        self.thread = ExecutorThread(self._node, self._report)
-        for stop in STOPS:  # discovered by the time that one is needed
-            self._client(stop)
+    name: str
+    find_timeout: float
+    answer_timeout: float
+    gone: tuple[type[Exception], ...]
 
     def close(self) -> None:
-        """End the thread and the hidden node; calls that wait raise BoardError."""
-        self.thread.close()
-        with self._lock:
-            self._node.destroy_node()
+        """End the connection; calls that wait raise BoardError."""
 
     def wake_user(self) -> None:
-        """Wake the executor of the user's node."""
-        executor = self.user.executor
-        if executor is not None:
-            with contextlib.suppress(*GONE):  # shut down: nothing to wake
-                executor.wake()
+        """Wake the executor in which a user's coroutine waits."""
 
-    def log_error(self, text: str) -> None:
-        """Log to the user's node; at most one line per REPORT_EVERY."""
-        self.user.get_logger().error(
-            f"client of {self.name}: {text}", throttle_duration_sec=REPORT_EVERY
-        )
-
-    def _report(self, error: Exception) -> None:
-        self.log_error(
-            f"a message was lost: {type(error).__name__}: {one_line(error)}; "
-            "are client and board of the same version?"
-        )
-
-    def full_name(self, endpoint: Endpoint) -> str:
-        """The absolute name of an endpoint, with the remappings of the user's node."""
-        return self.user.resolve_topic_name(endpoint.of(self._board))
-
-    def _entity(self, endpoint: Endpoint, make: Callable[[Any, str], Any]) -> Any:
-        """The entity of an endpoint, created at first use from type and full name."""
-        with self._lock:
-            if self.thread.closed:
-                raise BoardError(self.thread.closed)
-            entity = self._entities.get(endpoint)
-            if entity is None:
-                entity = make(endpoint.load(), self.full_name(endpoint))
-                self._entities[endpoint] = entity
-        return entity
-
-    def _fresh(self, endpoint: Endpoint) -> Any:
-        """QoS of a request: it lapses with the answer timeout, and a failed one is not executed
-        when the network recovers.
-        """
-        profile = endpoint.qos.profile()
-        profile.lifespan = Duration(seconds=self.answer_timeout)
-        return profile
-
-    def _client(self, service: Endpoint) -> Any:
-        """The client of a service, created at first use."""
-
-        def make(kind: Any, name: str) -> Any:
-            return self._node.create_client(
-                kind, name, qos_profile=self._fresh(service), callback_group=self._group
-            )
-
-        return self._entity(service, make)
-
-    async def stop(self, service: Endpoint, **fields: Any) -> Any:
-        """The response of a stop, which goes out before anything else, until it is answered (E2).
-
-        References published before may arrive after it: then it is repeated behind them.
-        """
-        late = self._unsettled
-        response = await self._repeat(service, fields)
-        if late:
-            with contextlib.suppress(BoardTimeout):
-                await self.settle()
-            response = await self._repeat(service, fields)
-        return response
-
-    async def _repeat(self, service: Endpoint, fields: dict[str, Any]) -> Any:
-        """The first response of a service that is called again until it answers."""
-        client = self._client(service)
-        if not await self.thread.until(client.service_is_ready, self.find_timeout):
-            raise self.not_offered(service) if self.is_there() else self.not_found()
-        deadline = time.monotonic() + self.answer_timeout
-        sent: list[Any] = []
-
-        def answered() -> list[Any]:
-            return [future for future in sent if future.done()]
-
-        while not answered() and time.monotonic() < deadline:
-            sent.append(client.call_async(client.srv_type.Request(**fields)))
-            await self.thread.until(lambda: bool(answered()), ACQUAINTED)
-        if not (responses := answered()):
-            for future in sent:
-                client.remove_pending_request(future)
-            raise self.timed_out(service)
-        # a repetition that is still on its way would stop what the caller does next
-        await self.thread.until(lambda: len(answered()) == len(sent), ACQUAINTED)
-        response = responses[0].result()
-        check_response(service, response, self.name)
-        return response
-
-    async def call(self, service: Endpoint, **fields: Any) -> Any:
-        """The response of a service; references published before are in force when it answers."""
-        if self._unsettled:
-            await self.settle()
-        client = self._client(service)
-        if not await self.thread.until(client.service_is_ready, self.find_timeout):
-            raise self.not_offered(service) if self.is_there() else self.not_found()
-        with contextlib.suppress(BoardTimeout):  # the request itself may be answered
-            await self._get_acquainted(service, min(self.find_timeout, self.answer_timeout))
-        future = client.call_async(client.srv_type.Request(**fields))
-        if not await self.thread.outcome(future, self.answer_timeout):
-            client.remove_pending_request(future)
-            raise self.timed_out(service)
-        response = future.result()
-        check_response(service, response, self.name)
-        return response
-
-    async def settle(self) -> None:
-        """Wait until the board has processed all published messages.
-
-        The board may serve a request before messages that arrived with it. The answer to one more
-        request confirms them.
-        """
-        if self._unsettled:
-            self._unsettled = False  # later messages set it again
-            settled = False
-            try:
-                await self.call(GET_CONTROL_MODE)
-                settled = True
-            finally:
-                self._unsettled |= not settled
-
-    async def publish(self, topic: Endpoint, **fields: Any) -> None:
-        """Publish on a topic once the board subscribes to it, so that the first message arrives.
-
-        Other subscribers (a recorder, a panel) do not count; the check is repeated when the number
-        of subscriptions changes.
-        """
-
-        def make(kind: Any, name: str) -> Any:
-            return self._node.create_publisher(kind, name, self._fresh(topic))
-
-        publisher = self._entity(topic, make)
-        count = publisher.get_subscription_count()
-        if not count or count != self._matched.get(publisher):
-
-            def listens() -> bool:
-                there: bool = publisher.get_subscription_count() > 0
-                return there and self._subscribes(publisher.topic_name)
-
-            if publisher not in self._matched or not listens():
-                if not await self.thread.until(listens, self.find_timeout):
-                    raise self.not_found()
-                await self.thread.wait(MATCHING)
-            self._matched[publisher] = publisher.get_subscription_count()
-        publisher.publish(publisher.msg_type(**fields))
-        self._unsettled = True
-
-    async def action(self, action: Endpoint) -> Any:
-        """The client of an action that the board serves."""
-
-        def make(kind: Any, name: str) -> Any:
-            qos = action.qos.profile()
-            return ActionClient(
-                self._node,
-                kind,
-                name,
-                callback_group=self._group,
-                goal_service_qos_profile=self._fresh(action),
-                result_service_qos_profile=qos,
-                cancel_service_qos_profile=qos,
-            )
-
-        client = self._entity(action, make)
-        if not await self.thread.until(client.server_is_ready, self.find_timeout):
-            raise self.not_found()
-        await self._get_acquainted(action, self.find_timeout)
-        await self.settle()
-        return client
-
-    async def _get_acquainted(self, endpoint: Endpoint, patience: float) -> None:
-        """Wait until this run of the board has discovered the client of a service or action.
-
-        Before that its answer is lost, and a request must not be repeated. Endpoints are
-        discovered in order of creation: an answer to one created later confirms the client. This
-        query has no effect on the board and is repeated after a lost answer.
-        """
-        if self._acquainted.get(endpoint) == self._identity():
-            return
-        name = self.full_name(GET_CONTROL_MODE)
-        made = GET_CONTROL_MODE.load()
-        with self._lock:
-            later = self._node.create_client(made, name, callback_group=self._group)
-        try:
-            deadline = time.monotonic() + patience
-            ready = await self.thread.until(later.service_is_ready, patience)
-            sent: list[Any] = []
-            answered = False
-            while ready and not answered and time.monotonic() < deadline:
-                sent.append(later.call_async(made.Request()))
-                # A late answer counts.
-                answered = await self.thread.until(
-                    lambda: any(future.done() for future in sent), ACQUAINTED
-                )
-            if not answered:
-                raise self.timed_out(endpoint, patience)
-            self._acquainted[endpoint] = self._identity()
-        finally:
-            with contextlib.suppress(BoardError, *GONE):  # otherwise destroyed with the node
-                self.thread.later(lambda: self._node.destroy_client(later))
-
-    # Discovery
+    def log_warning(self, text: str) -> None:
+        """Log to the user's program."""
 
     def is_there(self) -> bool:
-        return bool(self._node.count_publishers(self._modes_topic))
+        """Whether the board is present now."""
 
-    def _identity(self) -> frozenset[bytes]:
-        """Identifies one run of the board: the publishers of its modes."""
-        found = self._node.get_publishers_info_by_topic(self._modes_topic)
-        return frozenset(bytes(publisher.endpoint_gid) for publisher in found)
+    def not_found(self, after: float | None = None) -> BoardNotFound: ...
 
-    def _subscribes(self, topic: str) -> bool:
-        """Whether the board, the node that publishes its modes, subscribes to a topic."""
-        return bool(
-            nodes_of(self._node.get_publishers_info_by_topic(self._modes_topic))
-            & nodes_of(self._node.get_subscriptions_info_by_topic(topic))
-        )
+    def timed_out(self, endpoint: Endpoint, after: float | None = None) -> BoardTimeout: ...
 
-    def not_offered(self, service: Endpoint) -> BoardError:
-        """Error for a service that a present board does not offer."""
-        return BoardError(
-            f"{self.name} does not offer {service.short}; is it another version, or no simulation?"
-        )
+    def until(self, condition: Callable[[], bool], timeout: float | None) -> Awaitable[bool]:
+        """Wait until the condition holds; false after ``timeout`` s."""
 
-    def not_found(self, after: float | None = None) -> BoardNotFound:
-        patience = self.find_timeout if after is None else after
-        seen = [name for name in boards_on(self._node) if name != self.name]
-        what = f"no board found on domain {self.domain} after {patience:g} s"
-        if seen:
-            return BoardNotFound(f"{what} as {self.name}; boards there are: {', '.join(seen)}")
-        return BoardNotFound(
-            f"{what}; is control_board running? (looked for {self.name}; start it with: "
-            "control_board, with the same ROS_DOMAIN_ID)"
-        )
+    def call(self, service: Endpoint, **fields: Any) -> Awaitable[Any]:
+        """The response of a service; references published before are in force when it answers."""
 
-    def timed_out(self, endpoint: Endpoint, after: float | None = None) -> BoardTimeout:
-        patience = self.answer_timeout if after is None else after
-        return BoardTimeout(
-            f"no answer from {endpoint.of(self.name)} after {patience:g} s; "
-            "is the board stopped, the machine overloaded, or the network down? see its log"
-        )
+    def stop(self, service: Endpoint, **fields: Any) -> Awaitable[Any]:
+        """The response of a stop, which waits for nothing else (E2)."""
 
-    # Subscriptions
+    def check_asked(self, service: Endpoint, response: Any, count: int) -> None:
+        """Reject the response of a getter without one entry for each of ``count`` joints."""
+
+    def publish(self, topic: Endpoint, **fields: Any) -> Awaitable[None]:
+        """Send a message on a command topic of the board."""
 
     def subscribe(self, topic: Endpoint, callback: Callable[..., None]) -> None:
-        """Subscribe to a topic; the callback runs in the link's thread.
+        """Call back with each message of a topic."""
 
-        Arguments: the message and, if it accepts two, rclpy's message information.
+    def list_parameters(self) -> Awaitable[list[str]]:
+        """Names of the board's parameters."""
+
+    def get_parameters(self, names: Sequence[str]) -> Awaitable[list[Any] | None]:
+        """Values, None where unset; None in all where one is unknown."""
+
+    def set_parameters(
+        self, values: Mapping[str, Any], present: Mapping[str, Any], /
+    ) -> Awaitable[tuple[bool, str]]:
+        """Set all or none, ``present`` their values now; returns success and why not."""
+
+
+class States(Protocol):
+    """The states of a board."""
+
+    def changed(self) -> None:
+        """Invalidate states from before a request."""
+
+    def latest(self, *, fresh: bool = True) -> Awaitable[State]:
+        """The last state; a fresh one includes the effect of earlier requests."""
+
+    def following(self, timeout: float) -> Awaitable[State | None]:
+        """The state after the last one; None after ``timeout`` s."""
+
+
+class Goal(Protocol):
+    """A goal of an action."""
+
+    def run(
+        self,
+        fields: dict[str, Any],
+        names: tuple[str, ...],
+        feedback: Callable[[Any], None] | None,
+        read: Callable[[Any], Any],
+        *,
+        to_the_end: bool = True,
+    ) -> Awaitable[Reply]:
+        """Send it and wait for the result, or for the first feedback.
+
+        An interruption cancels the goal, which stops the joints.
+
+        Args:
+            fields: of the goal.
+            names: of the joints concerned.
+            feedback: called in the caller's thread.
+            read: makes its argument of a feedback message.
+            to_the_end: false: return at the first feedback.
         """
 
-        def make(kind: Any, name: str) -> Any:
-            return self._node.create_subscription(
-                kind, name, callback, topic.qos.profile(), callback_group=self._group
-            )
 
-        self._entity(topic, make)
-        self._callbacks.setdefault(topic, callback)
-
-    def renew(self) -> None:
-        """Renew every subscription, after the old ones receive nothing any more.
-
-        The old ones are destroyed in the link's thread, which may be reading from them.
-        """
-        for topic, callback in list(self._callbacks.items()):
-            with self._lock:
-                old = self._entities.pop(topic, None)
-            self.subscribe(topic, callback)
-            if old is not None:
-                self.thread.later(partial(self._node.destroy_subscription, old))
-
-
-def boards_on(node: Node) -> list[str]:
-    """Absolute names of the boards that a node has discovered, by their ~/modes topics."""
-    below = MODES.of("")
-    return sorted(
-        name.removesuffix(below)
-        for name, types in node.get_topic_names_and_types()
-        if MODES.type in types and name.endswith(below) and node.count_publishers(name)
-    )
-
-
-def nodes_of(endpoints: Iterable[Any]) -> set[tuple[str, str]]:
-    """Nodes of these endpoints, (namespace, name), where discovered."""
-    return {
-        (endpoint.node_namespace, endpoint.node_name)
-        for endpoint in endpoints
-        if endpoint.node_name != NOT_KNOWN_YET
-    }
+#: Makes a goal: services, action, on_feedback, on_result, outcome.
+GoalForm = Callable[..., Goal]

@@ -256,7 +256,7 @@ class ModeRequests(Interface):
 
     def log_deprecated(self, text: str) -> None:
         """Warn in the log of the user's node (D1)."""
-        self._link.user.get_logger().warning(text)
+        self._link.log_warning(text)
 
 
 def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:

@@ -26,9 +26,8 @@ from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reply, refused
 
 from .errors import BoardError
-from .executor_thread import GONE
 from .services import Services
-from .waiting import Wait
+from .waiting import Event
 
 R = TypeVar("R")
 P = ParamSpec("P")
@@ -66,12 +65,12 @@ class operation(Generic[P, R]):  # noqa: N801  (a decorator)
     def __init__(self, coroutine: Callable[Concatenate[Any, P], Coroutine[Any, Any, R]]) -> None:
         @wraps(coroutine)
         def blocking(self: Blocking, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            with gone_as_board_error():
+            with gone_as_board_error(self._link.gone):
                 return run(coroutine(self._inside, *args, **kwargs))
 
         @wraps(coroutine)
         async def awaitable(self: Awaitable, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            with gone_as_board_error():
+            with gone_as_board_error(self._link.gone):
                 call = coroutine(self._inside, *args, **kwargs)
                 return await run_async(call, self._link.wake_user)
 
@@ -112,18 +111,18 @@ class request(operation[P, Reply]):  # noqa: N801  (a decorator)
 
 
 @contextmanager
-def gone_as_board_error() -> Iterator[None]:
-    """Convert errors of lost connections to BoardError."""
+def gone_as_board_error(gone: tuple[type[Exception], ...]) -> Iterator[None]:
+    """Convert ``gone``, the errors of lost connections, to BoardError."""
     try:
         yield
-    except GONE as error:
+    except gone as error:
         raise BoardError(
             "the connection is gone; was rclpy shut down, the client closed, or the node "
             "destroyed? make a new client"
         ) from error
 
 
-def run(coroutine: Coroutine[Wait, None, R]) -> R:
+def run(coroutine: Coroutine[Event, None, R]) -> R:
     """The blocking form: wait in this thread."""
     try:
         wait = coroutine.send(None)
@@ -139,7 +138,7 @@ def run(coroutine: Coroutine[Wait, None, R]) -> R:
         return result
 
 
-async def run_async(coroutine: Coroutine[Wait, None, R], wake: Callable[[], None]) -> R:
+async def run_async(coroutine: Coroutine[Event, None, R], wake: Callable[[], None]) -> R:
     """The awaitable form: wait in the user's task; ``wake``: see :meth:`Wait.wait`."""
     try:
         wait = coroutine.send(None)

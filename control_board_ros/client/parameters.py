@@ -3,19 +3,15 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from rcl_interfaces.msg import Parameter
-from rclpy.parameter import Parameter as TypedParameter
-from rclpy.parameter import parameter_value_to_python
 
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.reply import Reply, refused
-from control_board_ros.interface import GET_LIMITS, service
+from control_board_ros.interface import GET_LIMITS
 from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import nearest, unknown_word
@@ -23,14 +19,6 @@ from control_board_ros.text import nearest, unknown_word
 from .operations import Interface, operation, request
 from .services import whole
 
-# Standard services of every node.
-LIST_PARAMETERS = service("~/list_parameters", "rcl_interfaces/srv/ListParameters", "Names.")
-GET_PARAMETERS = service("~/get_parameters", "rcl_interfaces/srv/GetParameters", "Values.")
-SET_PARAMETERS = service(
-    "~/set_parameters_atomically",
-    "rcl_interfaces/srv/SetParametersAtomically",
-    "All of them, or none.",
-)
 #: Fields of each controller with gains.
 CONTROLLERS = ("position", "direct", "torque", "current")
 
@@ -61,8 +49,8 @@ class ParameterRequests(Interface):
     async def list_parameters(self, prefix: str = "") -> list[str]:
         """Names of the board's parameters with this prefix."""
         await self._services.find()
-        response = await self._link.call(LIST_PARAMETERS)
-        return sorted(name for name in response.result.names if name.startswith(prefix))
+        names = await self._link.list_parameters()
+        return sorted(name for name in names if name.startswith(prefix))
 
     @operation
     async def get_parameters(self, names: Sequence[str]) -> dict[str, Any]:
@@ -72,11 +60,10 @@ class ParameterRequests(Interface):
             RequestError: the board has no parameter of a name.
         """
         await self._services.find()
-        response = await self._link.call(GET_PARAMETERS, names=list(names))
-        if len(response.values) != len(names):
+        values = await self._link.get_parameters(names)
+        if values is None:
             raise RequestError(await self._unknown_parameters(names))
-        values = zip(names, response.values, strict=True)
-        return {name: parameter_value_to_python(value) for name, value in values}
+        return dict(zip(names, values, strict=True))
 
     @request
     async def set_parameters(self, values: Mapping[str, Any]) -> Reply:
@@ -84,13 +71,9 @@ class ParameterRequests(Interface):
         if not values:
             return refused("no parameters given; send one or more")
         present = await self.get_parameters(list(values))
-        parameters = [
-            Parameter(name=name, value=typed(value, present[name]))
-            for name, value in values.items()
-        ]
-        response = await self._link.call(SET_PARAMETERS, parameters=parameters)
+        success, reason = await self._link.set_parameters(values, present)
         self._services.states.changed()
-        return whole(response.result.successful, response.result.reason, tuple(values))
+        return whole(success, reason, tuple(values))
 
     @operation
     async def get_joint_limits(self, joints: Joints = None) -> list[JointLimits]:
@@ -170,24 +153,3 @@ class ParameterRequests(Interface):
         unknown = [name for name in names if name not in known]
         hint = nearest(unknown[0], known) if unknown else ""
         return f"no parameter {', '.join(map(repr, unknown))}{hint}"
-
-
-def typed(value: Any, present: Any) -> Any:
-    """A ParameterValue; whole numbers become doubles where the parameter has such."""
-    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-    if isinstance(plain, list | tuple) and is_doubles(present):
-        plain = [typed_number(one) for one in plain]
-    if isinstance(present, float):
-        plain = typed_number(plain)
-    return TypedParameter("value", value=plain).get_parameter_value()
-
-
-def typed_number(value: Any) -> Any:
-    """A whole number as a double; anything else as it is."""
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
-def is_doubles(present: Any) -> bool:
-    """Whether the value of a parameter is an array of doubles."""
-    many = isinstance(present, Sequence | np.ndarray | array) and not isinstance(present, str)
-    return many and len(present) > 0 and all(isinstance(one, float) for one in present)

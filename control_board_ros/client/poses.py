@@ -16,7 +16,6 @@ from control_board_ros.interface import GO_TO_POSE, LIST_POSES, SAVE_POSE
 from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import clean_names
 
-from .goal import Goal
 from .operations import Interface, operation, request
 from .services import whole
 
@@ -115,7 +114,7 @@ class PoseRequests(Interface):
             return PoseFeedback(tuple(sent.names), np.array(sent.remaining))
 
         fields = {"pose": pose, "speed": 0.0 if speed is None else float(speed)}
-        return await Goal(self._services, GO_TO_POSE).run(fields, names, feedback, read)
+        return await self._services.goal(GO_TO_POSE).run(fields, names, feedback, read)
 
     @operation
     async def home(

@@ -17,10 +17,9 @@ from control_board_ros.interface import MODES, Endpoint
 from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import NAME, clean
 
-from .checking import check_asked
 from .errors import BoardError
-from .link import Link
-from .state import CalibrationView, StateView, joint_names
+from .link import Goal, GoalForm, Link, Outcome, States
+from .state import CalibrationView, joint_names
 
 Word = TypeVar("Word", bound=StrEnum)
 
@@ -33,13 +32,15 @@ class Services:
 
     Args:
         link: the connection.
+        states: of the board.
+        goal: makes a goal of an action.
 
     Attributes: link, selector (the joints of the last ~/modes message; None before the first),
     states, calibrations (as last received), description (the URDF, once requested).
     """
 
-    def __init__(self, link: Link) -> None:
-        self.link, self.states = link, StateView(link)
+    def __init__(self, link: Link, states: States, goal: GoalForm) -> None:
+        self.link, self.states, self._goal = link, states, goal
         self.selector: Selector | None = None
         self.calibrations = CalibrationView()
         self.description: deque[str] = deque(maxlen=1)
@@ -60,9 +61,7 @@ class Services:
             BoardNotFound: not within ``timeout`` s (None: the find timeout).
         """
         patience = self.link.find_timeout if timeout is None else timeout
-        found = await self.link.thread.until(
-            lambda: self.selector is not None and also(), patience
-        )
+        found = await self.link.until(lambda: self.selector is not None and also(), patience)
         if not found:
             raise self.link.not_found(patience)
         assert self.selector is not None
@@ -88,7 +87,7 @@ class Services:
         response = await self.link.call(service, names=list(selection.names), **fields)
         if not response.success:
             raise RequestError(clean(response.message, MESSAGE))
-        check_asked(service, response, len(selection.names), self.link.name)
+        self.link.check_asked(service, response, len(selection.names))
         return response
 
     async def change(
@@ -132,6 +131,23 @@ class Services:
         response = await self.link.call(service, names=list(names), **fields)
         self.states.changed()
         return reply_of(response, tuple(names) or tuple(response.names)), response
+
+    def goal(
+        self,
+        action: Endpoint,
+        on_feedback: Callable[[Any], None] = lambda _: None,
+        on_result: Callable[[Any], None] = lambda _: None,
+        outcome: Callable[[Any], Outcome] = lambda r: (r.success, r.message, r.codes),
+    ) -> Goal:
+        """A goal of an action, to be run.
+
+        Args:
+            action: the action's endpoint.
+            on_feedback: called with each feedback, in the link's thread.
+            on_result: called with the result, likewise.
+            outcome: reads a result: whether it succeeded, its message, and the codes of refusals.
+        """
+        return self._goal(self, action, on_feedback, on_result, outcome)
 
     async def stop(self, service: Endpoint, joints: Joints) -> Reply:
         """The reply of a stop of joints; it waits for nothing that names or all do not need (E2).

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from control_board_ros.protocols import Floats
 from control_board_ros.text import clean_names
 
 from .errors import InvalidAnswer
-from .link import Link
+
+if TYPE_CHECKING:
+    from .ros_link import RosLink
 
 #: s without a state before the subscriptions are renewed, repeatedly.
 SILENCE = 5.0
@@ -136,13 +138,13 @@ def seconds(stamp: Any) -> float:
 
 
 class StateView:
-    """The last state received, and whether it includes the effect of earlier requests.
+    """The last state received over ROS, and whether it includes the effect of earlier requests.
 
     Decided by reception time, not processing time: on a busy machine, older states are still
     queued when a request is answered.
     """
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: RosLink) -> None:
         self._link = link
         self._message: Any = None
         self._received = 0  # messages

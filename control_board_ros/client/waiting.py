@@ -8,6 +8,15 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Generator
+from typing import Protocol
+
+
+class Event(Protocol):
+    """What a coroutine of the client awaits; its driver blocks, or waits in the user's task."""
+
+    def block(self) -> None: ...
+
+    async def wait(self, wake: Callable[[], None], /) -> None: ...
 
 
 class Wait:

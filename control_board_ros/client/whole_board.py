@@ -132,7 +132,7 @@ class WholeBoard(Interface):
         received, link = self._services.description, self._link
         await self._services.find()
         link.subscribe(ROBOT_DESCRIPTION, lambda message: received.append(message.data))
-        if not await link.thread.until(lambda: bool(received), link.answer_timeout):
+        if not await link.until(lambda: bool(received), link.answer_timeout):
             raise link.timed_out(ROBOT_DESCRIPTION)
         return received[-1]
 

@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 from control_board_ros.client import BoardTimeout, State
 from control_board_ros.client.executor_thread import ExecutorThread
-from control_board_ros.client.link import MATCHING
+from control_board_ros.client.ros_link import MATCHING
 from control_board_ros.interface import JOINT_STATES, MODES, STATE, Endpoint
 
 from .rules import OutOfTime

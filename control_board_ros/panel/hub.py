@@ -14,7 +14,7 @@ from typing import Any
 from rclpy.node import Node
 
 from control_board_ros.client import BoardError
-from control_board_ros.client.link import boards_on
+from control_board_ros.client.ros_link import boards_on
 from control_board_ros.core.selection import RequestError
 from control_board_ros.text import clean
 

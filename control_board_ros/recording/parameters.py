@@ -10,7 +10,7 @@ from rcl_interfaces.msg import Parameter, ParameterEvent
 from rclpy.serialization import deserialize_message, serialize_message
 
 from ..client import ControlBoardClient
-from ..client.parameters import typed
+from ..client.ros_link import typed
 from .definitions import definition
 from .errors import library
 from .topics import PARAMETERS, topic_of

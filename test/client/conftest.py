@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real board per module, and clients of it."""
+"""Clients: of a simulation in this process, and of a real board per module."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import pytest
 from talk import patient
 from waiting import until
 
-from control_board_ros.client import ControlBoardClient
+from control_board_ros.client import ControlBoardClient, connect
+from control_board_ros.simulation import Simulation
 from control_board_ros.testing import BoardProcess, ros_node
 
 board, params = board_fixtures.board, board_fixtures.params
@@ -31,13 +32,34 @@ def shared(board: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
         yield client
 
 
+@pytest.fixture(scope="module")
+def local() -> Iterator[ControlBoardClient]:
+    """One client of a simulation for the module."""
+    with Simulation.load("iiwa") as simulation, connect(simulation) as client:
+        yield client
+
+
+@pytest.fixture(
+    params=["local", pytest.param("shared", marks=[pytest.mark.slow, pytest.mark.ros])]
+)
+def client(request: pytest.FixtureRequest) -> ControlBoardClient:
+    """A client in the same process, and one over ROS; its board at its initial pose, in POSITION
+    and STIFF.
+    """
+    return rested(request.getfixturevalue(request.param))
+
+
 @pytest.fixture
-def client(shared: ControlBoardClient) -> ControlBoardClient:
-    """The client, with the board at its initial pose in POSITION and STIFF."""
-    assert shared.pause(False)
-    assert shared.clear_injected_faults()
-    assert shared.reset()
+def ros_client(shared: ControlBoardClient) -> ControlBoardClient:
+    """The client over ROS, its board likewise."""
+    return rested(shared)
+
+
+def rested(client: ControlBoardClient) -> ControlBoardClient:
+    assert client.pause(False)
+    assert client.clear_injected_faults()
+    assert client.reset()
     until(  # a cycle configures it
-        lambda: all(mode.code == "pos" for mode in shared.get_control_mode()), shared.get_faults
+        lambda: all(mode.code == "pos" for mode in client.get_control_mode()), client.get_faults
     )
-    return shared
+    return client

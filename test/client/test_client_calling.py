@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,6 +16,7 @@ from waiting import GUARD
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode as M
+from control_board_ros.interface import CALIBRATE
 from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
@@ -163,3 +165,39 @@ def test_several_executors_do_not_mind(board: BoardProcess, node: Any) -> None:
         assert client.get_control_mode(0) == [M.POSITION]
         executor.remove_node(node)
         executor.shutdown()
+
+
+class Slow:
+    """Of an action client: it comes back late from sending, when the answer is there already."""
+
+    def __init__(self, handle: Any) -> None:
+        self._handle = handle
+
+    def __getattr__(self, name: str) -> Any:
+        method = getattr(self._handle, name)
+        if not name.startswith("send"):
+            return method
+
+        def send(request: Any) -> Any:
+            number = method(request)
+            time.sleep(0.05)
+            return number
+
+        return send
+
+    def __enter__(self) -> Any:
+        return self._handle.__enter__()
+
+    def __exit__(self, *error: object) -> None:
+        self._handle.__exit__(*error)
+
+
+def test_answers_that_come_at_once_are_not_lost(ros_client: ControlBoardClient) -> None:
+    """Rclpy drops an answer that it processes before it has stored the request."""
+    assert ros_client.calibrate(2)
+    action = ros_client._link._entities[CALIBRATE]
+    action._client_handle, quick = Slow(action._client_handle), action._client_handle
+    try:
+        assert ros_client.calibrate(2)
+    finally:
+        action._client_handle = quick

@@ -29,8 +29,8 @@ from control_board_ros.client import (
     InvalidAnswer,
     state,
 )
-from control_board_ros.client.link import Link
 from control_board_ros.client.operations import run
+from control_board_ros.client.ros_link import RosLink
 from control_board_ros.interface import (
     GET_CONTROL_MODE,
     MOVE,
@@ -87,15 +87,15 @@ class Board:
 
 
 @pytest.fixture
-def link() -> Iterator[Link]:
+def link() -> Iterator[RosLink]:
     """A connection to ``/board``, on a domain of its own."""
     with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
-        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
+        link = RosLink(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
         yield link
         link.close()
 
 
-def test_a_command_waits_for_the_board_itself(link: Link) -> None:
+def test_a_command_waits_for_the_board_itself(link: RosLink) -> None:
     """Not for a panel or a recorder, which subscribes to the same topic."""
     with ros_node(link.domain, "panel") as panel:
         other = Ear(panel)
@@ -112,7 +112,7 @@ def test_a_command_waits_for_the_board_itself(link: Link) -> None:
         assert other.receives(2.0, 3.0)
 
 
-def test_publications_are_delivered_when_a_later_call_is_answered(link: Link) -> None:
+def test_publications_are_delivered_when_a_later_call_is_answered(link: RosLink) -> None:
     """A call that failed settles nothing: the next one queries again."""
     with ros_node(link.domain, "board") as node:
         board, ear = Board(node), Ear(node)
@@ -130,7 +130,7 @@ def test_publications_are_delivered_when_a_later_call_is_answered(link: Link) ->
         assert board.sent == ["lost", "answered"]
 
 
-def test_a_board_that_does_not_answer_and_does_again(link: Link) -> None:
+def test_a_board_that_does_not_answer_and_does_again(link: RosLink) -> None:
     with ros_node(link.domain, "board") as node:
         board = Board(node)
         run(link.call(GET_CONTROL_MODE))
@@ -142,7 +142,7 @@ def test_a_board_that_does_not_answer_and_does_again(link: Link) -> None:
         run(link.call(GET_CONTROL_MODE))
 
 
-def test_a_request_waits_until_the_board_has_discovered_the_client(link: Link) -> None:
+def test_a_request_waits_until_the_board_has_discovered_the_client(link: RosLink) -> None:
     """It is made once, however often the way of its answer was tried before."""
     made: list[list[str]] = []
 
@@ -162,7 +162,7 @@ def test_a_request_waits_until_the_board_has_discovered_the_client(link: Link) -
 
 @pytest.mark.slow
 def test_a_goal_waits_until_the_board_has_discovered_the_client(
-    link: Link, monkeypatch: pytest.MonkeyPatch
+    link: RosLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Answers to a client that the board does not know yet go nowhere; it is asked again."""
     for _ in range(2):  # the second is the board that was restarted
@@ -178,7 +178,7 @@ def test_a_goal_waits_until_the_board_has_discovered_the_client(
 
 
 def test_new_subscriptions_receive_states_again(
-    link: Link, monkeypatch: pytest.MonkeyPatch
+    link: RosLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the old ones receive nothing any more, as after a long cut of the network."""
     monkeypatch.setattr(state, "SILENCE", 0.3)
@@ -196,7 +196,7 @@ def test_new_subscriptions_receive_states_again(
 
 
 def test_an_old_state_counts_only_if_the_board_answers(
-    link: Link, monkeypatch: pytest.MonkeyPatch
+    link: RosLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A paused board publishes none and answers; one that is out of reach does neither."""
     monkeypatch.setattr(state, "STALE", 0.2)

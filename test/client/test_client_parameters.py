@@ -16,7 +16,7 @@ from control_board_ros.core.selection import RequestError
 JOINT = "lbr_iiwa_joint_1"
 KNOWN = {name for name in dir(ControlBoardClient) if not name.startswith("_")}
 
-on_a_board = [pytest.mark.ros, pytest.mark.physics]
+on_a_board = pytest.mark.physics
 
 
 class TestOnABoard:
@@ -76,7 +76,8 @@ class TestOnABoard:
         assert "3 distances for 2 joints" in client.relative_move([0, 1], [1.0] * 3).message
 
     def test_current_and_temperature(self, client: ControlBoardClient) -> None:
-        assert abs(client.get_current(1)[0]) > 0.1  # it carries the arm
+        client.wait_for_state(lambda state: abs(state.current[1]) > 0.1)  # it carries the arm
+        assert abs(client.get_current(1)[0]) > 0.1
         temperatures = client.get_temperature()
         assert temperatures.shape == (7,)
         assert np.nanmin(temperatures) > 10.0

@@ -24,6 +24,7 @@ from control_board_ros.client.operations import (
     run,
 )
 from control_board_ros.client.references import flat
+from control_board_ros.client.ros_link import RosLink
 from control_board_ros.client.services import Services
 from control_board_ros.client.state import CalibrationView, StateView
 from control_board_ros.client.waiting import Wait
@@ -37,7 +38,7 @@ class Pair(Interface):
     """An interface with an operation that waits twice."""
 
     def __init__(self, *waits: Wait) -> None:
-        link = SimpleNamespace(wake_user=int)
+        link = SimpleNamespace(wake_user=int, gone=())
         super().__init__(cast(Services, SimpleNamespace(link=link)))
         self.waits, self.interrupted = waits, False
 
@@ -182,7 +183,7 @@ class NoLink:
 def test_states_that_waited_in_line_are_no_fresh_ones() -> None:
     """On a busy machine, states from before a request are processed after its answer."""
     link = NoLink()
-    states = StateView(cast(Link, link))
+    states = StateView(cast(RosLink, link))
     early = time.time_ns()
     states.on_message(BoardState(), {"received_timestamp": early})
     assert run(states.latest()) is not None
@@ -200,7 +201,7 @@ def test_states_that_waited_in_line_are_no_fresh_ones() -> None:
 
 def test_other_joints_on_another_board() -> None:
     """A restarted board may have other joints."""
-    services = Services(cast(Link, NoLink()))
+    services = Services(cast(Link, NoLink()), *cast(Any, (None, None)))
     assert services.selector is None
     services.on_modes(SimpleNamespace(names=["a"]))
     services.on_modes(SimpleNamespace(names=["x", "y"]))

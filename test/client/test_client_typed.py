@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.msg import ParameterType
 
-from control_board_ros.client.parameters import typed
+from control_board_ros.client.ros_link import typed
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def boards_meant(session: Session) -> list[str]:
     if not is_pattern(asked):
         return [asked]
     node = session.node
-    from control_board_ros.client.link import boards_on
+    from control_board_ros.client.ros_link import boards_on
 
     pattern = node.resolve_topic_name("x").rpartition("/")[0] + "/" + asked
     pattern = asked if asked.startswith("/") else pattern

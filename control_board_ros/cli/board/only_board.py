@@ -26,7 +26,7 @@ def only_board(node: Node, timeout: float) -> str:
         node: of cbctl.
         timeout: s to find a board.
     """
-    from control_board_ros.client.link import boards_on
+    from control_board_ros.client.ros_link import boards_on
 
     default = node.resolve_topic_name(DEFAULT)
     deadline, first = time.monotonic() + timeout, 0.0

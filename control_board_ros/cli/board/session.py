@@ -176,7 +176,7 @@ class Session:
 
     def manager(self) -> str:
         """The managed node of this board, or of its robot, beside it; empty: none."""
-        from control_board_ros.client.link import boards_on
+        from control_board_ros.client.ros_link import boards_on
 
         board = self.client.board_name
         folder = board.rpartition("/")[0]

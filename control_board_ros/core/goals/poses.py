@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +69,10 @@ class PoseTask:
     def remaining_time(self) -> float:
         """Time until the joints arrive, s."""
         return self._move.remaining_time()
+
+    def feedback(self) -> dict[str, Any]:
+        """Fields of the action's feedback: names, remaining distances (rad, m)."""
+        return {"names": list(self.names), "remaining": self.remaining()}
 
     def cancel(self) -> str:
         """Stop the joints that still do this move; the result in words."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -91,6 +91,13 @@ class CalibrationTask:
     def statuses(self) -> list[CalibrationStatus]:
         """Status of each requested joint."""
         return self._board.get_calibration(self.names)
+
+    def feedback(self) -> dict[str, Any]:
+        """Fields of the action's feedback: names, progress (0 to 1 each), phase."""
+        statuses = self.statuses()
+        phases = dict.fromkeys(status.phase for status in statuses if status.running)
+        progress = np.array([status.progress for status in statuses])
+        return {"names": list(self.names), "progress": progress, "phase": ", ".join(phases)}
 
     def cancel(self) -> str:
         """Abort what is running (K2); what the joints do now."""
@@ -243,6 +250,14 @@ class MoveTask:
     def remaining_time(self) -> float:
         """Time until the last profile ends, s."""
         return float(np.max(self._board.get_remaining_time(self.names), initial=0.0))
+
+    def feedback(self) -> dict[str, Any]:
+        """Fields of the action's feedback: names, positions (rad, m), remaining time (s)."""
+        return {
+            "names": list(self.names),
+            "positions": self._board.get_encoder(self.names),
+            "remaining_time": self.remaining_time(),
+        }
 
     def cancel(self) -> str:
         """Stop the joints that still do this move; what they do now."""

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+import numpy as np
 from control_board_msgs.action import Calibrate, GoToPose, Move
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.clock import Clock
@@ -36,6 +37,11 @@ RESULT_KEPT = 60
 
 T = TypeVar("T")
 Task = MoveTask | CalibrationTask | PoseTask
+FEEDBACK: dict[type[Task], Any] = {
+    MoveTask: Move.Feedback,
+    CalibrationTask: Calibrate.Feedback,
+    PoseTask: GoToPose.Feedback,
+}
 #: Starts a task, with the board held between two cycles.
 Begin = Callable[[JointGroup], Task]
 
@@ -53,23 +59,11 @@ def calibration(request: Any) -> Begin:
     return lambda board: CalibrationTask(board, bounded(request.names, board.count))
 
 
-def feedback_of(board: JointGroup, task: Task) -> Any:
+def feedback_of(task: Task) -> Any:
     """The present feedback message."""
-    if isinstance(task, MoveTask):
-        return Move.Feedback(
-            names=list(task.names),
-            positions=doubles(board.get_encoder(task.names)),
-            remaining_time=task.remaining_time(),
-        )
-    if isinstance(task, PoseTask):
-        return GoToPose.Feedback(names=list(task.names), remaining=doubles(task.remaining()))
-    statuses = task.statuses()
-    phases = dict.fromkeys(status.phase for status in statuses if status.running)
-    return Calibrate.Feedback(
-        names=list(task.names),
-        progress=doubles([status.progress for status in statuses]),
-        phase=", ".join(phases),
-    )
+    fields = task.feedback()
+    values = {n: doubles(v) if isinstance(v, np.ndarray) else v for n, v in fields.items()}
+    return FEEDBACK[type(task)](**values)
 
 
 @dataclass(slots=True, eq=False)
@@ -186,10 +180,10 @@ class Actions:
 
     def _attend(self, goal: Goal[Task]) -> Outcome | None:
         task = goal.task
-        with self._member.exclusive() as board:
+        with self._member.exclusive():
             cancelled = goal.handle.is_cancel_requested
             outcome = Outcome(False, task.cancel()) if cancelled else task.outcome()
-            feedback = feedback_of(board, task)
+            feedback = feedback_of(task)
         goal.handle.publish_feedback(feedback)
         if outcome is not None:
             goal.close(cancelled=cancelled, success=outcome.success)

@@ -11,12 +11,10 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from control_board_msgs.msg import JointFault, JointFaults, JointModes
 
-from ...core.state import Reference
 from ...core.terms.faults import FaultRecord
-from ...core.terms.measurement import Row
 from ...core.terms.vocabs import Vocab
 from ...core.watch.freeze_frame import FreezeFrame
-from ...operations import codes, doubles
+from ...operations import codes, frame_fields
 
 NANOSECONDS = 1_000_000_000
 #: Fields of a reply that not every response has.
@@ -74,40 +72,17 @@ def joint_fault(record: FaultRecord, raised: int) -> JointFault:
     )
 
 
-#: Rows of the state block in a freeze frame.
-FRAME = {
-    "position": Row.POSITION,
-    "velocity": Row.VELOCITY,
-    "torque": Row.TORQUE,
-    "position_reference": Reference.POSITION,
-    "velocity_reference": Reference.VELOCITY,
-    "torque_reference": Reference.TORQUE,
-    "output": Reference.OUTPUT,
-    "current": Row.CURRENT,
-    "temperature": Row.TEMPERATURE,
-    "applied": Reference.APPLIED,
-    "age": Row.ENCODER_AGE,
-    "external_torque": Reference.EXTERNAL_TORQUE,
-}
-
-
 def freeze_frame(
     response: Response, frame: FreezeFrame, record: FaultRecord, raised: int, torque_sensor: bool
 ) -> Response:
-    """The response, filled with a freeze frame; without a torque sensor the torque is NaN.
+    """The response, filled with a freeze frame.
 
     Its stamps are as far from the fault's, ``raised``, as the readings were.
     """
     since = np.rint(NANOSECONDS * (frame.stamps - record.stamp)).astype(np.int64)
     response.fault = joint_fault(record, raised)  # type: ignore[attr-defined]
     response.stamps = [stamp(raised + k) for k in since.tolist()]  # type: ignore[attr-defined]
-    for name, row in FRAME.items():
-        values = frame.block[:, row]
-        if row is Row.TORQUE and not torque_sensor:
-            values = np.full(values.shape, np.nan)
-        setattr(response, name, doubles(values))
-    response.motion_done = frame.done.tolist()  # type: ignore[attr-defined]
-    return response
+    return filled(response, frame_fields(frame, torque_sensor))
 
 
 def joint_faults(

@@ -120,7 +120,7 @@ class Services:
         if frame is None:
             raise RequestError(f"{request.name} has had no fault since the board was started")
         record, raised = faults[request.name]
-        return succeeded(freeze_frame(response, frame, record, raised, joint.torque_sensor))
+        return freeze_frame(response, frame, record, raised, joint.torque_sensor)
 
     def power_cycle(self, _request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A client of a simulation in the same process: no ROS, and time that passes in its calls."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, connect
+from control_board_ros.client.local_link import READINGS, LocalServices
+from control_board_ros.core.terms.vocabs import ControlMode as M
+from control_board_ros.interface import SERVICES, STATE
+from control_board_ros.simulation import Simulation
+
+ARM = Path(__file__).parents[1] / "support" / "arm.yaml"
+
+
+def load() -> Simulation:
+    """Three joints in POSITION, without gravity or an engine; 500 Hz."""
+    return Simulation.load(str(ARM), joint_defaults__startup_mode="pos")
+
+
+@pytest.fixture
+def simulation() -> Iterator[Simulation]:
+    with load() as simulation:
+        yield simulation
+
+
+@pytest.fixture
+def client(simulation: Simulation) -> Iterator[ControlBoardClient]:
+    with connect(simulation) as client:
+        yield client
+
+
+PROGRAM = f"""
+import sys
+from control_board_ros.client import connect
+from control_board_ros.simulation import Simulation
+with Simulation.load({str(ARM)!r}, left__startup_mode="pos") as arm, connect(arm) as board:
+    assert board.move(0, 0.2)
+loaded = {{name.partition(".")[0] for name in sys.modules}}
+print(sorted(loaded & {{"rclpy", "control_board_msgs", "rcl_interfaces", "std_msgs"}}))
+"""
+
+
+def test_no_module_of_ros_is_loaded() -> None:
+    """A program of a simulation runs where ROS is not installed."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.returncode) == ("[]\n", 0), done.stderr
+
+
+def test_every_service_is_offered() -> None:
+    """A row's operation, or a method of its own, never both."""
+    for service in SERVICES:
+        own = hasattr(LocalServices, service.short)
+        assert own == (service.operation is None), service.short
+
+
+def test_every_reading_is_in_the_state() -> None:
+    fields = STATE.load().get_fields_and_field_types()
+    assert {*READINGS, "header", "names"} == set(fields)
+
+
+def test_a_run_gives_the_same_numbers(simulation: Simulation) -> None:
+    """Time passes in calls only: nothing depends on how fast they are."""
+    ends = []
+    for _ in range(2):
+        with load() as one, connect(one) as board:
+            assert board.move(0, 0.3, 0.4)
+            ends.append((board.get_state().stamp, board.get_encoder().tolist()))
+    assert ends[0] == ends[1]
+    assert simulation.time == 0.0
+
+
+def test_time_passes_with_each_call(client: ControlBoardClient) -> None:
+    """A cycle with a request or a reading, so that a program that polls comes to an end."""
+    before = client.get_state().stamp
+    assert client.get_state().stamp == pytest.approx(before + 0.002)
+    assert client.position_move(0, 0.1, 1.0)
+    while not all(client.check_motion_done()):
+        pass
+    with pytest.raises(BoardTimeout, match=r"after 0\.2 s of simulated time"):
+        client.wait_for_state(lambda state: bool(state.position[0] > 9.0), 0.2)
+
+
+def test_a_paused_simulation_steps(client: ControlBoardClient) -> None:
+    """Nothing waits for ever: a call that would have to, says what to do."""
+    assert "pause it first" in client.step(3).message
+    assert client.pause()
+    before = client.get_state().stamp
+    assert client.step(25)
+    assert client.get_state().stamp == pytest.approx(before + 0.05)
+    with pytest.raises(BoardError, match=r"resume it with pause\(False\)"):
+        client.move(0, 0.1)
+    with pytest.raises(BoardError, match=r"resume it"):
+        client.wait_for_state(lambda _: False)
+    assert "acts with the next cycle" in client.emergency_stop().message
+    assert client.pause(False)
+    assert client.get_control_mode(0) == [M.HW_FAULT]
+
+
+def test_tasks_of_asyncio_share_the_time(client: ControlBoardClient) -> None:
+    """Two moves at once take as long as the longer one; a cancelled task stops its joint."""
+
+    async def both() -> None:
+        start = client.get_state().stamp
+        one, two = client.aio.move(0, 0.4, 0.4), client.aio.move(1, 0.2, 0.4)
+        assert all(await asyncio.gather(one, two))
+        assert client.get_state().stamp - start < 1.3
+        move = asyncio.create_task(client.aio.move(0, -1.0, 0.2))
+        while all(await client.aio.check_motion_done(0)):
+            pass
+        move.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await move
+        assert await client.aio.check_motion_done(0) == [True]
+
+    asyncio.run(both())
+
+
+def test_trajectories(client: ControlBoardClient) -> None:
+    """T1: followed to the end, interrupted, or refused with the reason."""
+    assert "mode is POSITION" in client.follow_trajectory(0, [1.0], [[0.1]]).message
+    assert client.set_control_mode(0, "posd")
+    times: list[float] = []
+    reply = client.follow_trajectory(0, [0.5, 1.0], [[0.1], [0.2]], [[0.2], [0.0]], times.append)
+    assert reply, reply.message
+    assert times == sorted(times)
+    assert client.get_encoder(0)[0] == pytest.approx(0.2, abs=0.02)
+
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        client.follow_trajectory(0, [2.0], [[1.0]], feedback=interrupt)
+    client.wait_for_state(lambda state: not state.velocity_reference[0])
+    assert client.get_encoder(0)[0] < 0.5
+
+
+def test_faults_and_their_frames(client: ControlBoardClient) -> None:
+    """F1, E1, E3: as over ROS."""
+    assert client.get_freeze_frame(0) is None
+    assert client.inject_fault(0, "overcurrent")
+    client.wait_for_state(lambda state: not state.output[0])
+    fault = client.get_faults(0)[0]
+    assert fault.active
+    frame = client.get_freeze_frame(0)
+    assert frame is not None
+    assert frame.fault.stamp == fault.stamp
+    assert frame.stamps[-1] > fault.stamp
+    assert client.clear_injected_faults()
+    assert client.recover(0)
+
+
+def test_parts_and_settings() -> None:
+    """R1: a part is a board; its joints are those of the robot."""
+    with Simulation.load("icub") as robot:
+        with connect(robot, "head", answer_timeout=9.0) as head:
+            assert head.board_name == "/head"
+            names = head.names
+            head.wait_for_state(lambda state: bool(state.calibrated.all()), 30.0)
+            assert head.set_control_mode(0, "vel").modes == (M.VELOCITY,)
+        with connect(robot) as board:
+            assert board.get_control_mode(names[0]) == [M.VELOCITY]
+        with pytest.raises(BoardError, match="'haed' unknown; did you mean 'head'"):
+            connect(robot, "haed")
+        assert robot.hooks == []
+
+
+def test_without_settings(simulation: Simulation) -> None:
+    """A simulation of a configuration has no parameters and poses, and says so."""
+    simulation.settings = None
+    with connect(simulation) as board:
+        with pytest.raises(BoardError, match=r"make it with Simulation\.load"):
+            board.list_parameters()
+        assert board.get_velocity_limits().shape == (3,)
+
+
+def test_closed(simulation: Simulation) -> None:
+    board = connect(simulation)
+    board.close()
+    with pytest.raises(BoardError, match="the client was closed"):
+        board.get_control_mode()
