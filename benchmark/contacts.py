@@ -119,7 +119,7 @@ ARMS: dict[str, dict[str, Any]] = {
 @dataclass(frozen=True, slots=True)
 class Push:
     """What a push of a joint was, N·m, when it was seen, s (None: not while it lasted), and what
-    was shown after SEEN; other joints that took it for theirs.
+    was shown after SEEN; other joints that took it for theirs; the faults that it ended in.
     """
 
     joint: str
@@ -127,6 +127,7 @@ class Push:
     seen: float | None
     shown: float
     others: int
+    fault: str = ""
 
 
 @dataclass(slots=True)
@@ -253,6 +254,24 @@ class Arm:
         refuse_faults(board)
         return External(period * np.arange(len(shown), dtype=np.float64), shown)
 
+    def stoppable(self, board: Board, j: int, way: float) -> float:
+        """The greatest push along a way, N·m, after which half the torque limit stops the joint
+        before its hard stop.
+
+        With inertia I, speed v, room r, and b = torque limit / 2I: a push of I·a over PUSHED = T
+        ends v·T + a·T²/2 + (v + a·T)²/2b further.
+        """
+        limits, inertia = self.joints[j].limits, board.engine.controller.joints[j].inertia
+        position, speed = (float(one[j]) for one in (board.state.position, board.state.velocity))
+        speed = max(way * speed, 0.0)
+        room = limits.hard_upper - position if way > 0.0 else position - limits.hard_lower
+        braking = 0.5 * limits.torque / inertia
+        square = PUSHED**2 / (2.0 * braking)
+        linear = PUSHED**2 / 2.0 + speed * PUSHED / braking
+        left = max(room - speed * PUSHED - speed**2 / (2.0 * braking), 0.0)
+        root = math.sqrt(linear**2 + 4.0 * square * left)
+        return float(inertia * (root - linear) / (2.0 * square))
+
     def pushed(
         self, simulation: Simulation, count: int, thresholds: Sequence[float]
     ) -> Iterator[Push]:
@@ -264,9 +283,10 @@ class Arm:
             j = int(random.choice(felt))
             least, most = LEAST * thresholds[j], MOST * self.joints[j].limits.torque
             size = math.exp(random.uniform(math.log(least), math.log(max(least, most))))
-            torque = size * float(random.choice([-1.0, 1.0]))
+            way = float(random.choice([-1.0, 1.0]))
             next(moves)
             simulation.run(float(random.uniform(0.0, 1.0)))
+            torque = way * max(least, min(size, self.stoppable(board, j, way)))
             before = contacts_of(board)
             plant.push(j, torque)
             seen, shown = None, math.nan
@@ -279,8 +299,14 @@ class Arm:
             others = contacts_of(board) - before
             plant.push(j, 0.0)
             simulation.run(PAUSE)
-            yield Push(self.joints[j].name, torque, seen, shown, int(others.sum() - others[j]))
-        refuse_faults(board)
+            fault = "; ".join(f"{one.name}: {one.text}" for one in faults_of(board))
+            if fault:
+                board.set_control_mode(None, ControlMode.FORCE_IDLE)
+                simulation.run(PAUSE)
+                board.set_control_mode(None, ControlMode.POSITION)
+                refuse_faults(board)
+            others[j] = 0
+            yield Push(self.joints[j].name, torque, seen, shown, int(others.sum()), fault)
 
 
 def contacts_of(board: Board) -> np.ndarray:
@@ -290,9 +316,12 @@ def contacts_of(board: Board) -> np.ndarray:
     return counts.astype(np.int64)
 
 
+def faults_of(board: Board) -> list[FaultRecord]:
+    return [fault for fault in board.get_faults() if fault.active]
+
+
 def refuse_faults(board: Board) -> None:
-    faults = [fault for fault in board.get_faults() if fault.active]
-    if faults:
+    if faults := faults_of(board):
         raise RuntimeError(f"the arm is in fault: {faults[0].name}: {faults[0].text}")
 
 
@@ -404,6 +433,7 @@ def table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
         "after (median, last)",
         "right within 10 %",
         "greatest error",
+        "ended in a fault",
         "threshold with 10 % more payload",
     ]
     lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
@@ -423,6 +453,7 @@ def table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
             f"{1e3 * median(seen):.0f} ms, {1e3 * max(seen):.0f} ms",
             f"{sum(one <= RIGHT for one in errors)} of {len(pushes)}",
             f"{100.0 * max(errors):.0f} %",
+            str(sum(bool(push.get("fault")) for push in pushes)),
             span(np.array(row["unknown"])[some] / limits[some]),
         ]
         lines.append(f"| {' | '.join(cells)} |")
