@@ -158,6 +158,14 @@ def test_the_load_is_known_after_30_ms_of_rest() -> None:
     assert one.known_load() == 7.0
 
 
+def test_the_load_on_a_wire_is_the_filtered_one() -> None:
+    """B7: torque and acceleration of one reading belong to other times."""
+    one = joint(rest_cycles=0, load=4.0, torque=10.0, motion=3.0, wire=0.01)
+    assert one.known_load() == 4.0
+    one.start(LAWS.TORQUE, False)
+    assert one.load == 4.0
+
+
 def test_torque_of_a_feedforward() -> None:
     one = joint(feeds=True, per_torque=2.0, output_offset=3.0, per_feed=5.0)
     assert one.feed_torque() == 7.5
@@ -210,6 +218,46 @@ def test_the_load_is_filtered() -> None:
         one = joint(**({"period": 0.002, "readings": 2, "torque": 10.0, "motion": 4.0} | changed))
         LAWS.weigh(one)
         assert one.load == 6.0
+
+
+def test_the_load_on_a_wire_is_weighed_between_two_readings() -> None:
+    """B7: with the mean torque of both, and not again without a new one."""
+    weighed = {"period": 0.002, "readings": 2, "motion": 4.0, "wire": 0.01}
+    one = joint(**weighed, torque=10.0, weighed_torque=6.0, load=1.0)
+    LAWS.weigh(one)
+    assert one.load == pytest.approx(1.0 + 0.2 * (8.0 - 4.0 - 1.0))
+    assert one.weighed_torque == 10.0
+    before, one.missed = one.load, 0.002
+    one.torque = 30.0
+    LAWS.weigh(one)
+    assert (one.load, one.weighed_torque) == (before, 10.0)
+    one.wire = 0.0
+    LAWS.weigh(one)
+    assert one.weighed_torque == 30.0
+
+
+def test_an_old_reading_goes_on_with_what_was_accelerated_since() -> None:
+    """B7: ∫a_ref dt over its age, of the laws that feed the reference's acceleration forward."""
+    one = joint(law=LAWS.POSITION, active=True, period=0.01)
+    for acceleration in (5.0, 2.0, 3.0):
+        one.followed_acceleration = acceleration
+        LAWS.note_feed(one)
+    for age, expected in ((0.0, 0.0), (0.01, 0.03), (0.024, 0.05), (0.03, 0.1), (9.0, 0.1)):
+        assert LAWS.fed_since(one, age) == pytest.approx(expected, abs=1e-12), age
+    for fed in ({"active": False}, {"law": LAWS.TORQUE, "settling": False}):
+        idle = joint(
+            **({"law": LAWS.POSITION, "active": True, "followed_acceleration": 5.0} | fed)
+        )
+        LAWS.note_feed(idle)
+        assert LAWS.fed_since(idle, 0.01) == 0.0
+    one.followed_acceleration = 0.0
+    for _ in range(LAWS.FED):  # the oldest are forgotten
+        LAWS.note_feed(one)
+    assert LAWS.fed_since(one, 9.0) == 0.0
+    one.followed_acceleration, one.missed = 4.0, 0.0
+    LAWS.observe(one, 1.0, 2.0, 0.01)
+    assert one.velocity == pytest.approx(2.0 + 0.04)
+    assert one.position == pytest.approx(1.0 + 0.01 * (2.0 + 0.02))
 
 
 # --- a law begins --------------------------------------------------------------------------------

@@ -25,7 +25,9 @@ def move(bench: BadWire, ways: list[float], distance: float = 0.8) -> np.ndarray
     return target
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize(
+    "wire", [w if w == "all" else pytest.param(w, marks=pytest.mark.slow) for w in WIRES]
+)
 @pytest.mark.parametrize("row", ROWS)
 def test_a_move_on_a_bad_wire(row: str, wire: str) -> None:
     """B7, P14: no fault, no reversal, no more than the speed limit, and it arrives."""
@@ -41,6 +43,26 @@ def test_a_move_on_a_bad_wire(row: str, wire: str) -> None:
     assert back <= 0.02
     assert top > 0.9  # of 0.9375: as fast as asked
     assert np.abs(bench.position - target).max() < 5e-3  # and closer, as a slower loop settles
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_changes_of_mode_on_a_bad_wire_push_no_joint(row: str) -> None:
+    """M9, B7: amid a move to another mode and soon back: no faster than before, then at rest."""
+    bench = BadWire(row, WIRES["all"])
+    bench.run(100)
+    bench.enter("pos")
+    others = [mode for mode in ("posd", "vel", "mix", "torq") if mode in offers(bench, 0)]
+    rng = random.Random(3)
+    for _ in range(8):
+        bench.board.position_move(None, rng.uniform(-1.0, 1.0), (0.4 * bench.limit).tolist())
+        bench.run(rng.randrange(900))
+        before = np.abs(bench.plant._motors.velocity / bench.limit)
+        bench.enter(rng.choice(others), settle=rng.choice([1, 3, 10, 30]))
+        bench.board.set_control_mode(None, "pos")
+        bench.run(500)
+        assert (np.abs(bench.speeds).max(axis=0) <= before + 0.03).all()
+        assert np.abs(bench.speeds[400:]).max() <= 0.02
+    assert not bench.faults
 
 
 @pytest.mark.parametrize("row", ROWS)

@@ -132,6 +132,9 @@ MOST_OUTPUT = cython.declare(cython.double, 1e3)
 #: Periods without a fresh reading, and between two cycles, from which on a joint coasts, and its
 #: reference begins anew from where the joint is (B6, B7).
 GAP = cython.declare(cython.double, 3.0)
+#: Cycles over which what the feed-forward accelerated is kept, a power of two: as far as the motion
+#: of an old reading is continued.
+FED = cython.declare(cython.int, 64)
 #: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
 WIRE_PHASE = cython.declare(cython.double, 0.2)
@@ -888,6 +891,10 @@ class Joint:
     age = cython.declare(cython.double, visibility="public")  # of the reading, s
     wire = cython.declare(cython.double, visibility="public")  # greatest age of late, s
     missed = cython.declare(cython.double, visibility="public")  # without a fresh reading, s
+    weighed_torque = cython.declare(cython.double, visibility="public")  # of the last reading
+    # ∫a_ref dt of the last FED cycles, rad/s: what the feed-forward has accelerated
+    fed = cython.declare(cython.double[::1], visibility="public")
+    fed_now = cython.declare(cython.int, visibility="public")  # the place of the last one
     blind = cython.declare(cython.bint, visibility="public")  # for more than GAP periods
     coasts = cython.declare(cython.bint, visibility="public")  # and by the board's loop
     calm = cython.declare(cython.double, visibility="public")  # bandwidth that the age leaves, 0…1
@@ -944,6 +951,7 @@ class Joint:
         self.lower, self.upper, self.entry_speed = -INFINITE, INFINITE, INFINITE
         self.stream = Stream()
         self.plan, self.stepping = memoryview(array("d", [0.0])), False
+        self.fed, self.fed_now = memoryview(array("d", [0.0] * FED)), 0
         self.smooth, self.max_jerk, self.moved_acceleration = False, 0.0, 0.0
         self.kind = AS_PWM
         self.set_current = self.set_torque = self.set_velocity = 0.0
@@ -1140,8 +1148,12 @@ class Joint:
 
     @cython.ccall
     def known_load(self) -> cython.double:
-        """The static torque: measured torque less that of the acceleration (M9), N·m."""
-        if self.rest_cycles * self.period >= REST_TIME:
+        """The static torque: measured torque less that of the acceleration (M9), N·m.
+
+        On a wire, and at rest, low-passed: torque and acceleration of one reading belong to other
+        times.
+        """
+        if self.wire > 0.0 or self.rest_cycles * self.period >= REST_TIME:
             return self.load
         return self.torque - self.motion
 
@@ -1163,7 +1175,9 @@ class Joint:
             law: OFF, POSITION, ...
             resting: whether the other joints are at rest.
         """
-        load: cython.double = self.known_load() if resting else self.torque - self.motion
+        load: cython.double = self.known_load()
+        if not resting and self.wire == 0.0:
+            load = self.torque - self.motion
         self.law = law
         self.on_limit = self.holding = self.awaited = False
         self.settling = law in (IMPEDANCE, TORQUE, CURRENT) and not (resting and self.at_rest())
@@ -1281,20 +1295,20 @@ def observe(
 ) -> cython.void:
     """The motion of now; acceleration and rest: a = Δq̇/Δt; torque: J·a without an arm model.
 
-    Δt is the time between two readings. Of an old one the motion is continued, with the
-    acceleration of the reference (B7)::
+    Δt is the time between two readings. Of an old one the motion is continued, with what the
+    reference has accelerated since (B7)::
 
-        q = q(t − age) + q̇ age + ½ a_ref age²,   q̇ = q̇(t − age) + a_ref age
+        q = q(t − age) + q̇ age + ½ Δq̇ age,   q̇ = q̇(t − age) + Δq̇,   Δq̇ = ∫a_ref dt
     """
     ahead: cython.double = 0.0
     between: cython.double = j.elapsed + j.age - age
     if not is_number(position + velocity):  # there is no reading yet
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         return
+    note_feed(j)
     if age > 0.0 or j.wire > 0.0 or j.missed > 0.0:
         heed(j, age, between)
-        if j.active and (j.law == POSITION or j.settling):
-            ahead = j.followed_acceleration * age
+        ahead = fed_since(j, age)
     if j.readings == 0:
         j.acceleration = 0.0
     elif j.missed == 0.0 and between > 0.0:
@@ -1314,6 +1328,24 @@ def observe(
             j.rest_cycles += 1
     else:
         j.rest_cycles = 0
+
+
+@cython.cfunc
+@cython.inline
+def note_feed(j: Joint) -> cython.void:
+    """Keep what the feed-forward has accelerated with the last set-point."""
+    fed: cython.double = j.fed[j.fed_now]
+    if j.active and (j.law == POSITION or j.settling):
+        fed += j.followed_acceleration * j.elapsed
+    j.fed_now = (j.fed_now + 1) & (FED - 1)
+    j.fed[j.fed_now] = fed
+
+
+@cython.cfunc
+def fed_since(j: Joint, age: cython.double) -> cython.double:
+    """What the feed-forward has accelerated over an age, rad/s."""
+    cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FED - 1.0))
+    return j.fed[j.fed_now] - j.fed[(j.fed_now - cycles) & (FED - 1)]
 
 
 @cython.cfunc
@@ -1394,8 +1426,20 @@ def cross_gap(j: Joint) -> cython.void:
 
 @cython.cfunc
 def weigh(j: Joint) -> cython.void:
-    """The load: τ − torque of the acceleration, low-passed from its first number on (M9)."""
+    """The load: τ − torque of the acceleration, low-passed from its first number on (M9).
+
+    The acceleration is that between two readings. On a wire these are some periods apart, so τ is
+    the mean of both, and no reading is weighed twice (B7).
+    """
     raw: cython.double = j.torque - j.motion
+    before: cython.double = j.weighed_torque
+    if j.wire > 0.0:
+        if j.missed > 0.0:
+            return
+        j.weighed_torque = j.torque
+        raw += 0.5 * (before - j.torque)
+    else:
+        j.weighed_torque = j.torque
     if j.readings < 2 or j.period >= LOAD_FILTER or not is_number(j.load):
         j.load = raw
     else:
