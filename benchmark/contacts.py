@@ -40,6 +40,7 @@ from report import replace_between  # noqa: E402
 
 from control_board_ros.core.board import Board  # noqa: E402
 from control_board_ros.core.config.config import JointConfig  # noqa: E402
+from control_board_ros.core.terms.faults import FaultRecord  # noqa: E402
 from control_board_ros.core.terms.measurement import ROWS as SIGNALS  # noqa: E402
 from control_board_ros.core.terms.measurement import Measurement, Row  # noqa: E402
 from control_board_ros.core.terms.vocabs import ControlMode  # noqa: E402

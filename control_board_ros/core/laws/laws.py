@@ -132,8 +132,8 @@ MOST_OUTPUT = cython.declare(cython.double, 1e3)
 #: Periods without a fresh reading, and between two cycles, from which on a joint coasts, and its
 #: reference begins anew from where the joint is (B6, B7).
 GAP = cython.declare(cython.double, 3.0)
-#: Cycles over which what the feed-forward accelerated is kept, a power of two: as far as the motion
-#: of an old reading is continued.
+#: Cycles over which what the feed-forward accelerated is kept, a power of two: as far as the
+#: motion of an old reading is continued.
 FED = cython.declare(cython.int, 64)
 #: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
