@@ -3,37 +3,17 @@
 
 The node offers these, the client uses them, and docs/interface.md is made from them; a test
 compares them, and a running node, with a golden copy (test/support/interface_table.py). Types are
-text until they are loaded, so that importing this module imports no message. A service that only
-reads or changes joints has its operation in its row, too (operations.py).
+text until they are loaded, so that importing this module imports no message. What a service does
+with a board is in operations.py.
 """
 
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from .core.terms.vocabs import CommandKind
-from .operations import (
-    Operation,
-    array_fields,
-    available_mode_fields,
-    bounded,
-    brake_words,
-    changes,
-    codes,
-    configure,
-    coupling_fields,
-    doubles,
-    drive_fields,
-    impedance_fields,
-    limit_fields,
-    mode_fields,
-    optional,
-    reads,
-    set_encoders,
-    set_motors,
-)
 
 K = CommandKind
 
@@ -94,8 +74,6 @@ class Endpoint:
         qos: of the topic; of a service's requests and responses, and of an action's services.
         meaning: in sentences.
         reference: the kind of reference that a command sets, if any.
-        operation: what a service does with the board; None where that is more than one request
-            between two cycles, and of all others.
     """
 
     kind: Literal["topic", "command", "service", "action"]
@@ -104,7 +82,6 @@ class Endpoint:
     qos: QoS
     meaning: str
     reference: CommandKind | None = None
-    operation: Operation | None = field(default=None, compare=False, repr=False)
 
     @property
     def short(self) -> str:
@@ -141,8 +118,8 @@ def command(name: str, type_: str, meaning: str, reference: K | None = None) -> 
     return Endpoint("command", name, full("msg", type_), STREAM, meaning, reference)
 
 
-def service(name: str, type_: str, meaning: str, operation: Operation | None = None) -> Endpoint:
-    return Endpoint("service", name, full("srv", type_), REQUESTS, meaning, None, operation)
+def service(name: str, type_: str, meaning: str) -> Endpoint:
+    return Endpoint("service", name, full("srv", type_), REQUESTS, meaning)
 
 
 def action(name: str, type_: str, meaning: str) -> Endpoint:
@@ -289,58 +266,31 @@ HEARTBEAT = Endpoint(
 # -- services ---------------------------------------------------------------------------------
 
 SET_CONTROL_MODE = service(
-    "~/set_control_mode",
-    "SetControlMode",
-    "Set the control modes of joints.",
-    changes(
-        lambda board, joints, request: board.set_control_mode(
-            joints, bounded(request.modes, board.count)
-        ),
-        modes=lambda _, reply: codes(reply.modes),
-    ),
+    "~/set_control_mode", "SetControlMode", "Set the control modes of joints."
 )
 GET_CONTROL_MODE = service(
-    "~/get_control_mode",
-    "GetControlMode",
-    "Read the control modes of joints.",
-    reads(lambda board, joints, _: mode_fields(board.get_control_mode(joints))),
+    "~/get_control_mode", "GetControlMode", "Read the control modes of joints."
 )
 SET_INTERACTION_MODE = service(
-    "~/set_interaction_mode",
-    "SetInteractionMode",
-    "Set the interaction modes of joints.",
-    changes(
-        lambda board, joints, request: board.set_interaction_mode(
-            joints, bounded(request.modes, board.count)
-        ),
-        modes=lambda _, reply: codes(reply.modes),
-    ),
+    "~/set_interaction_mode", "SetInteractionMode", "Set the interaction modes of joints."
 )
 GET_INTERACTION_MODE = service(
-    "~/get_interaction_mode",
-    "GetInteractionMode",
-    "Read the interaction modes of joints.",
-    reads(lambda board, joints, _: mode_fields(board.get_interaction_mode(joints))),
+    "~/get_interaction_mode", "GetInteractionMode", "Read the interaction modes of joints."
 )
 GET_AVAILABLE_MODES = service(
-    "~/get_available_modes",
-    "GetAvailableModes",
-    "Read the modes that each joint implements.",
-    reads(lambda board, joints, _: available_mode_fields(board.get_available_modes(joints))),
+    "~/get_available_modes", "GetAvailableModes", "Read the modes that each joint implements."
 )
 GET_LIMITS = service(
     "~/get_limits",
     "GetLimits",
     "Read the limits in force of joints: those of the board, or of the drive where they are "
     "narrower.",
-    reads(lambda board, joints, _: limit_fields(board.get_config(joints))),
 )
 GET_DRIVES = service(
     "~/get_drives",
     "GetDrives",
     "Read the set-points that the drives of joints accept, where each loop runs, and what the "
     "drives report: how each keeps its zero, its power and mode, answers lost and late.",
-    reads(lambda board, joints, _: drive_fields(board.get_drives(joints))),
 )
 SEND_REFERENCE = service(
     "~/send_reference",
@@ -349,80 +299,36 @@ SEND_REFERENCE = service(
     "single commands. Topics are for streams.",
 )
 SET_IMPEDANCE = service(
-    "~/set_impedance",
-    "SetImpedance",
-    "Set the virtual spring and damper of joints, at any time.",
-    changes(
-        lambda board, joints, request: board.set_impedance(
-            joints, request.stiffness, optional(request.damping)
-        )
-    ),
+    "~/set_impedance", "SetImpedance", "Set the virtual spring and damper of joints, at any time."
 )
 GET_IMPEDANCE = service(
     "~/get_impedance",
     "GetImpedance",
     "Read the virtual spring and damper of joints, and their limits.",
-    reads(impedance_fields),
 )
 SET_REFERENCE_SPEED = service(
     "~/set_reference_speed",
     "SetReferenceSpeed",
     "Set the speeds of position moves and the accelerations of velocity ramps, for commands "
     "that give none.",
-    changes(
-        lambda board, joints, request: board.set_reference_speed(
-            joints, optional(request.speeds), optional(request.accelerations)
-        )
-    ),
 )
 GET_REFERENCES = service(
-    "~/get_references",
-    "GetReferences",
-    "Read the last accepted reference of every kind.",
-    reads(
-        lambda board, joints, _: {
-            "positions": doubles(board.get_target_position(joints)),
-            "direct_positions": doubles(board.get_ref_position(joints)),
-            "velocities": doubles(board.get_target_velocity(joints)),
-            "torques": doubles(board.get_ref_torque(joints)),
-            "outputs": doubles(board.get_output(joints)),
-            "speeds": doubles(board.get_ref_speed(joints)),
-            "accelerations": doubles(board.get_ref_acceleration(joints)),
-            "direct_velocities": doubles(board.get_direct_velocity(joints)),
-            "currents": doubles(board.get_ref_current(joints)),
-            "ref_velocities": doubles(board.get_ref_velocity(joints)),
-        }
-    ),
+    "~/get_references", "GetReferences", "Read the last accepted reference of every kind."
 )
 SET_BRAKE = service(
     "~/set_brake",
     "SetBrake",
     "Set the brake modes of joints.",
-    changes(
-        lambda board, joints, request: board.set_brake(
-            joints, bounded(request.modes, board.count)
-        ),
-        modes=lambda board, reply: brake_words(
-            board.get_brake(reply.joints) if reply.joints else []
-        ),
-    ),
 )
 GET_BRAKE = service(
     "~/get_brake",
     "GetBrake",
     "Read the brake modes of joints, and whether their brakes are closed.",
-    reads(
-        lambda board, joints, _: {
-            "modes": brake_words(board.get_brake(joints)),
-            "closed": board.is_joint_braked(joints),
-        }
-    ),
 )
 GET_COUPLING = service(
     "~/get_coupling",
     "GetCoupling",
     "Read the coupling of the board's axes with the physical joints.",
-    coupling_fields,
 )
 STOP = service(
     "~/stop",
@@ -436,11 +342,6 @@ RECOVER = service(
     "~/recover",
     "Recover",
     "Clear the faults of joints and restore the modes before them, in one control cycle.",
-    changes(
-        lambda board, joints, request: board.recover(joints, partial=request.partial),
-        modes=lambda _, reply: codes(reply.modes),
-        wait=lambda _, reply: doubles(reply.waits),
-    ),
 )
 GET_FREEZE_FRAME = service(
     "~/get_freeze_frame",
@@ -466,42 +367,28 @@ GET_MOTORS = service(
     "~/get_motors",
     "GetMotors",
     "Read the state and the limits of the motors of joints and of their amplifiers.",
-    reads(lambda board, joints, _: array_fields(board.get_motors(joints))),
 )
 SET_MOTORS = service(
     "~/set_motors",
     "SetMotors",
     "Set the limits of the amplifiers of joints, within the configured ones.",
-    changes(set_motors),
 )
-GET_PIDS = service(
-    "~/get_pids",
-    "GetPids",
-    "Read the state of one control loop of joints.",
-    reads(lambda board, joints, request: array_fields(board.get_pids(request.loop, joints))),
-)
+GET_PIDS = service("~/get_pids", "GetPids", "Read the state of one control loop of joints.")
 SET_PIDS = service(
     "~/set_pids",
     "SetPids",
     "Reset one control loop of joints, or set the offset of its output.",
-    changes(
-        lambda board, joints, request: board.set_pids(
-            request.loop, joints, reset=request.reset, offsets=optional(request.offsets)
-        )
-    ),
 )
 SET_ENCODERS = service(
     "~/set_encoders",
     "SetEncoders",
     "Set the readings of the encoders of joints at their present positions.",
-    changes(set_encoders),
 )
 CONFIGURE = service(
     "~/configure",
     "std_srvs/srv/Trigger",
     "The configuration is complete: joints leave NOT_CONFIGURED. Needed only with "
     "`autoconfigure: false`.",
-    configure,
 )
 POWER_CYCLE = service("~/power_cycle", "std_srvs/srv/Trigger", "Back to power-on.")
 INJECT_FAULT = service(

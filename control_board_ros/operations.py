@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a service does with a board, in core's words, without ROS.
 
-interface.py has an operation in the row of each service that reads or changes joints; the node
-serves it on ROS. It takes the board, held between two cycles, and a request, which is any object
-with the fields of the service's type, and returns the fields of the response.
+``OPERATIONS`` has a row for each service that reads or changes joints and does no more. The node
+serves it on ROS, a client's LocalLink in the same process. An operation takes the board, held
+between two cycles, and a request, which is any object with the fields of the service's type, and
+returns the fields of the response.
 
 Raises: ValueError of an operation is a request that is wrong as a whole; it becomes the message of
 the response.
@@ -251,3 +252,90 @@ def send_reference(
     if kind == FEEDFORWARD:
         return board.reject(joints, "a feedforward does not expire; send it with valid_for 0")
     return board.reject(joints, unknown_word("kind", kind, [*KINDS, FEEDFORWARD]))
+
+
+# -- the table -----------------------------------------------------------------------------------
+
+#: By the name of the service below the board's, as in interface.py.
+OPERATIONS: dict[str, Operation] = {
+    "set_control_mode": changes(
+        lambda board, joints, request: board.set_control_mode(
+            joints, bounded(request.modes, board.count)
+        ),
+        modes=lambda _, reply: codes(reply.modes),
+    ),
+    "get_control_mode": reads(
+        lambda board, joints, _: mode_fields(board.get_control_mode(joints))
+    ),
+    "set_interaction_mode": changes(
+        lambda board, joints, request: board.set_interaction_mode(
+            joints, bounded(request.modes, board.count)
+        ),
+        modes=lambda _, reply: codes(reply.modes),
+    ),
+    "get_interaction_mode": reads(
+        lambda board, joints, _: mode_fields(board.get_interaction_mode(joints))
+    ),
+    "get_available_modes": reads(
+        lambda board, joints, _: available_mode_fields(board.get_available_modes(joints))
+    ),
+    "get_limits": reads(lambda board, joints, _: limit_fields(board.get_config(joints))),
+    "get_drives": reads(lambda board, joints, _: drive_fields(board.get_drives(joints))),
+    "set_impedance": changes(
+        lambda board, joints, request: board.set_impedance(
+            joints, request.stiffness, optional(request.damping)
+        )
+    ),
+    "get_impedance": reads(impedance_fields),
+    "set_reference_speed": changes(
+        lambda board, joints, request: board.set_reference_speed(
+            joints, optional(request.speeds), optional(request.accelerations)
+        )
+    ),
+    "get_references": reads(
+        lambda board, joints, _: {
+            "positions": doubles(board.get_target_position(joints)),
+            "direct_positions": doubles(board.get_ref_position(joints)),
+            "velocities": doubles(board.get_target_velocity(joints)),
+            "torques": doubles(board.get_ref_torque(joints)),
+            "outputs": doubles(board.get_output(joints)),
+            "speeds": doubles(board.get_ref_speed(joints)),
+            "accelerations": doubles(board.get_ref_acceleration(joints)),
+            "direct_velocities": doubles(board.get_direct_velocity(joints)),
+            "currents": doubles(board.get_ref_current(joints)),
+            "ref_velocities": doubles(board.get_ref_velocity(joints)),
+        }
+    ),
+    "set_brake": changes(
+        lambda board, joints, request: board.set_brake(
+            joints, bounded(request.modes, board.count)
+        ),
+        modes=lambda board, reply: brake_words(
+            board.get_brake(reply.joints) if reply.joints else []
+        ),
+    ),
+    "get_brake": reads(
+        lambda board, joints, _: {
+            "modes": brake_words(board.get_brake(joints)),
+            "closed": board.is_joint_braked(joints),
+        }
+    ),
+    "get_coupling": coupling_fields,
+    "recover": changes(
+        lambda board, joints, request: board.recover(joints, partial=request.partial),
+        modes=lambda _, reply: codes(reply.modes),
+        wait=lambda _, reply: doubles(reply.waits),
+    ),
+    "get_motors": reads(lambda board, joints, _: array_fields(board.get_motors(joints))),
+    "set_motors": changes(set_motors),
+    "get_pids": reads(
+        lambda board, joints, request: array_fields(board.get_pids(request.loop, joints))
+    ),
+    "set_pids": changes(
+        lambda board, joints, request: board.set_pids(
+            request.loop, joints, reset=request.reset, offsets=optional(request.offsets)
+        )
+    ),
+    "set_encoders": changes(set_encoders),
+    "configure": configure,
+}

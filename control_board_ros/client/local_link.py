@@ -40,6 +40,7 @@ from ..interface import (
     Endpoint,
 )
 from ..operations import (
+    OPERATIONS,
     Fields,
     answer,
     bounded,
@@ -199,7 +200,9 @@ class LocalLink:
 
     def _serve(self, service: Endpoint, request: Message) -> Message:
         own = getattr(self.services, service.short, None)
-        operation = own or partial(_operation_of(service), self.group)
+        if own is None and service.short not in OPERATIONS:
+            raise BoardError(f"a board in the same process does not offer {service.short}")
+        operation = own or partial(OPERATIONS[service.short], self.group)
         try:
             return Message(**{"success": True, "message": ""} | operation(request))
         except ValueError as error:
@@ -274,12 +277,6 @@ class LocalLink:
         return BoardTimeout(
             f"no answer from {endpoint.of(self.name)} after {patience:g} s of simulated time"
         )
-
-
-def _operation_of(service: Endpoint) -> Callable[[JointGroup, Any], Fields]:
-    if service.operation is None:
-        raise BoardError(f"a board in the same process does not offer {service.short}")
-    return service.operation
 
 
 class Cycle:

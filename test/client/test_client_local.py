@@ -15,6 +15,7 @@ from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClien
 from control_board_ros.client.local_link import READINGS, LocalServices
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.interface import SERVICES, STATE
+from control_board_ros.operations import OPERATIONS
 from control_board_ros.simulation import Simulation
 
 ARM = Path(__file__).parents[1] / "support" / "arm.yaml"
@@ -40,6 +41,7 @@ def client(simulation: Simulation) -> Iterator[ControlBoardClient]:
 PROGRAM = f"""
 import sys
 from control_board_ros.client import connect
+from control_board_ros.operations import OPERATIONS
 from control_board_ros.simulation import Simulation
 with Simulation.load({str(ARM)!r}, left__startup_mode="pos") as arm, connect(arm) as board:
     assert board.move(0, 0.2)
@@ -57,10 +59,11 @@ def test_no_module_of_ros_is_loaded() -> None:
 
 
 def test_every_service_is_offered() -> None:
-    """A row's operation, or a method of its own, never both."""
-    for service in SERVICES:
-        own = hasattr(LocalServices, service.short)
-        assert own == (service.operation is None), service.short
+    """By a row of operations, or by a method of its own, never both."""
+    names = {service.short for service in SERVICES}
+    assert names >= OPERATIONS.keys()
+    for name in names:
+        assert hasattr(LocalServices, name) == (name not in OPERATIONS), name
 
 
 def test_every_reading_is_in_the_state() -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The services: each calls the board between two cycles, and answers.
 
-Most of them are the operations in the rows of interface.py. The methods here are the others; each
-has the name of its service. A ValueError is a request that is wrong as a whole; it becomes the
+Most of them are the rows of operations.py. The methods here are the others; each has the name of
+its service. A ValueError is a request that is wrong as a whole; it becomes the
 response's message.
 """
 
@@ -18,8 +18,16 @@ from ...core.selection import RequestError
 from ...core.terms.measurement import Simulation
 from ...core.terms.reply import Reason, Reply
 from ...core.terms.vocabs import ControlMode, encode
-from ...interface import GET_CONTROL_MODE, SERVICES
-from ...operations import Operation, answer, bounded, doubles, optional, requested, send_reference
+from ...operations import (
+    OPERATIONS,
+    Operation,
+    answer,
+    bounded,
+    doubles,
+    optional,
+    requested,
+    send_reference,
+)
 from ..loop.loop import Member
 from .messages import filled, freeze_frame, joint_fault
 
@@ -61,8 +69,7 @@ class Services:
 
     def get_control_mode(self, request: Any, response: Any) -> Any:
         """The modes; OPENLOOP by ``pwm_name``."""
-        assert GET_CONTROL_MODE.operation is not None
-        self.serve(GET_CONTROL_MODE.operation, request, response)
+        self.serve(OPERATIONS["get_control_mode"], request, response)
         name, vocab = self._pwm
         for k, code in enumerate(response.modes):
             if code == ControlMode.OPENLOOP.code:
@@ -183,9 +190,9 @@ def serving(operation: Operation) -> Callable[[Services, Any, Any], Any]:
     return lambda services, request, response: services.serve(operation, request, response)
 
 
-for _service in SERVICES:
-    if _service.operation is not None and _service is not GET_CONTROL_MODE:
-        setattr(Services, _service.short, serving(_service.operation))
+for _name, _operation in OPERATIONS.items():
+    if not hasattr(Services, _name):
+        setattr(Services, _name, serving(_operation))
 
 
 def succeeded(response: Any) -> Any:
