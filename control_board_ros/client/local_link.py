@@ -71,9 +71,11 @@ class Simulated(Protocol):
     """
 
     board: Board
-    plant: measurement.Simulation
     settings: Any
     hooks: list[Callable[[float], None]]
+
+    @property
+    def plant(self) -> measurement.Simulation: ...
 
     def step(self, cycles: int = 1) -> None:
         """Run control cycles."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.examples import every_mode
+from control_board_ros.examples import every_mode, wave
 
 pytestmark = [pytest.mark.physics]
 
@@ -28,3 +28,11 @@ def test_every_mode_without_matplotlib(
     assert set(walked) <= modes
     assert len(set(walked)) == 8
     assert list(tmp_path.iterdir()) == []
+
+
+def test_one_program_without_ros(capsys: pytest.CaptureFixture[str]) -> None:
+    """Four moves of 0.17 rad at a mean speed of 1 rad/s, in simulated time."""
+    wave.main([])
+    word, *_, seconds, _ = capsys.readouterr().out.split()
+    assert word == "waved"
+    assert 0.68 <= float(seconds) < 1.5
