@@ -16,19 +16,21 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import PATIENCE, CanLine, Frame, budget
-from ..drives.driver import Answers, Found, Order, Traits
+from ..drives.can_drives import CanDrives
+from ..drives.can_line import PATIENCE, CanLine, Frame
+from ..drives.driver import Found, Order, Traits
 from ..drives.faults import WATCHDOG
-from ..drives.interview import Interview, Question, Questions, find
+from ..drives.interview import Question, Questions, converse, find
 from ..drives.plant import maker
 from ..drives.reconcile import Action
 from ..errors import PlantSettingsError
-from ..interface import DriveFault, Setup
+from ..interface import DriveFault
 from . import objects as o
 from .identity import REV, UNKNOWN, Scale, found_of, limits_of, scale_of
 from .sdo import Sdo, device_type
@@ -80,13 +82,13 @@ class Drive:
     idle: bool = True
 
 
-class Cia402Drives:
+class Cia402Drives(CanDrives):
     """The drives of one bus; see ``drives.driver.Driver``."""
 
-    live, power_lost = True, LOST
+    power_lost = LOST
 
     def __init__(self, options: Options) -> None:
-        self._options, self._axes = options, options.axes
+        super().__init__(options)
         names = str(options.own["modes"]).replace(",", " ").split()
         if not names or not set(names) <= {mode.name.lower() for mode in Mode}:
             raise PlantSettingsError(f"modes={options.own['modes']}: some of csp csv cst")
@@ -99,13 +101,7 @@ class Cia402Drives:
                 k for k, axis in enumerate(self._axes) if float(axis.own["motor_counts"]) > 0.0
             ),
         )
-        self.line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._drives = [Drive() for _ in self._axes]
-        self._orders: Mapping[int, Order] = {}
-
-    def open(self, setup: Setup, answers: Answers) -> None:
-        self.line.open()
-        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
     def law(self, k: int, kind: SetPoint) -> Mode:
         del k
@@ -187,14 +183,6 @@ class Cia402Drives:
         sdo = Sdo(self._axes[k].id)
         watch = yield from sdo.maybe(o.CONSUMER_HEARTBEAT, 1, "<I")
         return watch == self._watch or bool(self._options.own["unwatched"])
-
-    def set_law(self, k: int, law: int) -> Questions[int]:
-        """Never asked: a mode comes with its targets."""
-        raise NotImplementedError
-
-    def exchange(self, orders: Mapping[int, Order]) -> None:
-        self._orders = orders
-        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
 
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         if orders:
@@ -315,17 +303,11 @@ def scan(bus: str) -> list[Found]:
 
 def identified(line: CanLine, drive: int) -> Found:
     """The identification of a drive on a line that nobody else uses."""
-    interview = Interview(found_of(Sdo(drive), drive), line.clock.now())
 
-    def take(message: Any) -> int | None:
-        if message.arbitration_id != o.SDO_ANSWER | drive:
-            return None
-        return drive if interview.hear(bytes(message.data)) else None
+    def said(message: Any) -> tuple[bytes] | None:
+        return (bytes(message.data),) if message.arbitration_id == o.SDO_ANSWER | drive else None
 
-    while not interview.advance(line.clock.now()):
-        line.exchange(interview.question.request, take, [drive], PATIENCE / 5)
-    assert interview.result is not None
-    return interview.result
+    return converse(found_of(Sdo(drive), drive), partial(line.ask, said=said))
 
 
 make = maker(

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Self
 
 from ..errors import PlantSettingsError
 from .can_frame import message
 from .clock import Clock
+from .interview import Question
 from .remedies import bus_error
 
 #: Most frames that an exchange reads for each that it waits for: a flood does not block it.
@@ -183,13 +184,39 @@ class CanLine:
 
     def collect(self, seconds: float) -> list[Any]:
         """All frames that arrive within a time, s."""
-        found = []
+        return list(self._arriving(seconds))
+
+    def _arriving(self, seconds: float) -> Iterator[Any]:
         end = self.clock.now() + seconds
         while (left := end - self.clock.now()) > 0.0:
             received = self._receive(left)
             if received is not None and not received.is_error_frame:
-                found.append(received)
-        return found
+                yield received
+
+    def ask(
+        self,
+        question: Question,
+        said: Callable[[Any], tuple[Any, ...] | None] = lambda frame: (frame,),
+        seconds: float = 0.2 * PATIENCE,
+    ) -> list[Any]:
+        """The answers to a question, on a line that nobody else uses.
+
+        Args:
+            question: Where one answer is enough, no more are waited for.
+            said: What a frame says, as the question picks it; None: it is of another drive.
+            seconds: Timeout.
+        """
+        self.drain(lambda _: None)  # what is late answers another question
+        for frame in question.request:
+            self.send(*frame)
+        answers = []
+        for received in self._arriving(seconds):
+            words = said(received)
+            if words is not None and (found := question.pick(*words)) is not None:
+                answers.append(found)
+                if not question.several:
+                    break
+        return answers
 
     def close(self, last: Iterable[tuple[int, bytes]] = ()) -> None:
         """Leave the bus; safe to call twice, and where it is not open.

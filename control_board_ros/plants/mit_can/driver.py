@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.axes import Axis, Options
-from ..drives.can_line import PATIENCE, CanLine, Frame, budget
+from ..drives.can_drives import CanDrives
+from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
-from ..drives.faults import RESTARTED, coded, flagged
+from ..drives.faults import coded, flagged
 from ..drives.interview import Question, Questions, converse
 from ..drives.plant import maker
 from ..drives.set_id import check, verify
@@ -36,13 +36,11 @@ BATCH = 8
 Motor = d.Damiao | r.RobStride | p.RobStridePrivate
 
 
-class MitDrives:
+class MitDrives(CanDrives):
     """The motors of one bus; see ``drives.driver.Driver``."""
 
-    live, power_lost = True, RESTARTED
-
     def __init__(self, options: Options) -> None:
-        self._options, self._axes = options, options.axes
+        super().__init__(options)
         self.traits = Traits(
             set_points=(SetPoint.IMPEDANCE, SetPoint.TORQUE),
             on_silence=(OnSilence.FREE,),
@@ -51,10 +49,8 @@ class MitDrives:
             temperature=True,
             laws={d.MIT_MODE: "MIT", p.OPERATION: "operation control"},
         )
-        self.line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._motors = [self._motor(axis) for axis in self._axes]
         self._turn = 0  # of RobStride's: whose faults are requested
-        self._orders: Mapping[int, Order] = {}
 
     def _motor(self, axis: Axis) -> Motor:
         """A motor, as far as it is known before it answers.
@@ -80,8 +76,7 @@ class MitDrives:
         return motor
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self.line.open()
-        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
+        super().open(setup, answers)
         self._check_gains()
 
     def law(self, k: int, kind: SetPoint) -> int | str:
@@ -93,10 +88,6 @@ class MitDrives:
 
     def confirm(self, k: int) -> Questions[bool]:
         return self._motors[k].confirm(self._setup.timeout)
-
-    def set_law(self, k: int, law: int) -> Questions[int]:
-        """Never asked: there is one law."""
-        raise NotImplementedError
 
     def _check_gains(self) -> None:
         """Positions are followed by k and d of the board's own gains: they must fit the frame.
@@ -122,10 +113,6 @@ class MitDrives:
                 f"{axis.ratio:g}; lower them, or give gears: plant_arguments "
                 f"[{option}={math.ceil(10.0 * ratio) / 10.0}]"
             )
-
-    def exchange(self, orders: Mapping[int, Order]) -> None:
-        self._orders = orders
-        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
 
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         for k, order in orders.items():
@@ -160,18 +147,18 @@ def scan(bus: str) -> list[Found]:
     found = []
     with CanLine(bus) as line:
         for drive in d.IDS:
-            for _ in range(len(asked(line, d.reading(drive, d.MST_ID)))):
+            for _ in line.ask(d.reading(drive, d.MST_ID, several=True)):
                 line.send(d.REGISTERS, d.refresh(drive))
                 states = [m.data[0] >> 4 for m in line.collect(PATIENCE / 10) if len(m.data) == 8]
                 faults = [coded(state, d.FAULTS) for state in states if state in d.FAULTS]
-                version = asked(line, d.reading(drive, d.SW_VER))
+                version = line.ask(d.reading(drive, d.SW_VER))
                 one = Found(
                     id=drive, type="Damiao", fault=faults[0] if faults else None, turn=ONE_TURN
                 )
                 found.append(replace(one, firmware=f"{int(version[0])}" if version else ""))
         for drive, _ in answering(line, p.identity, {one.id for one in found}):
             volts, word = (
-                [*asked(line, p.reading(drive, index)), math.nan][0]
+                [*line.ask(p.reading(drive, index)), math.nan][0]
                 for index in (p.VOLTAGE, p.FAULTS)
             )
             fault = flagged(0 if math.isnan(word) else int(word), r.FAULTS)
@@ -187,7 +174,7 @@ def answering(
     line: CanLine, question: Callable[[int], Question], known: Container[int]
 ) -> Iterator[tuple[int, Any]]:
     """Who answers a question, and what; without known drives, to whom it would be a command."""
-    drives, came = [drive for drive in IDS if drive not in known], []
+    drives, came = [drive for drive in IDS if drive not in known], list[Any]()
     for first in range(0, len(drives), BATCH):
         for drive in drives[first : first + BATCH]:
             line.send(*question(drive).request[0])
@@ -212,34 +199,26 @@ def set_id(bus: str, old: int, new: int) -> None:
         (kind,) = kinds(line, old)[:1] or [""]
         check(old, new, d.IDS if kind == f.DAMIAO else IDS, heard)
         if kind == f.DAMIAO:
-            converse(d.change_id(old, new), partial(asked, line))
+            converse(d.change_id(old, new), line.ask)
         elif kind == PRIVATE:
-            asked(line, p.motion(old, p.frame(p.STOP, old)))
+            line.ask(p.motion(old, p.frame(p.STOP, old)))
             line.send(*p.frame(p.SET_ID, old, between=new << 8 | r.MASTER))
-            asked(line, p.motion(new, p.frame(p.STORE, new, p.SECRET + bytes([7, 8]))))
+            line.ask(p.motion(new, p.frame(p.STORE, new, p.SECRET + bytes([7, 8]))))
         else:
-            asked(line, r.motion(old, [(old, b"\xff" * 6 + bytes([new, r.SET_ID]))]))
+            line.ask(r.motion(old, [(old, b"\xff" * 6 + bytes([new, r.SET_ID]))]))
         verify(old, new, heard)
 
 
 def kinds(line: CanLine, drive: int) -> list[str]:
     """The drives that answer as an id, each by its kind: "damiao", PRIVATE or MIT."""
     for kind, question in (
-        (f.DAMIAO, d.reading(drive, d.MST_ID)),
+        (f.DAMIAO, d.reading(drive, d.MST_ID, several=True)),
         (PRIVATE, p.identity(drive)),
         (MIT, r.faults(drive)),  # it would be a command of a Damiao
     ):
-        if answers := asked(line, question):
+        if answers := line.ask(question):
             return [kind] * len(answers)
     return []
-
-
-def asked(line: CanLine, question: Question) -> list[Any]:
-    """What is answered to a question on a line that nobody else uses."""
-    for frame in question.request:
-        line.send(*frame)
-    answers = [question.pick(message) for message in line.collect(PATIENCE / 5)]
-    return [answer for answer in answers if answer is not None]
 
 
 make = maker(

@@ -23,9 +23,10 @@ from typing import Any
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
-from ..drives.can_line import PATIENCE, CanLine, Frame, budget
+from ..drives.can_drives import CanDrives
+from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
-from ..drives.faults import RESTARTED, coded
+from ..drives.faults import coded
 from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find
 from ..drives.plant import maker
 from ..drives.reconcile import Action
@@ -74,13 +75,11 @@ class Drive:
         self.torque = math.nan
 
 
-class MoteusDrives:
+class MoteusDrives(CanDrives):
     """The controllers of one bus; see ``drives.driver.Driver``."""
 
-    live, power_lost = True, RESTARTED
-
     def __init__(self, options: Options) -> None:
-        self._options, self._axes = options, options.axes
+        super().__init__(options, fd=True)
         kinds = (*WATCHED, *UNWATCHED) if options.own["unwatched"] else WATCHED
         self.traits = Traits(
             set_points=kinds,
@@ -92,13 +91,10 @@ class MoteusDrives:
             voltage=True,
             laws=f.MODES,
         )
-        self.line = CanLine(options.bus, fd=True)
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self.line.open()
-        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
+        super().open(setup, answers)
         self._drives = [Drive(axis.id) for axis in self._axes]
-        self._orders: Mapping[int, Order] = {}
 
     def law(self, k: int, kind: SetPoint) -> int:
         del k
@@ -145,10 +141,6 @@ class MoteusDrives:
         mode = yield from said(self._axes[k].id, f"conf get {TIMEOUT_MODE}")
         return mode == f"{self._timeout_mode(k)}"
 
-    def set_law(self, k: int, law: int) -> Questions[int]:
-        """Never asked: a mode comes with its command."""
-        raise NotImplementedError
-
     def _timeout_mode(self, k: int) -> int:
         joint = self._setup.joints[k]
         return ON_SILENCE[OnSilence.FREE if joint is None else joint.on_silence]
@@ -158,10 +150,6 @@ class MoteusDrives:
         answer = yield from said(number, f"conf set {name} {value}")
         if answer != "OK":
             raise ValueError(f"id {number}: conf set {name} {value}: {answer!r}; OK is expected")
-
-    def exchange(self, orders: Mapping[int, Order]) -> None:
-        self._orders = orders
-        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
 
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         for k, order in orders.items():
@@ -352,6 +340,11 @@ def scan(bus: str) -> list[Found]:
         return [found_of(drive, data) for drive, data in sorted(came.items()) if about(data)]
 
 
+def words_of(drive: int, message: Any) -> tuple[bytes] | None:
+    """What a frame says, where it is of a drive."""
+    return (bytes(message.data),) if message.arbitration_id >> 8 & 0x7F == drive else None
+
+
 def set_id(bus: str, old: int, new: int) -> None:
     """Give a drive another id, which it stores.
 
@@ -364,11 +357,7 @@ def set_id(bus: str, old: int, new: int) -> None:
     with CanLine(bus, fd=True) as line:
 
         def asked(drive: int, question: Question) -> list[Any]:
-            for frame in question.request:
-                line.send(*frame)
-            came = [bytes(m.data) for m in line.collect(PATIENCE)
-                    if m.arbitration_id >> 8 & 0x7F == drive]  # fmt: skip
-            return [found for data in came if (found := question.pick(data)) is not None]
+            return line.ask(question, partial(words_of, drive), PATIENCE)
 
         def heard(drive: int) -> int:
             return len(asked(drive, identity(drive)))

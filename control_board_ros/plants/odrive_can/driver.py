@@ -17,15 +17,16 @@ from typing import Any
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
 from ..drives.axes import Options
+from ..drives.can_drives import CanDrives
 from ..drives.can_frame import REMOTE
-from ..drives.can_line import PATIENCE, CanLine, Frame, budget
-from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
-from ..drives.faults import RESTARTED, flagged
+from ..drives.can_line import PATIENCE, CanLine, Frame
+from ..drives.driver import ONE_TURN, Found, Order, Traits
+from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.plant import maker
 from ..drives.reconcile import Action
 from ..errors import PlantSettingsError
-from ..interface import DriveLimits, Setup
+from ..interface import DriveLimits
 from . import frames as f
 
 REV = 2.0 * math.pi
@@ -65,13 +66,11 @@ class Drive:
     estimates: tuple[float, float] | None = None
 
 
-class OdriveDrives:
+class OdriveDrives(CanDrives):
     """The controllers of one bus; see ``drives.driver.Driver``."""
 
-    live, power_lost = True, RESTARTED
-
     def __init__(self, options: Options) -> None:
-        self._options, self._axes = options, options.axes
+        super().__init__(options)
         self.traits = Traits(
             set_points=tuple(MODES),
             on_silence=(OnSilence.FREE,),
@@ -79,14 +78,8 @@ class OdriveDrives:
             torque=True,
             laws=f.MODES,
         )
-        self.line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._drives = [Drive() for _ in self._axes]
-        self._orders: Mapping[int, Order] = {}
         self._turn = 0
-
-    def open(self, setup: Setup, answers: Answers) -> None:
-        self.line.open()
-        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
     def law(self, k: int, kind: SetPoint) -> int:
         del k
@@ -158,14 +151,9 @@ class OdriveDrives:
                 right = right and abs(read - value) <= 1e-6
         return right
 
-    def set_law(self, k: int, law: int) -> Questions[int]:
-        """Never asked: a mode comes with its set-point."""
-        raise NotImplementedError
-
     def exchange(self, orders: Mapping[int, Order]) -> None:
-        self._orders = orders
         self._turn = (self._turn + 1) % len(IN_TURN)
-        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
+        super().exchange(orders)
 
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         for k, order in orders.items():
