@@ -15,6 +15,9 @@ known.txt, for the repository. When one of these tests changes, or with "--again
 those that survived are tried again; when the code of a module changes, all of that module; with
 "--anew", all.
 
+"--of drives" breaks plants/drives, what all makes of drives share, in place of the core; its files
+are drives_known.txt and drives_survivors.txt.
+
 All tests that reach a mutant may take minutes, those that kill it take seconds mostly: with
 "--budget 60" only the first ones are run, up to 60 s as recorded. What they do not kill
 counts as a survivor.
@@ -40,10 +43,11 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "support"))
 
 from attempts import (  # noqa: E402
-    FOLDERS,
+    CORE,
     PACKAGE,
-    PAGES,
     ROOT,
+    TREES,
+    Tree,
     attempts,
     code_of,
     digest_of,
@@ -52,25 +56,37 @@ from attempts import (  # noqa: E402
 from mutations import Mutant, mutants, rows  # noqa: E402
 from reach import interval, module_name  # noqa: E402
 
-SURVIVORS = HERE / "survivors.txt"
-KNOWN = HERE / "known.txt"
 #: Letters of results there.
 SURVIVED = "s"
 FATES = {"k": "failed", "e": "endless", SURVIVED: "passed"}
-RECORD = ROOT / "build" / "mutants.txt"
-REACH = ROOT / "build" / "mutants_reach.json"
 LEAST = 0.95
 
 
-def every() -> list[Mutant]:
-    """All mutants of the core, module by module."""
+class Files:
+    """Where the results of a tree are: known and survivors in the repository, others in build/.
+
+    Args:
+        tree: its name.
+        folder, build: where those are.
+    """
+
+    def __init__(self, tree: str, folder: Path = HERE, build: Path = ROOT / "build") -> None:
+        begin = "" if tree == "core" else f"{tree}_"
+        self.known = folder / f"{begin}known.txt"
+        self.survivors = folder / f"{begin}survivors.txt"
+        self.record = build / f"{begin}mutants.txt"
+        self.reach = build / f"{begin}mutants_reach.json"
+
+
+def every(tree: Tree) -> list[Mutant]:
+    """All mutants of a tree, module by module."""
     made: list[Mutant] = []
-    for path in sorted((PACKAGE / "core").rglob("*.py")):
+    for path in sorted(tree.folder.rglob("*.py")):
         if path.stem == "__init__":
             continue
         text = path.read_text(encoding="utf-8")
-        name = module_name(PACKAGE / "core", path)
-        if name == "terms.modes":
+        name = module_name(tree.folder, path)
+        if tree is CORE and name == "terms.modes":
             from control_board_ros.core.terms import modes
 
             tables = {
@@ -90,7 +106,7 @@ def survivors(text: str) -> dict[str, str]:
         if line.strip() and not line.startswith("#"):
             name, _, reason = line.partition(" | ")
             if not reason.strip():
-                raise SystemExit(f"{SURVIVORS.name}: {name!r} has no reason; add ' | why'")
+                raise SystemExit(f"survivors: {name!r} has no reason; add ' | why'")
             found[name.strip()] = reason.strip()
     return found
 
@@ -99,34 +115,39 @@ class Record:
     """The results so far, each with the code of its module, in a file that a stopped run leaves.
 
     Those of a module whose code has changed are forgotten; where tests have, the mutants that
-    survived. What tests reach is recorded anew when any file of the package has changed. Those of
-    ``KNOWN`` count, too.
+    survived. What tests reach is recorded anew when any file of the package has changed. Those in
+    the repository count, too.
 
     Args:
-        path: the file.
+        tree: of the modules.
+        files: where the results are.
         made: all mutants.
         anew: whether to forget everything.
         again: whether to forget the mutants that survived.
     """
 
-    def __init__(self, path: Path, made: list[Mutant], *, anew: bool, again: bool) -> None:
-        self.path, self.fates = path, dict[str, str]()
+    def __init__(
+        self, tree: Tree, files: Files, made: list[Mutant], *, anew: bool, again: bool
+    ) -> None:
+        self.path, self.fates = (path := files.record), dict[str, str]()
+        self._known = files.known
         self._made: dict[str, list[str]] = {}
         for mutant in made:
             self._made.setdefault(mutant.module, []).append(str(mutant))
         self._codes = {
-            module_name(PACKAGE / "core", module): code_of(module)
-            for module in (PACKAGE / "core").rglob("*.py")
+            module_name(tree.folder, module): code_of(module)
+            for module in tree.folder.rglob("*.py")
         }
-        tests = [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
-        tests += [ROOT / PAGES, *(ROOT / "docs").glob("*.py")]
-        heads = [f"# {digest_of(files)}" for files in (PACKAGE.rglob("*.py"), tests)]
+        tests = [path for place in tree.tests for path in (ROOT / place).glob("*.py")]
+        tests += [ROOT / place for place in tree.tests if place.endswith(".py")]
+        tests += [*(ROOT / "docs").glob("*.py")] if tree is CORE else []
+        heads = [f"# {digest_of(some)}" for some in (PACKAGE.rglob("*.py"), tests)]
         self._tests = heads[1]
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() and not anew else []
         if lines[:1] != heads[:1]:
-            REACH.unlink(missing_ok=True)
-        if KNOWN.exists() and not anew:
-            self._remember(KNOWN.read_text(encoding="utf-8").splitlines(), again=again)
+            files.reach.unlink(missing_ok=True)
+        if files.known.exists() and not anew:
+            self._remember(files.known.read_text(encoding="utf-8").splitlines(), again=again)
         retry = lines[1:2] != heads[1:] or again
         for fate, code, name in (line.split(" ", 2) for line in lines[2:]):
             module = name.partition(":")[0]
@@ -156,7 +177,7 @@ class Record:
             file.write(self._line(str(mutant), fate) + "\n")
 
     def keep(self) -> None:
-        """Write ``KNOWN``: each module, the digest of its code, a letter for each mutant."""
+        """Write into the repository: module, digest of its code, a letter for each mutant."""
         letters = {fate: letter for letter, fate in FATES.items()}
         lines = [
             f"# Written by make mutants: {', '.join(map(' '.join, FATES.items()))}, - untried."
@@ -165,7 +186,7 @@ class Record:
         for module, names in self._made.items():
             fates = "".join(letters.get(self.fates.get(name, ""), "-") for name in names)
             lines.append(f"{module} {self._codes[module]} {fates}")
-        KNOWN.write_text("\n".join([*lines, ""]), encoding="utf-8")
+        self._known.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 def chosen(made: list[Mutant], wanted: Any) -> list[Mutant]:
@@ -178,6 +199,7 @@ def chosen(made: list[Mutant], wanted: Any) -> list[Mutant]:
 
 def arguments(words: list[str]) -> Any:
     parser = argparse.ArgumentParser(prog="make mutants", description=__doc__)
+    parser.add_argument("--of", choices=TREES, default="core", help="the modules to break")
     parser.add_argument("--all", action="store_true", help="try every mutant")
     parser.add_argument("--sample", type=int, default=100, help="how many to try")
     parser.add_argument("--seed", type=int, default=1, help="which ones")
@@ -199,14 +221,15 @@ def attempt_all(
 
     Listed ones run only with --all.
     """
-    record = Record(RECORD, made, anew=wanted.anew, again=wanted.again)
+    tree, files = TREES[wanted.of], Files(wanted.of)
+    record = Record(tree, files, made, anew=wanted.anew, again=wanted.again)
     skipped = set() if wanted.all else set(known)
     left = [one for one in tried if str(one) not in {*record.fates, *skipped}]
     if len(left) < len(tried):
         print(f"{len(tried) - len(left)} of them are listed, or known from a run before")
     with tempfile.TemporaryDirectory(prefix="control_board_ros_mutants.") as folder:
-        reach = reach_of(Path(folder) / "recorded", REACH)
-        for mutant, fate in attempts(left, reach, wanted.jobs, wanted.budget, Path(folder)):
+        reach = reach_of(tree, Path(folder) / "recorded", files.reach)
+        for mutant, fate in attempts(tree, left, reach, wanted.jobs, wanted.budget, Path(folder)):
             result = {"passed": "SURVIVED", "failed": "killed", "endless": "killed (time)"}[fate]
             result = "listed" if fate == "passed" and str(mutant) in known else result
             print(f"{result:<15}{mutant}", flush=True)
@@ -216,7 +239,7 @@ def attempt_all(
 
 
 def table(tried: list[Mutant], alive: list[Mutant], known: Iterable[str]) -> str:
-    """Counts by folder of the core, as a table of Markdown."""
+    """Counts by folder of the tree, as a table of Markdown."""
     listed, living = set(known), {str(mutant) for mutant in alive}
     counts: dict[str, list[int]] = {}
     for mutant in tried:
@@ -225,7 +248,7 @@ def table(tried: list[Mutant], alive: list[Mutant], known: Iterable[str]) -> str
         row[1] += str(mutant) not in living
         row[2] += str(mutant) in living & listed
     counts["all"] = [sum(column) for column in zip(*counts.values(), strict=True)]
-    lines = ["| of core | mutants | killed | | listed as equivalent |", "|---|--:|--:|--:|--:|"]
+    lines = ["| modules | mutants | killed | | listed as equivalent |", "|---|--:|--:|--:|--:|"]
     lines += [
         f"| {name} | {all_of} | {killed} | {100.0 * killed / all_of:.1f} % | {same} |"
         for name, (all_of, killed, same) in counts.items()
@@ -239,17 +262,17 @@ def problems(
     """What makes the run fail, a line each."""
     living, lines = {str(mutant) for mutant in alive}, []
     lines += [
-        f"survived: {mutant} (line {mutant.line}): add a test, or a line to {SURVIVORS.name}"
+        f"survived: {mutant} (line {mutant.line}): add a test, or a line to the survivors"
         for mutant in alive
         if str(mutant) not in known
     ]
     lines += [
-        f"killed now: {mutant}: take its line out of {SURVIVORS.name}"
+        f"killed now: {mutant}: take its line out of the survivors"
         for mutant in tried
         if str(mutant) in known and str(mutant) not in living
     ]
     gone = set(known) - set(names)
-    lines += [f"no mutant any more: {name}: take it out of {SURVIVORS.name}" for name in gone]
+    lines += [f"no mutant any more: {name}: take it out of the survivors" for name in gone]
     rate = 1.0 - len(alive) / len(tried) if tried else 1.0
     if rate < LEAST:
         lines.append(f"{100 * rate:.1f} % killed; at least {100 * LEAST:.0f} % must be")
@@ -258,8 +281,8 @@ def problems(
 
 def main(words: list[str]) -> int:
     wanted = arguments(words)
-    made = every()
-    known = survivors(SURVIVORS.read_text(encoding="utf-8"))
+    made, listed = every(TREES[wanted.of]), Files(wanted.of).survivors
+    known = survivors(listed.read_text(encoding="utf-8") if listed.exists() else "")
     tried = chosen(made, wanted)
     if wanted.list:
         print("\n".join(f"{mutant}  (line {mutant.line})" for mutant in tried))

@@ -170,12 +170,12 @@ def test_results_in_the_repository_count_while_code_and_tests_stay(
     assert where.loader is not None
     tool: Any = importlib.util.module_from_spec(where)
     where.loader.exec_module(tool)
-    monkeypatch.setattr(tool, "KNOWN", tmp_path / "known.txt")
-    monkeypatch.setattr(tool, "REACH", tmp_path / "reach.json")
     made = mutants("state", (tool.PACKAGE / "core" / "state.py").read_text(encoding="utf-8"))
 
     def record(name: str, *, again: bool = False) -> Any:
-        return tool.Record(tmp_path / name, made, anew=False, again=again)
+        files = tool.Files("core", tmp_path, tmp_path)
+        files.record = tmp_path / name
+        return tool.Record(tool.CORE, files, made, anew=False, again=again)
 
     first = record("first.txt")
     assert first.fates == {}

@@ -38,22 +38,57 @@ PATIENCE, MORE = 1.0, 20.0
 LONG = 7200.0
 #: CPU time of a process that forks for mutants, s.
 FOREVER = 1e7
-#: Where the tests of the core are.
-FOLDERS = ("test/core", "test/robot", "test/spec")
-#: What else does: the pages list every default, bound and text.
+#: What else tests the core: the pages list every default, bound and text.
 PAGES = "test/docs/test_generated.py"
-#: Tests that prove nothing of the core.
-ASIDE = ("test_conformance_table", "test_reach", "test_exchange")
 #: Exit codes of a process: no test was found; the code could not be exchanged.
 NOTHING, NOT_EXCHANGED = 5, 97
 #: Tests of a module that killed before, which are tried first.
 KILLERS = 12
 
 
-def test_files() -> list[str]:
-    """The files whose tests look at the core."""
-    files = sorted(path for folder in FOLDERS for path in (ROOT / folder).glob("test_*.py"))
-    return [*(str(path.relative_to(ROOT)) for path in files if path.stem not in ASIDE), PAGES]
+@dataclass(frozen=True)
+class Tree:
+    """Modules that are broken, and the tests that look at them.
+
+    Attributes: name (of the folder of its modules, below the package), tests (folders and files),
+        aside (files of these folders that prove nothing).
+    """
+
+    name: str
+    tests: tuple[str, ...]
+    aside: tuple[str, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        return PACKAGE / self.name
+
+    def path(self, module: str) -> Path:
+        """The file of a module."""
+        return self.folder / f"{module.replace('.', '/')}.py"
+
+    @property
+    def files(self) -> list[str]:
+        """The files of its tests."""
+        found = []
+        for place in self.tests:
+            path = ROOT / place
+            some = [path] if path.is_file() else sorted(path.glob("test_*.py"))
+            found += [str(one.relative_to(ROOT)) for one in some if one.stem not in self.aside]
+        return found
+
+
+CORE = Tree(
+    "core",
+    ("test/core", "test/robot", "test/spec", PAGES),
+    ("test_conformance_table", "test_reach", "test_exchange"),
+)
+#: What all makes of drives share, by tests without real time.
+DRIVES = Tree(
+    "plants/drives",
+    tuple(f"test/plants/test_{name}.py" for name in
+          ("axes", "bring_up", "drive_reports", "moteus_frames", "reconcile", "turns")),
+)  # fmt: skip
+TREES = {"core": CORE, "drives": DRIVES}
 
 
 @dataclass(frozen=True)
@@ -112,29 +147,28 @@ class Copy:
 
     Args:
         folder: in which it is made.
+        tree: of the modules to break.
         compiled: with the compiled modules, whose source is not looked at then.
     """
 
-    def __init__(self, folder: Path, *, compiled: bool = False) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, tree: Tree, *, compiled: bool = False) -> None:
+        self.folder, self._tree = folder, tree
         left = shutil.ignore_patterns("*.c", "__pycache__", *([] if compiled else ["*.so"]))
         shutil.copytree(PACKAGE, folder / PACKAGE.name, ignore=left)
         compileall.compile_dir(folder / PACKAGE.name, quiet=2)
 
-    @staticmethod
-    def is_compiled(mutant: Mutant) -> bool:
-        """Whether the module of a mutant has a compiled form."""
-        path = PACKAGE / "core" / f"{mutant.module.replace('.', '/')}"
-        return any(path.parent.glob(f"{path.name}.*.so"))
-
     @property
-    def core(self) -> Path:
-        """The folder of its core."""
-        return self.folder / PACKAGE.name / "core"
+    def modules(self) -> Path:
+        """The folder of the modules that are broken."""
+        return self.folder / PACKAGE.name / self._tree.name
 
     def path(self, mutant: Mutant) -> Path:
         """The file that a mutant breaks."""
-        return self.core / f"{mutant.module.replace('.', '/')}.py"
+        return self.modules / f"{mutant.module.replace('.', '/')}.py"
+
+    def whole(self, mutant: Mutant) -> str:
+        """The module of a mutant unbroken, written as mutants are."""
+        return _unparsed(self._tree.path(mutant.module))
 
     @contextlib.contextmanager
     def broken(self, mutant: Mutant) -> Iterator[None]:
@@ -206,7 +240,7 @@ class Exchanging:
     def pytest_runtestloop(self, session: Any) -> bool:
         """Try those whose turn it is, until there are no more."""
         self._items = {item.nodeid: item for item in session.items}
-        self._functions = Functions(self._copy.core)
+        self._functions = Functions(self._copy.modules)
         while (k := self._next()) < len(self._trials):
             trial = self._trials[k]
             with self._copy.broken(trial.mutant):
@@ -230,7 +264,7 @@ class Exchanging:
         """In the fork: the exit code of pytest."""
         path = self._copy.path(trial.mutant)
         broken = path.read_text(encoding="utf-8")
-        if not self._functions.exchange(path, whole(trial.mutant), broken):
+        if not self._functions.exchange(path, self._copy.whole(trial.mutant), broken):
             return NOT_EXCHANGED
         order = dict.fromkeys([*self._killers.of(trial), *trial.tests])
         items = [self._items[test] for test in order if test in self._items]
@@ -250,11 +284,6 @@ def _unparsed(path: Path) -> str:
     return ast.unparse(ast.parse(path.read_text(encoding="utf-8")))
 
 
-def whole(mutant: Mutant) -> str:
-    """The module of a mutant unbroken, written as mutants are."""
-    return _unparsed(PACKAGE / "core" / f"{mutant.module.replace('.', '/')}.py")
-
-
 def fate_of(status: int) -> str:
     """How the tests of a process went: passed, failed or endless.
 
@@ -268,10 +297,11 @@ def fate_of(status: int) -> str:
     return fate.get(code, "failed")
 
 
-def reach_of(folder: Path, path: Path) -> Reach:
+def reach_of(tree: Tree, folder: Path, path: Path) -> Reach:
     """Which tests reach which line; recorded first of files that are new or have changed.
 
     Args:
+        tree: of the modules.
         folder: for a copy of the package.
         path: of the record, which is of this state of the package.
 
@@ -287,12 +317,12 @@ def reach_of(folder: Path, path: Path) -> Reach:
     }
     if path.exists():
         recorded = json.loads(path.read_text(encoding="utf-8"))
-    before, now = recorded["files"], {file: digest_of([ROOT / file]) for file in test_files()}
+    before, now = recorded["files"], {file: digest_of([ROOT / file]) for file in tree.files}
     anew = [file for file in now if before.get(file) != now[file]]
     if anew or before != now:
         print(f"recording which lines the tests of {len(anew)} files reach", flush=True)
-        part, copy = path.with_suffix(".part"), Copy(folder)
-        recorder = Recorder(copy.core, part)
+        part, copy = path.with_suffix(".part"), Copy(folder, tree)
+        recorder = Recorder(copy.modules, part)
         if anew:
             child = forked(functools.partial(copy.run, anew, recorder), LONG)
             if fate_of(os.waitpid(child, 0)[1]) != "passed":
@@ -348,14 +378,21 @@ def code_of(module: Path) -> str:
     return hashlib.sha256(ast.unparse(tree).encode()).hexdigest()[:16]
 
 
+def is_compiled(tree: Tree, mutant: Mutant) -> bool:
+    """Whether the module of a mutant has a compiled form."""
+    path = tree.path(mutant.module)
+    return any(path.parent.glob(f"{path.stem}.*.so"))
+
+
 def attempts(
-    tried: Iterable[Mutant], reach: Reach, jobs: int, budget: float, folder: Path
+    tree: Tree, tried: Iterable[Mutant], reach: Reach, jobs: int, budget: float, folder: Path
 ) -> Iterator[tuple[Mutant, str]]:
     """Try mutants, ``jobs`` at a time; each with its fate as soon as that is known.
 
     One that no test reaches has survived.
 
     Args:
+        tree: of their modules.
         tried: the mutants.
         reach: which tests reach them.
         jobs: how many at a time.
@@ -366,8 +403,7 @@ def attempts(
     for mutant in tried:
         used: list[int] = []
         if reach.at_import(mutant.module, mutant.line):
-            path = PACKAGE / "core" / f"{mutant.module.replace('.', '/')}.py"
-            used = uses(path.read_text(encoding="utf-8"), mutant.line)
+            used = uses(tree.path(mutant.module).read_text(encoding="utf-8"), mutant.line)
         tests = reach.tests_for(mutant.module, mutant.line, used)
         if reach.at_import(mutant.module, mutant.line) and not used:  # most are in a table there
             tests.sort(key=lambda test: not test.startswith(PAGES))
@@ -381,8 +417,8 @@ def attempts(
             at_import.add(str(mutant))
     compileall.compile_dir(ROOT / "test", quiet=2)
     for compiled in (True, False):  # what is compiled is faster, where it is not broken itself
-        these = [trial for trial in trials if Copy.is_compiled(trial.mutant) is not compiled]
-        copies = [Copy(folder / f"{k}{compiled}", compiled=compiled) for k in range(jobs)]
+        these = [one for one in trials if is_compiled(tree, one.mutant) is not compiled]
+        copies = [Copy(folder / f"{k}{compiled}", tree, compiled=compiled) for k in range(jobs)]
         imported = [trial for trial in these if str(trial.mutant) in at_import]
         exchanged = [trial for trial in these if str(trial.mutant) not in at_import]
         for trial, status in by_exchange(exchanged, copies):
