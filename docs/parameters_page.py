@@ -29,8 +29,8 @@ allowed values (exit code 2).
 together: all are applied, or none. Other parameters are read-only. `ros2 param describe` and the
 page *All about the parameters* of the [site](install.md) have types and allowed values, too.
 
-A unit after "or" is that of sliding joints; their torques are forces in N. A default "from"
-something is computed where no value is given.
+In brackets: the default with its unit, or what it is computed "from". A unit after "or" is that of
+sliding joints; their torques are forces in N.
 """
 
 FULL = """\
@@ -87,12 +87,13 @@ def groups() -> list[tuple[str, list[Parameter]]]:
 
 
 def short(group: list[Parameter]) -> list[str]:
-    """The table of a group: name, default with unit, meaning with the words allowed."""
-    lines = header("parameter", "default", "meaning")
+    """A line for each of a group: name, default with unit, meaning with the words allowed."""
+    lines = []
     for found, text in zip(group, texts(group), strict=True):
         new = [choice for choice in found.choices if choice not in text]
         words = f" ({', '.join(found.choices)})" if new else ""
-        lines.append(row(named(found), default_of(found), f"{text}{words}."))
+        default = default_of(found) and f" ({default_of(found)})"
+        lines.append(f"- {named(found)}{default}: {text}{words}.")
     return lines
 
 
@@ -125,8 +126,9 @@ def named(found: Parameter) -> str:
 def default_of(found: Parameter) -> str:
     """The default with its unit, or what it is derived from."""
     if found.default is None:
-        return f"from {found.derived}" + (f" ({found.unit})" if found.unit else "")
-    return f"`{shown(found.default)}` {found.unit}".strip()
+        return f"from {found.derived}" + (f", in {found.unit}" if found.unit else "")
+    value = shown(found.default)
+    return f"`{value}` {found.unit}".strip() if value else ""
 
 
 def rows() -> Iterator[Parameter]:
