@@ -238,8 +238,8 @@ own name. The node `/icub/robot` offers the same over the joints of all parts
 
 def qos(endpoint: Endpoint) -> str:
     """What is said of an endpoint's QoS: nothing of the usual one."""
-    if endpoint.qos in (STREAM, LATCHED):
-        return "" if endpoint.qos == STREAM else "Latched. "
+    if endpoint.kind != "topic" or endpoint.qos in (STREAM, LATCHED):
+        return "Latched. " if endpoint.qos == LATCHED else ""
     found = str(endpoint.qos)
     return f"{found[0].upper()}{found[1:]}. "
 
@@ -254,17 +254,15 @@ def page() -> str:
         return f"[{ours.name}](../{ours.path})" if ours else f"{package}/{name}"
 
     def rows(endpoints: Iterable[Endpoint]) -> list[str]:
-        return [row(f"`{e.name}`", link(e.type), meaning(e)) for e in endpoints]
+        return [f"- `{e.name}`, {link(e.type)}: {qos(e)}{meaning(e)}" for e in endpoints]
 
     lines = ["# The ROS interface", "", INTRODUCTION]
     lines += ["## Published", "", PUBLISHED_TEXT.format(usual=STREAM)]
-    lines += header("topic", "type", "content")
-    lines += [row(f"`{e.name}`", link(e.type), qos(e) + meaning(e)) for e in PUBLISHED]
+    lines += rows(PUBLISHED)
     lines += ["", "## Command topics", "", COMMANDS.format(qos=STREAM)]
-    lines += [*header("topic", "type", "what it does"), *rows(COMMAND_TOPICS)]
+    lines += rows(COMMAND_TOPICS)
     for title, endpoints in (("Services", SERVICES), ("Actions", ACTIONS)):
-        lines += ["", f"## {title}", "", *header(title[:-1].lower(), "type", "what it does")]
-        lines += rows(endpoints)
+        lines += ["", f"## {title}", "", *rows(endpoints)]
     lines += ["", "## Trajectories", "", TRAJECTORIES.rstrip("\n"), ""]
     lines += [
         *header("error code", "when; `error_string` says which joint, by how much, what to do")
@@ -273,10 +271,10 @@ def page() -> str:
     lines += ["", "## Joint commands", "", JOINT_COMMANDS_TEXT.rstrip("\n")]
     lines += ["", "## Poses", "", POSES.rstrip("\n")]
     lines += ["", "## Managed nodes", "", MANAGED.rstrip("\n"), ""]
-    lines += [*header("name", "type", "what it is for"), *rows(LIFECYCLE)]
+    lines += rows(LIFECYCLE)
     lines += ["", "## Robots of several parts", "", PARTS_TEXT.rstrip("\n")]
     lines += ["", "## Time", "", TIME.rstrip("\n")]
-    lines += ["", "## For clients of YARP", "", YARP_TEXT, *header("name", "type", "meaning")]
+    lines += ["", "## For clients of YARP", "", YARP_TEXT]
     lines += rows(YARP)
     return "\n".join(lines) + "\n"
 
