@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rclpy")
+from control_board_ros.cli.verbs import VERBS
 from control_board_ros.client import ControlBoardClient
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "port_icub_script.md"
@@ -32,4 +33,6 @@ def test_each_method_exists(row: list[str]) -> None:
     assert names or row[2].startswith("—: ")
     for name in names:
         assert callable(getattr(ControlBoardClient, name, None)), name
+    verbs = re.findall(r"`cbctl (\w+)`", row[2])
+    assert set(verbs) <= VERBS.keys()
     assert row[1]

@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What README shows is there; the tables at a glance name what there is, and all of it."""
+"""What README shows is there; the page of the interface names all of it."""
 
 from __future__ import annotations
-
-import re
 
 import interface_table
 import pytest
 from documents import ROOT
 
-from control_board_ros.cli.verbs import VERBS
-from control_board_ros.client import ControlBoardClient
-
 README = (ROOT / "README.md").read_text("utf-8")
-TEXT = (ROOT / "docs" / "at_a_glance.md").read_text("utf-8")
 TABLES = (
     interface_table.PUBLISHED,
     interface_table.CLOCK,
@@ -24,30 +18,9 @@ TABLES = (
 NAMES = {name for table in TABLES for name in table}
 
 
-def section(title: str) -> str:
-    return TEXT.split(f"\n## {title}\n")[1].split("\n## ")[0]
-
-
-def cells(title: str) -> list[list[str]]:
-    """The rows of a section's table, without its head."""
-    lines = [line for line in section(title).splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
 def test_every_name_on_ros_is_on_the_page_of_the_interface() -> None:
     text = (ROOT / "docs" / "interface.md").read_text("utf-8")
     assert not [name for name in NAMES if f"- `{name}`, " not in text]
-
-
-@pytest.mark.parametrize("row", cells("From YARP"), ids=lambda row: row[0].strip("`")[:20])
-def test_the_yarp_table_names_what_there_is(row: list[str]) -> None:
-    _, ros, python, line = row
-    found = re.findall(r"`([^`]+)`", ros)
-    assert found
-    assert set(found) <= NAMES
-    for call in re.findall(r"`(\w+)\(", python):
-        assert hasattr(ControlBoardClient, call)
-    assert line.strip("`").split()[0] in VERBS
 
 
 def test_readme_is_one_screen() -> None:
