@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a call may come from: any thread, any executor, asyncio."""
+"""Where a call may come from: any thread, any executor, asyncio, a script with connect()."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from talk import patient
 from waiting import GUARD
 
-from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.client import BoardError, BoardNotFound, ControlBoardClient, connect
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.interface import CALIBRATE
 from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
@@ -201,3 +202,41 @@ def test_answers_that_come_at_once_are_not_lost(ros_client: ControlBoardClient) 
         assert ros_client.calibrate(2)
     finally:
         action._client_handle = quick
+
+
+def test_three_lines_are_enough(board: BoardProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It brings a node and a context of its own, which end with it; rclpy's own stays as it is."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(board.domain))
+    client = connect(find_timeout=60.0, answer_timeout=60.0)
+    try:
+        assert len(client.names) == 7
+        assert client.set_control_mode(0, "pos")
+        assert not rclpy.ok()
+        context = client._link._node.context
+        assert context.ok()
+    finally:
+        client.close()
+        client.close()  # the second time there is nothing to end
+    assert not context.ok()
+
+
+@pytest.mark.slow
+def test_a_board_that_is_not_there(board: BoardProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line with the domain, the time, and the boards that are."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(board.domain))
+    with connect("nowhere", find_timeout=2.0) as client, pytest.raises(BoardNotFound) as raised:
+        client.get_encoder()
+    assert str(raised.value) == (
+        f"no board found on domain {board.domain} after 2 s as /nowhere; "
+        "boards there are: /control_board"
+    )
+
+
+def test_refusals_of_ros_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A domain that is none ends nothing but the call; an option that is none is a TypeError."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "none")
+    with pytest.raises(BoardError, match=r"^cannot start a ROS node: .+$"):
+        connect()
+    monkeypatch.setenv("ROS_DOMAIN_ID", "47")
+    with pytest.raises(TypeError, match="patience"):
+        connect(patience=1.0)
