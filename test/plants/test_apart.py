@@ -62,6 +62,17 @@ def test_it_is_driven_and_read(apart: PlantApart) -> None:
     assert apart.process.pid != os.getpid()
 
 
+def test_threads_of_its_process_take_turns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of several buses wait for no other for 5 ms, nor for the collection of old garbage."""
+    offer(tmp_path, "levers:make_placed")
+    monkeypatch.syspath_prepend(tmp_path)
+    plant = PlantApart("levers", ["a"], [], silence=1.0)
+    assert plant.describe().joints[0].drive == "5e-05 s, frozen True"
+    plant.close()
+
+
 def test_a_drive_that_comes_back_is_described_anew(apart: PlantApart) -> None:
     """S4, S9: it may have other limits, or turns that are made up for."""
     driven(apart)
