@@ -36,6 +36,8 @@ from control_board_ros.interface import (
     Endpoint,
 )
 from control_board_ros.joint_limits import FIELDS
+from control_board_ros.node.wiring.messages import OF_REPLIES
+from control_board_ros.operations import OPERATIONS
 from control_board_ros.plants import DriveLimits, DriveReport
 from control_board_ros.plants.offers import bounded
 from control_board_ros.settings.loading import Settings, load
@@ -97,6 +99,19 @@ MORE = {
     "get_pids": {"loop": "position"},
     "set_pids": {"loop": "position", "reset": True},
 }
+ENCODERS = {"set_encoders": {"positions": [0.0] * 7}}
+
+
+def test_an_operation_gives_every_field_of_its_response(board: InProcess) -> None:
+    """No field of a type is left out, and none is given that it has not but a reply."""
+    services = {service.short: service.load() for service in SERVICES}
+    for name, operation in OPERATIONS.items():
+        kind = services[name]
+        request = kind.Request(**MORE.get(name, {}) | ENCODERS.get(name, {}))
+        fields = set(operation(board.rig.board, request))
+        wanted = set(kind.Response.get_fields_and_field_types())
+        assert fields | {"message"} >= wanted, name
+        assert fields - wanted <= OF_REPLIES, name
 
 
 @pytest.mark.parametrize(
