@@ -134,7 +134,7 @@ def page(record: Record) -> str:
         of = [record[rule] for rule in rules]
         tests = {name: runs for entry in of for name, runs in entry["tests"].items()}
         hold = sum(entry["result"] == "passed" for entry in of)
-        tried = [entry["outside"] for entry in of if entry["outside"] != "–"]
+        tried = [e["outside"] for e in of if e["outside"] not in ("–", "not testable")]
         outside = f"{tried.count('held')} of {len(tried)}" if tried else "–"
         cells = (
             " to ".join(links),
