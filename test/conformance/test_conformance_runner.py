@@ -308,3 +308,14 @@ def test_a_duration_is_measured(rate: float, duration: float) -> None:
     begin, took = fitted(times + jitter, minimum_jerk((times - 0.2) / duration))
     assert took == pytest.approx(duration, rel=0.01)
     assert begin == pytest.approx(0.2, abs=0.01)
+
+
+def test_the_page_of_conformance_is_made_of_its_record(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the last `make conformance`; the site's page has each test of it."""
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / "spec")
+    import conformance
+
+    record = json.loads(conformance.RECORD.read_text("utf-8"))
+    assert conformance.PAGE.read_text("utf-8") == conformance.page(record)
+    tables = conformance.tables(record)
+    assert all(f"`{test}`" in tables for entry in record.values() for test in entry["tests"])

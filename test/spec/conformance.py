@@ -97,7 +97,7 @@ Every rule of the [specification](spec.md) has tests, and `make conformance` run
 tests, runs, result. A test names its rules at the start of its docstring:
 `grep -rnE '""[A-Z0-9, ]*M4[,:]' test` finds those of a rule, and the site's page *The tests of the
 rules* lists all. *From outside* is [`control_board_conformance`](howto/conformance.md) over ROS;
-it has the rules of the source and of YARP 4, not those of this project.
+of the rules that are testable there; it has those of the source and of YARP 4.
 
 """
 FULL = """\
