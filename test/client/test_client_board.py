@@ -173,7 +173,6 @@ def test_commands_out_of_mode_are_reported_and_counted(client: ControlBoardClien
     assert counted.tolist() == [0, 2, 0, 0, 0, 0, 0]
 
 
-@pytest.mark.slow
 def test_a_mode_just_set_is_the_mode_that_counts(client: ControlBoardClient) -> None:
     """M4: what is published right after the mode's answer meets the board in the new mode."""
     before = client.get_state().rejected_commands[0]
@@ -352,7 +351,6 @@ def test_measured_state(client: ControlBoardClient) -> None:
         client.wait_for_state(lambda s: bool(s.position[6] > 9.0), 0.2)
 
 
-@pytest.mark.slow
 def test_move_waits_and_reports(client: ControlBoardClient) -> None:
     """P1: move returns at the end, with feedback on the way."""
     received: list[Any] = []
@@ -373,7 +371,6 @@ def test_move_waits_and_reports(client: ControlBoardClient) -> None:
     assert received[0][1].names == JOINTS[:2]
 
 
-@pytest.mark.slow
 def test_a_bounded_move_says_so(client: ControlBoardClient) -> None:
     """P1, P9: a target beyond a limit is accepted, and the reply says what was done instead."""
     assert client.move(5, 0.1, 0.5).message == ""
@@ -406,7 +403,6 @@ def test_move_fails_with_the_reason(client: ControlBoardClient) -> None:
     assert "2 position references for 1 joint" in client.move(0, [0.1, 0.2]).message
 
 
-@pytest.mark.slow
 def test_an_interrupted_move_stops_the_joints(client: ControlBoardClient) -> None:
     """Ctrl-C during a move cancels the goal and comes through."""
     interruptions = iter([threading.Timer(0.05, signal.raise_signal, [signal.SIGINT])])
@@ -527,7 +523,6 @@ def test_the_urdf(client: ControlBoardClient) -> None:
     assert '<robot name="' in client.get_robot_description()
 
 
-@pytest.mark.slow
 def test_poses(client: ControlBoardClient) -> None:
     """R5: list, save as measured or as given, go there with feedback; replies report refusals."""
     assert client.list_poses()[:2] == ["home", "park"]
