@@ -21,7 +21,7 @@ from rclpy.impl import rcutils_logger
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from control_board_ros import startup
+from control_board_ros import operations, startup
 from control_board_ros.core.state import Reference, Snapshot
 from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.core.terms.measurement import Row
@@ -126,14 +126,14 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
 
 def test_names_and_values_of_messages() -> None:
     """Lists are cut where one more entry is enough to be wrong; empty means None."""
-    assert messages.bounded([f"j{i}" for i in range(100_000)], 7) == tuple(
+    assert operations.bounded([f"j{i}" for i in range(100_000)], 7) == tuple(
         f"j{i}" for i in range(8)
     )
-    assert messages.bounded([], 7) == ()
-    assert messages.optional([]) is None
-    assert messages.optional([1.0]) == [1.0]
-    assert messages.codes([ControlMode.POSITION, InteractionMode.STIFF]) == ["pos", "stif"]
-    assert list(messages.doubles(np.array([1.0, 2.0])[::-1])) == [2.0, 1.0]
+    assert operations.bounded([], 7) == ()
+    assert operations.optional([]) is None
+    assert operations.optional([1.0]) == [1.0]
+    assert operations.codes([ControlMode.POSITION, InteractionMode.STIFF]) == ["pos", "stif"]
+    assert list(operations.doubles(np.array([1.0, 2.0])[::-1])) == [2.0, 1.0]
 
 
 def test_stamps() -> None:
