@@ -289,8 +289,8 @@ GET_LIMITS = service(
 GET_DRIVES = service(
     "~/get_drives",
     "GetDrives",
-    "Read the set-points that the drives of joints accept, where each loop runs, and what the "
-    "drives report: how each keeps its zero, its power and mode, answers lost and late.",
+    "Read the set-points that the drives of joints accept, where each loop runs, and what drives "
+    "report.",
 )
 SEND_REFERENCE = service(
     "~/send_reference",
