@@ -11,17 +11,17 @@ from rclpy.context import Context
 from tap import install
 
 from control_board_ros.node.loop.timing import take_priority
+from control_board_ros.node.main import SWITCH_INTERVAL
 from control_board_ros.node.process.boards import Boards
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
 from control_board_ros.node.process.start import settings_from_arguments
 from control_board_ros.sim.plant import SimulatedPlant
-from control_board_ros.startup import take_turns
 
 
 def main(count: int) -> None:
     """Run them until the input ends."""
     install()
-    take_turns()
+    sys.setswitchinterval(SWITCH_INTERVAL)
     boards = []
     for k in range(count):
         start = settings_from_arguments(["--ros-args", "-r", f"__ns:=/arm_{k}"])

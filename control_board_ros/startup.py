@@ -19,8 +19,6 @@ from typing import Any, cast
 #: Path of the profiles of Fast DDS, the default middleware of ROS 2 Jazzy.
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 PROFILE = Path(__file__).with_name("discovery.xml")
-#: s for which a thread may keep the interpreter from others.
-SWITCH_INTERVAL = 5e-5
 
 
 def announce_often() -> None:
@@ -39,11 +37,6 @@ def leave_out_the_generator() -> None:
     """
     modules = cast(dict[str, Any], sys.modules)
     modules.setdefault("rosidl_generator_py.generate_py_impl", None)
-
-
-def take_turns() -> None:
-    """Let no thread keep the interpreter from the others: the default, 5 ms, makes cycles late."""
-    sys.setswitchinterval(SWITCH_INTERVAL)
 
 
 def defer_collection() -> None:

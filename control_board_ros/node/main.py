@@ -20,7 +20,7 @@ from .. import __version__
 from ..compiled import describe
 from ..core.goals.pose import PARK
 from ..core.terms.modes import CONFIGURED
-from ..startup import announce_often, defer_collection, leave_out_the_generator, take_turns
+from ..startup import announce_often, defer_collection, leave_out_the_generator
 from .loop.timing import take_priority
 from .process.console import (
     KnownError,
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from .process.boards import Boards
     from .process.start import Start
 
+#: s for which a thread may keep the interpreter from others; the default makes cycles late.
+SWITCH_INTERVAL = 5e-5
 #: s to wait for the first control cycles before the joints are shown.
 FIRST_CYCLES = 1.0
 
@@ -69,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
             signal.signal(number, end)
-    take_turns()
+    sys.setswitchinterval(SWITCH_INTERVAL)
     defer_collection()
     leave_out_the_generator()
     provide_log_folder()

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..core.terms.measurement import SetPoints
-from ..startup import resume_collection, take_turns
+from ..startup import resume_collection
 from .entry_points import make
 from .interface import Description, DrivePlant, Readings, Setup
 from .outputs import as_drives
@@ -91,7 +91,6 @@ def main(descriptor: int) -> None:
     except Exception as error:  # noqa: BLE001 - third-party code; reported to the board
         connection.send((type(error).__name__, str(error)))
         return
-    take_turns()
     resume_collection()
     connection.send(("", None))
     serve(connection, plant, silence)

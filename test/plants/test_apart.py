@@ -62,14 +62,14 @@ def test_it_is_driven_and_read(apart: PlantApart) -> None:
     assert apart.process.pid != os.getpid()
 
 
-def test_threads_of_its_process_take_turns(
+def test_its_process_collects_no_old_garbage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those of several buses wait for no other for 5 ms, nor for the collection of old garbage."""
+    """Its modules are none: to look through them takes 15 ms, in which nothing is exchanged."""
     offer(tmp_path, "levers:make_placed")
     monkeypatch.syspath_prepend(tmp_path)
     plant = PlantApart("levers", ["a"], [], silence=1.0)
-    assert plant.describe().joints[0].drive == "5e-05 s, frozen True"
+    assert plant.describe().joints[0].drive == "frozen True"
     plant.close()
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import gc
 import os
-import sys
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -148,7 +147,7 @@ def make_logged(names: Sequence[str], arguments: Mapping[str, str]) -> Logged:
 def make_placed(names: Sequence[str], _: Mapping[str, str]) -> Levers:
     """As ``make``; its drives are named by the process that they are in."""
     levers = Levers(*names)
-    place = lambda: f"{sys.getswitchinterval():g} s, frozen {gc.get_freeze_count() > 0}"  # noqa: E731
+    place = lambda: f"frozen {gc.get_freeze_count() > 0}"  # noqa: E731
     levers.describe = lambda: Description(  # type: ignore[method-assign]
         joints=tuple(JointDescription(name=name, drive=place()) for name in names)
     )
