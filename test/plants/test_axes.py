@@ -49,7 +49,12 @@ def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
         ({"elbow__ratio": "0"}, "elbow.ratio=0: a number above 0"),
         ({"elbow__direction": "2"}, "elbow.direction=2: 1 or -1"),
         ({"elbow__id": "1.5"}, "elbow.id=1.5: a whole number"),
+        ({"elbow__id": "-1"}, "elbow.id=-1: a whole number"),
         ({"elbow__offset": "nan"}, "elbow.offset=nan: a number"),
+        ({"elbow__offset": "far"}, "elbow.offset=far: a number"),
+        ({"elbow__motor_turns": "-1"}, "elbow.motor_turns=-1: a number from 0"),
+        ({"elbow__turns": "two"}, "elbow.turns=two: absolute, one turn, lost is required"),
+        ({"id": "3"}, "id=3: unknown; did you mean 'ids'"),
         ({"sped": "1"}, "sped=1: unknown; did you mean 'speed'"),
         ({"wrist__id": "1"}, "wrist.id=1: unknown"),
     ],
@@ -75,9 +80,51 @@ def test_power_at_drive_and_joint_is_the_same() -> None:
     np.testing.assert_allclose(axes.position(drive[Value.POSITION]), values[Value.POSITION])
 
 
-def test_limits_of_a_drive_that_turns_the_other_way_change_places() -> None:
-    """S4."""
-    axis = Axis(name="a", id=1, direction=-1, ratio=2.0, offset=0.5)
-    found = axis.limits_at_joint(DriveLimits(lower=-1.0, upper=3.0, velocity=8.0, torque=1.5))
-    assert (found.lower, found.upper) == (-1.0, 1.0)
-    assert (found.velocity, found.torque, found.current) == (4.0, 3.0, None)
+@pytest.mark.parametrize(
+    ("direction", "ends", "turned", "at_joint"),
+    [
+        (1, (-1.0, 3.0), 0.0, (0.0, 2.0)),
+        (-1, (-1.0, 3.0), 0.0, (-1.0, 1.0)),
+        (1, (-1.0, None), 0.0, (0.0, None)),
+        (-1, (-1.0, None), 0.0, (None, 1.0)),
+        (-1, (None, 3.0), 0.0, (-1.0, None)),
+        (1, (-1.0, 3.0), 4.0, (2.0, 4.0)),
+        (-1, (-1.0, 3.0), 4.0, (-3.0, -1.0)),
+    ],
+)
+def test_limits_are_those_at_the_joint(
+    direction: int,
+    ends: tuple[float | None, float | None],
+    turned: float,
+    at_joint: tuple[float | None, float | None],
+) -> None:
+    """S4, S9: those of a drive that turns the other way change places."""
+    axis = Axis(name="a", id=1, direction=direction, ratio=2.0, offset=0.5)
+    drive = DriveLimits(lower=ends[0], upper=ends[1], velocity=8.0, torque=1.5, current=3.0)
+    found = axis.limits_at_joint(drive, turned)
+    assert (found.lower, found.upper) == at_joint
+    assert (found.velocity, found.torque, found.current) == (4.0, 3.0, 3.0)
+    assert axis.limits_at_joint(DriveLimits()) == DriveLimits()
+
+
+def test_a_shaft_turns_with_the_joint_where_it_is_measured() -> None:
+    axes = Axes([Axis(name="a", id=1, direction=-1, motor_turns=7.0), Axis(name="b", id=2)])
+    np.testing.assert_array_equal(axes.shaft, [-7.0, np.nan])
+    np.testing.assert_array_equal(axes.sign, [-1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("words", "turn"),
+    [("", None), ("absolute", 0.0), ("one_turn", 2.0 * np.pi), ("one turn", 2.0 * np.pi),
+     ("lost", np.inf)],
+)  # fmt: skip
+def test_how_a_zero_survives_may_be_told(words: str, turn: float | None) -> None:
+    """S9: of one joint, in place of what its drive has."""
+    axes = parsed(elbow__turns=words).axes
+    assert [axis.turn for axis in axes] == [None, turn]
+
+
+def test_ids_and_shafts_are_read() -> None:
+    axes = parsed(ids="0 ,7", motor_turns="9", elbow__motor_turns="0").axes
+    assert [axis.id for axis in axes] == [0, 7]
+    assert [axis.motor_turns for axis in axes] == [9.0, 0.0]
