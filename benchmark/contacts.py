@@ -300,12 +300,13 @@ class Arm:
             others = contacts_of(board) - before
             plant.push(j, 0.0)
             simulation.run(PAUSE)
-            fault = "; ".join(f"{one.name}: {one.text}" for one in faults_of(board))
-            if fault:
-                board.set_control_mode(None, ControlMode.FORCE_IDLE)
+            faults = faults_of(board)
+            for one in faults:
+                board.set_control_mode(one.name, ControlMode.FORCE_IDLE)
+            if faults:
                 simulation.run(PAUSE)
                 board.set_control_mode(None, ControlMode.POSITION)
-                refuse_faults(board)
+            fault = "; ".join(f"{one.name}: {one.text}" for one in faults)
             others[j] = 0
             yield Push(self.joints[j].name, torque, seen, shown, int(others.sum()), fault)
 

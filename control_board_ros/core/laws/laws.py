@@ -1305,8 +1305,8 @@ def observe(
     if not is_number(position + velocity):  # there is no reading yet
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         return
-    note_feed(j)
     if age > 0.0 or j.wire > 0.0 or j.missed > 0.0:
+        note_feed(j)
         heed(j, age, between)
         ahead = fed_since(j, age)
     if j.readings == 0:
@@ -1333,7 +1333,7 @@ def observe(
 @cython.cfunc
 @cython.inline
 def note_feed(j: Joint) -> cython.void:
-    """Keep what the feed-forward has accelerated with the last set-point."""
+    """Keep what the feed-forward has accelerated with the last set-point, on a wire."""
     fed: cython.double = j.fed[j.fed_now]
     if j.active and (j.law == POSITION or j.settling):
         fed += j.followed_acceleration * j.elapsed
