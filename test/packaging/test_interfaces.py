@@ -40,7 +40,7 @@ PROMISED = {
     "srv/GetControlMode": f"names | {OK} names modes vocabs",
     "srv/GetCoupling": f"| {OK} axes physical_joints matrix offsets",
     "srv/GetDrives": f"names | {OK} names set_points position impedance torque current output "
-    "on_silence",
+    "on_silence zero power law lost late",
     "srv/GetFaults": f"names | {OK} faults",
     "srv/GetFreezeFrame": f"name | {OK} fault stamps position velocity torque position_reference "
     "velocity_reference torque_reference output current temperature motion_done applied age "
