@@ -106,7 +106,7 @@ STS3215 = {
 ARMS: dict[str, dict[str, Any]] = {
     "iiwa": {},
     "panda": {},
-    "icub_left_arm": {},
+    "icub_left_arm": {"l_wrist_prosup.encoder.zero": 0.0},  # as after its calibration
     "ur10": SENSORLESS
     | {
         f"{joint}.motor.{key}": value
