@@ -46,6 +46,7 @@ def child_environment(domain: int) -> dict[str, str]:
         "ROS_DOMAIN_ID": str(domain),
         DISCOVERY: "LOCALHOST",
         "PYTHONUNBUFFERED": "1",
+        "PYTHONFAULTHANDLER": "1",  # a process that hangs prints where, on SIGABRT
         "RCUTILS_COLORIZED_OUTPUT": "0",
     }
 

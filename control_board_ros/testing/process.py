@@ -83,19 +83,23 @@ class BoardProcess:
         assert line is not None, f"no line with {text!r} in {timeout:g} s:\n{self.tail()}"
         return line
 
-    def tail(self, lines: int = 40) -> str:
+    def tail(self, lines: int = 120) -> str:
         with self._printed:
             return "".join(self._lines[-lines:])
 
     def stop(self, number: int = signal.SIGTERM, timeout: float = STOP_TIMEOUT) -> int:
-        """Send the signal, wait for the end (SIGKILL after the timeout), return the exit code."""
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        try:
-            self.process.wait(timeout)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        """Send the signal, wait for the end, return the exit code.
+
+        After the timeout SIGABRT, so that it prints where each thread stands; then SIGKILL.
+        """
+        for signum, patience in ((number, timeout), (signal.SIGABRT, 5.0), (signal.SIGKILL, None)):
+            if self.process.poll() is None:
+                self.process.send_signal(signum)
+            try:
+                self.process.wait(patience)
+                break
+            except subprocess.TimeoutExpired:
+                continue
         self._reader.join(timeout=5.0)
         if self.process.stdout is not None and not self._reader.is_alive():
             self.process.stdout.close()

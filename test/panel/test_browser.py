@@ -483,7 +483,7 @@ def report_of(page: Any, pressed: Callable[[], None]) -> Any:
     )
     before = links.count()
     pressed()
-    until(lambda: links.count() > before)
+    until(lambda: links.count() > before, page.locator("#log").inner_text)
     late = time.monotonic() - begun > 3.0  # a browser lets a press open a window for some seconds
     page.wait_for_timeout(1000)
     if opened := [one for one in page.context.pages if one not in pages]:
