@@ -254,12 +254,18 @@ def test_a_trial_that_is_killed_leaves_no_power(number: int, tmp_path: Path) -> 
         f"    plant_timeout: {TIMEOUT}\n    plant_arguments: [{end.bus}]\n"
     )
     line = [sys.executable, "-m", "control_board_ros.plants", "try", str(robot), "--yes"]
-    trial = subprocess.Popen([*line, "--joints", JOINT], stdout=subprocess.PIPE)
+    trial = subprocess.Popen(
+        [*line, "--joints", JOINT], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
     try:
         end.until("torque")
         trial.send_signal(number)
         end.until("free")
         assert trial.wait(30.0) in (1, -signal.SIGKILL)
+    except AssertionError as error:
+        trial.kill()
+        error.add_note(f"--- the trial printed:\n{trial.communicate()[0]}")
+        raise
     finally:
         trial.kill()
         trial.communicate()
