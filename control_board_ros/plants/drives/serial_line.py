@@ -71,6 +71,7 @@ class Library(NamedTuple):
         refusal: Bits of an answer's error byte that refuse a write.
         model: The item that names the model.
         torque: The item that switches the torque.
+        markers: Items that can be read, of lengths that no other question has.
     """
 
     module: str
@@ -84,6 +85,7 @@ class Library(NamedTuple):
     refusal: int
     model: Item
     torque: Item
+    markers: tuple[Item, ...]
 
 
 def open_port(base: type[Any], device: str, baudrate: int) -> Any:
@@ -176,6 +178,8 @@ class ServoBus:
         self.clock = Clock()
         self.connect: Callable[..., Any] = open_port
         self._port: Any = None
+        #: Ids with a question whose answer may still come, and markers read of them since.
+        self._behind: dict[int, int] = {}
 
     @property
     def port(self) -> Any:
@@ -229,10 +233,10 @@ class ServoBus:
             ConnectionError: the servo does not answer.
         """
         for attempt in range(ATTEMPTS):
-            self._settle(attempt)
-            data, result, _ = self.protocol.readTxRx(self.port, drive, *item)
-            if result == 0 and len(data) == item.length:
-                return int.from_bytes(bytes(data), "little", signed=signed)
+            if attempt:
+                time.sleep(PATIENCE)
+            if self._in_step(drive) and (answer := self._read(drive, item)) is not None:
+                return int.from_bytes(bytes(answer[0]), "little", signed=signed)
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
 
     def put(self, drive: int, item: Item, value: int) -> None:
@@ -278,21 +282,22 @@ class ServoBus:
             return
         request: Request = interview.question.request
         self.port.wait = seconds or interview.question.patience
+        if not self._in_step(drive):
+            return
         if request.value is None:
-            data, result, error = self.protocol.readTxRx(self.port, drive, *request.item)
-            if result == 0 and len(data) == request.item.length:
-                interview.hear(request.parse(data, error))
+            if (answer := self._read(drive, request.item)) is not None:
+                interview.hear(request.parse(*answer))
         else:
             packed = list(request.item.pack(request.value, signed=request.value < 0))
             result, error = self.protocol.writeTxRx(self.port, drive, *request.item, packed)
             if result == 0:
                 interview.hear(Reply(request.value, error))
+            else:
+                self._behind.setdefault(drive, 0)
         if interview.question.several:  # a second servo with the same id
-            self.port.setPacketTimeout(0)
-            packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
-            self.port.is_using = False
-            if result == 0 and packet[self._library.place] == drive:
-                interview.hear(request.parse(self._parts(packet)[1], 0))
+            data = self._further(drive)
+            if data is not None and len(data) == request.item.length:
+                interview.hear(request.parse(data, 0))
 
     def sync(self, item: Item, values: Mapping[int, bytes]) -> None:
         """Write an item of several servos in one packet, by their ids; there is no answer."""
@@ -358,12 +363,40 @@ class ServoBus:
         head, tail, place = self._library.head, self._library.tail, self._library.place
         return packet[place], bytes(packet[head : len(packet) - tail])
 
-    def _settle(self, attempt: int) -> None:
-        """Wait for late answers before a question is repeated, and drop them.
+    def _read(self, drive: int, item: Item) -> tuple[Sequence[int], int] | None:
+        """Data of an item, and error byte; None: no answer, or that to another question."""
+        data, result, error = self.protocol.readTxRx(self.port, drive, *item)
+        if result == 0 and len(data) == item.length:
+            return data, error
+        self._behind.setdefault(drive, 0)
+        return None
 
-        Packets do not name their question: a late one would be read as the answer to the next,
-        a limit as a model.
+    def _further(self, drive: int) -> bytes | None:
+        """The data of one answer more of a drive; None: there is none in time."""
+        self.port.setPacketTimeout(0)
+        packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
+        self.port.is_using = False
+        if result != 0:
+            return None
+        heard, data = self._parts(packet)
+        return data if heard == drive else None
+
+    def _in_step(self, drive: int) -> bool:
+        """Whether the next answer of a drive is that to the next question.
+
+        Answers do not name their question, and do not overtake each other. After one that did not
+        come in time a marker is read: its answer comes behind all that is late.
         """
-        if attempt:
-            time.sleep(PATIENCE)
-            self.port.clearPort()
+        if (count := self._behind.get(drive)) is None:
+            return True
+        markers = self._library.markers
+        marker = markers[count % len(markers)]
+        self._behind[drive] = count + 1
+        data, result, _ = self.protocol.readTxRx(self.port, drive, *marker)
+        answer = bytes(data) if result == 0 else None
+        while answer is not None and len(answer) != marker.length:
+            answer = self._further(drive)
+        if answer is None:
+            return False
+        del self._behind[drive]
+        return True

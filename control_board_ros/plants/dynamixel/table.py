@@ -33,7 +33,18 @@ MODES = {
     PWM_MODE: "PWM",
 }
 LIBRARY = Library(
-    "dynamixel_sdk", "dynamixel-sdk", "dynamixel", 2.0, (False,), 9, 2, 4, 0x7F, MODEL, TORQUE
+    "dynamixel_sdk",
+    "dynamixel-sdk",
+    "dynamixel",
+    2.0,
+    (False,),
+    9,
+    2,
+    4,
+    0x7F,
+    MODEL,
+    TORQUE,
+    tuple(Item(0, length) for length in (3, 5, 7, 9)),
 )
 COUNT = 2.0 * math.pi / 4096.0  # rad
 CENTRE = 2048

@@ -26,7 +26,20 @@ POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
 MODES = {POSITION_MODE: "position", VELOCITY_MODE: "velocity", PWM_MODE: "PWM", 3: "step"}
 #: Bits of the sign; the numbers are magnitudes.
 SIGN, PWM_SIGN, HOMING_SIGN = 15, 10, 11
-LIBRARY = Library("scservo_sdk", "feetech-servo-sdk", "feetech", 0, (), 5, 1, 2, 0, MODEL, TORQUE)
+LIBRARY = Library(
+    "scservo_sdk",
+    "feetech-servo-sdk",
+    "feetech",
+    0,
+    (),
+    5,
+    1,
+    2,
+    0,
+    MODEL,
+    TORQUE,
+    tuple(Item(3, length) for length in (3, 5, 7, 9)),
+)
 COUNT = 2.0 * math.pi / 4096.0  # rad; velocities are in counts/s
 CENTRE, LAST = 2048, 4095
 SPEED_LIMIT_STEP = 50.0  # counts/s
