@@ -257,6 +257,7 @@ def test_a_trial_that_is_killed_leaves_no_power(number: int, tmp_path: Path) -> 
     trial = subprocess.Popen(
         [*line, "--joints", JOINT], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
+    assert trial.stdout is not None
     try:
         end.until("torque")
         trial.send_signal(number)
@@ -264,9 +265,10 @@ def test_a_trial_that_is_killed_leaves_no_power(number: int, tmp_path: Path) -> 
         assert trial.wait(30.0) in (1, -signal.SIGKILL)
     except AssertionError as error:
         trial.kill()
-        error.add_note(f"--- the trial printed:\n{trial.communicate()[0]}")
+        error.add_note(f"--- the trial printed:\n{trial.stdout.read()}")
         raise
     finally:
         trial.kill()
-        trial.communicate()
+        trial.wait()
+        trial.stdout.close()
         end.close()
