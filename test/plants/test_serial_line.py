@@ -27,17 +27,18 @@ class Lagging:
     """A maker's packet handler of a servo some of whose answers come with the next question."""
 
     def __init__(self, late: set[int], library: serial_line.Library) -> None:
-        self.late, self.asked, self.pending = late, 0, deque[bytes]()
+        self.late, self.asked = late, 0
+        self.held, self.pending = deque[bytes](), deque[bytes]()
         self.head, self.tail, self.place = library.head, library.tail, library.place
 
-    def readTxRx(
-        self, _port: Any, _drive: int, address: int, length: int
-    ) -> tuple[list[int], int, int]:
-        self.pending.append(TABLE[address : address + length])
+    def readTx(self, _port: Any, _drive: int, address: int, length: int) -> int:
         self.asked += 1
-        if self.asked in self.late:
-            return [], -6, 0
-        return list(self.pending.popleft()), 0, 0
+        self.pending += self.held
+        self.held.clear()
+        (self.held if self.asked in self.late else self.pending).append(
+            TABLE[address : address + length]
+        )
+        return 0
 
     def rxPacket(self, _port: Any, *_receive: bool) -> tuple[list[int], int]:
         if not self.pending:
@@ -50,7 +51,7 @@ class Lagging:
 def bus_of(late: set[int], library: serial_line.Library) -> ServoBus:
     bus = ServoBus(library, "")
     bus.protocol = Lagging(late, library)
-    bus._port = SimpleNamespace(wait=0.0, setPacketTimeout=lambda _: None)
+    bus._port = SimpleNamespace(wait=0.0, setPacketTimeout=lambda _: None, clearPort=lambda: None)
     return bus
 
 
@@ -83,3 +84,16 @@ def test_a_late_answer_is_not_that_to_the_next_read(
     monkeypatch.setattr(serial_line.time, "sleep", lambda _: None)
     bus = bus_of({late}, feetech.LIBRARY)
     assert [bus.get(1, item) for item in ITEMS] == [value(item) for item in ITEMS]
+
+
+@pytest.mark.parametrize("library", [feetech.LIBRARY, dynamixel.LIBRARY])
+@pytest.mark.parametrize("before", [b"", bytes(38), bytes(1)], ids=["write", "longer", "shorter"])
+def test_an_answer_of_another_length_is_not_cut_to_that_of_the_question(
+    before: bytes, library: serial_line.Library
+) -> None:
+    """S8: the library cuts it; all readings of a servo began with its "model" of 5120."""
+    bus = bus_of(set(), library)
+    bus.protocol.pending.append(before)
+    assert bus.get(1, ITEMS[0]) == value(ITEMS[0])
+    bus.protocol.pending.append(before)
+    assert bus.models(1) == [value(library.model)]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import select
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -289,15 +290,14 @@ class ServoBus:
                 interview.hear(request.parse(*answer))
         else:
             packed = list(request.item.pack(request.value, signed=request.value < 0))
-            result, error = self.protocol.writeTxRx(self.port, drive, *request.item, packed)
-            if result == 0:
-                interview.hear(Reply(request.value, error))
-            else:
-                self._behind.setdefault(drive, 0)
+            self.protocol.writeTxOnly(self.port, drive, *request.item, packed)
+            if (answer := self._answer(drive, 0)) is not None:
+                interview.hear(Reply(request.value, answer[1]))
         if interview.question.several:  # a second servo with the same id
-            data = self._further(drive)
-            if data is not None and len(data) == request.item.length:
-                interview.hear(request.parse(data, 0))
+            for data, error in self._answers(drive):
+                if len(data) == request.item.length:
+                    interview.hear(request.parse(data, error))
+                    break
 
     def sync(self, item: Item, values: Mapping[int, bytes]) -> None:
         """Write an item of several servos in one packet, by their ids; there is no answer."""
@@ -337,15 +337,12 @@ class ServoBus:
         for attempt in range(attempts):
             time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
             self.port.clearPort()
-            data, result, _ = self.protocol.readTxRx(self.port, drive, *model)
-            if result != 0 or len(data) != model.length:
-                continue
-            self.port.setPacketTimeoutMillis(0.5e3 * PATIENCE)
-            second, result = self.protocol.rxPacket(self.port, *self._library.receive)
-            first = int.from_bytes(bytes(data), "little")
-            if result != 0 or second[self._library.place] != drive:
-                return [first]
-            found = [first, int.from_bytes(self._parts(second)[1], "little")]
+            self.protocol.readTx(self.port, drive, *model)
+            answers = (data for data, _ in self._answers(drive) if len(data) == model.length)
+            models = [int.from_bytes(data, "little") for data in islice(answers, 2)]
+            if len(models) == 1:
+                return models
+            found = models or found
         return found
 
     def close(self, axes: Sequence[Axis] = ()) -> None:
@@ -363,23 +360,30 @@ class ServoBus:
         head, tail, place = self._library.head, self._library.tail, self._library.place
         return packet[place], bytes(packet[head : len(packet) - tail])
 
-    def _read(self, drive: int, item: Item) -> tuple[Sequence[int], int] | None:
-        """Data of an item, and error byte; None: no answer, or that to another question."""
-        data, result, error = self.protocol.readTxRx(self.port, drive, *item)
-        if result == 0 and len(data) == item.length:
-            return data, error
+    def _read(self, drive: int, item: Item) -> tuple[bytes, int] | None:
+        """Data of an item, and error byte; None: no answer in time."""
+        self.protocol.readTx(self.port, drive, *item)
+        return self._answer(drive, item.length)
+
+    def _answer(self, drive: int, length: int) -> tuple[bytes, int] | None:
+        """The first answer of a drive with so many bytes of data: it, and its error byte."""
+        for data, error in self._answers(drive):
+            if len(data) == length:
+                return data, error
         self._behind.setdefault(drive, 0)
         return None
 
-    def _further(self, drive: int) -> bytes | None:
-        """The data of one answer more of a drive; None: there is none in time."""
+    def _answers(self, drive: int) -> Iterator[tuple[bytes, int]]:
+        """Answers of a drive as they come, until a timeout: whole, where the library cuts them."""
         self.port.setPacketTimeout(0)
-        packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
-        self.port.is_using = False
-        if result != 0:
-            return None
-        heard, data = self._parts(packet)
-        return data if heard == drive else None
+        while True:
+            packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
+            self.port.is_using = False
+            if result != 0:
+                return
+            heard, data = self._parts(packet)
+            if heard == drive:
+                yield data, packet[self._library.head - 1]
 
     def _in_step(self, drive: int) -> bool:
         """Whether the next answer of a drive is that to the next question.
@@ -390,13 +394,8 @@ class ServoBus:
         if (count := self._behind.get(drive)) is None:
             return True
         markers = self._library.markers
-        marker = markers[count % len(markers)]
         self._behind[drive] = count + 1
-        data, result, _ = self.protocol.readTxRx(self.port, drive, *marker)
-        answer = bytes(data) if result == 0 else None
-        while answer is not None and len(answer) != marker.length:
-            answer = self._further(drive)
-        if answer is None:
+        if self._read(drive, markers[count % len(markers)]) is None:
             return False
         del self._behind[drive]
         return True
