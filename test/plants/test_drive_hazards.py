@@ -285,6 +285,31 @@ def test_a_drive_that_is_not_heard_loses_its_power(driver: str) -> None:
         assert not any(powered(drive) for drive in bench.drives)
 
 
+@pytest.mark.parametrize("waits", [1, 3])
+@pytest.mark.parametrize("driver", [*LIBRARIES, *ROBSTRIDE])
+def test_a_late_answer_to_a_switch_off_is_no_restart(driver: str, waits: int) -> None:
+    """S8: the board wants power again before it comes, as beside busy loops."""
+    options = ROBSTRIDE.get(driver, {})
+    with bench_of("mit_can" if options else driver, **options) as bench:
+        bench.connect()
+        kind, late = bench.accepts[0], list[Frame]()
+        bench.until(lambda _: powered(bench.drives[0]), kind, cycles=50)
+        bench.follow(kind, 5)
+
+        def hold(frames: Iterable[Frame]) -> Iterator[Frame]:
+            late.extend(frames)
+            yield from ()
+
+        bench.bus.from_drives = hold
+        bench.follow(OFF)
+        bench.follow(kind, waits)
+        bench.bus.from_drives = iter
+        bench.arrive(late)
+        for _ in range(50):
+            assert not any(bench.follow(kind).faults)
+        assert law_of(bench.drives[0]) is kind
+
+
 def powered(drive: Any) -> bool:
     return drive.state == 1 if hasattr(drive, "faults") else law_of(drive) is not OFF
 

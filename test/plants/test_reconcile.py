@@ -103,7 +103,8 @@ def test_each_action_leads_on_to_the_goal() -> None:
 def test_what_is_not_confirmed_is_said() -> None:
     assert "power" in unconfirmed(Desired(None), Reported(power=True))
     assert "power" in unconfirmed(Desired("a"), Reported())
-    assert "not heard" in unconfirmed(Desired("a"), Reported(power=True, law="a", stale=True))
+    assert "keeps" in unconfirmed(Desired("a"), Reported(power=True, law="a", stale=True))
+    assert "take" in unconfirmed(Desired("a"), Reported(power=False, law="a", stale=True))
     assert unconfirmed(Desired("a"), Reported(power=True, law="b")) == "acts in mode b, not in a"
 
 

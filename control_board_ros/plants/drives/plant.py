@@ -178,10 +178,10 @@ class DrivesPlant:
                 order.interview.asks = False
             reported = answers.reported[k]
             heard = answers.times[k] >= begin or bool(answers.raw[k])
-            unseen = reported.stale or (not before[k] and reported.unheard >= UNHEARD)
-            reported.stale = reported.power and unseen
-            reported.unheard = 0 if heard else reported.unheard + 1
             off = order.action in (Action.OFF, Action.RESET)
+            unseen = not before[k] and reported.unheard >= UNHEARD
+            reported.stale = reported.power and (off or unseen or reported.stale)
+            reported.unheard = 0 if heard else reported.unheard + 1
             if reported.power or off:
                 reported.confirmed = False
             if off and not self.driver.live and not reported.power:
@@ -382,7 +382,8 @@ class DrivesPlant:
             self._undone[k] = min(self._undone[k], now)
             if now - self._undone[k] > self._timeout and self._latched[k] is None:
                 self._latched[k] = DriveFault(UNCONFIRMED, unconfirmed(wish, reported))
-        self._had_power[k] = reported.power and self._actions[k] in HOLDING
+        holds = self._actions[k] in HOLDING and not reported.stale
+        self._had_power[k] = reported.power and holds
         return self._latched[k] or self._turn_faults[k] or None
 
     def _at_shafts(self) -> tuple[Array, Array]:

@@ -61,8 +61,9 @@ class Reported:
         lost: Its set-up is lost, or was never made.
         confirmed: What a restart forgets was read back since power was last wanted off, or there.
         unheard: Exchanges in a row without an answer.
-        stale: It took power while it was unheard, from what its bus had kept, perhaps after a
-            restart (S11).
+        stale: It has power that it is to lose first: it was switched off, and its answer to that
+            is still to come; or it took power while it was unheard, from what its bus had kept,
+            perhaps after a restart (S11).
     """
 
     power: bool = False
@@ -101,10 +102,8 @@ def done(desired: Desired, reported: Reported) -> bool:
 
 def unconfirmed(desired: Desired, reported: Reported) -> str:
     """What a drive does not report, in words."""
-    if desired.law is None:
+    if desired.law is None or (reported.power and reported.stale):
         return "keeps its power, although switched off"
     if not reported.power:
         return "does not take power"
-    if reported.stale:
-        return "took power while it was not heard, and keeps it"
     return f"acts in mode {reported.law}, not in {desired.law}"
