@@ -9,7 +9,7 @@ import pytest
 
 moteus = pytest.importorskip("moteus")
 
-from control_board_ros.plants.moteus import frames, virtual_frames  # noqa: E402
+from control_board_ros.plants.moteus import driver, frames, virtual, virtual_frames  # noqa: E402
 from control_board_ros.plants.moteus.driver import said  # noqa: E402
 
 NUMBERS = {
@@ -58,6 +58,56 @@ def test_an_answer_is_read_by_the_library() -> None:
     assert {register: values[register] for register in values} == {
         register: pytest.approx(said[int(register)]) for register in values
     }
+
+
+@pytest.mark.parametrize("register", ["POSITION", "CONTROL_POSITION"])
+def test_integers_of_positions_have_their_scale(register: str) -> None:
+    """registers.md, "Mappings": steps of 1e-4 and 1e-5 turns in int16 and int32."""
+    from moteus.protocol import Register, parse_reply
+
+    number = int(Register[register])
+    for resolution, step in ((1, 1e-4), (2, 1e-5)):
+        reply = virtual_frames.answer(((number, resolution),), {number: 0.123456})
+        assert parse_reply(reply)[Register[register]] == pytest.approx(0.123456, abs=step)
+
+
+def test_a_position_beyond_its_bounds_starts_no_mode_that_keeps_them() -> None:
+    """fw/bldc_servo_control.h at db1a7623, ISR_MaybeChangeMode."""
+    for mode, fault in ((virtual.POSITION, 39), (virtual.STAY_WITHIN, 39), (virtual.CURRENT, 0)):
+        drive = virtual.VirtualMoteus(1)
+        drive.conf["servopos.position_min"] = 0.1
+        drive._order(mode, {})
+        drive.step(1.0, 0.0, 0.0)
+        assert drive.fault == fault
+
+
+def test_zero_velocity_damps_by_the_last_command_s_scale() -> None:
+    """fw/bldc_servo_control.h at db1a7623, ISR_DoZeroVelocity."""
+    drive = virtual.VirtualMoteus(1)
+    drive.conf |= {"servo.timeout_mode": 12.0, "servo.pid_position.kd": 0.5}
+    drive._order(virtual.POSITION, {virtual_frames.R.COMMAND_KD_SCALE: 0.25})
+    for _ in range(2):
+        torque = drive.step(0.2, 0.0, frames.REV)  # a turn per second, its watchdog at an end
+    assert drive.mode == frames.TIMEOUT
+    assert torque == pytest.approx(-0.125)
+
+
+def test_the_scale_of_the_integral_is_that_of_its_limit() -> None:
+    """fw/pid.h at db1a7623, Apply: half a limit that is not reached changes nothing."""
+    drive = virtual.VirtualMoteus(1)
+    drive.conf |= {"servo.pid_position.ki": 1.0, "servo.pid_position.ilimit": 1.0}
+    drive._order(virtual.CURRENT, {virtual_frames.R.COMMAND_ILIMIT_SCALE: 0.5})
+    for seconds, integral in ((0.1, 0.1), (0.1, 0.2), (10.0, 0.5)):
+        drive._pid(seconds, 1.0, 0.0)
+        assert drive._integral == pytest.approx(integral)
+
+
+@pytest.mark.parametrize(("number", "answers"), [(1, 1), (126, 126), (127, 1), (0, 1)])
+def test_ids_end_before_that_of_all_drives(number: int, answers: int) -> None:
+    """fw/moteus.cc at db1a7623: an id outside of 1 to 126 is 1; 127 is heard by all."""
+    drive = virtual.VirtualMoteus(number)
+    assert drive.id == answers
+    assert (number in driver.IDS) is (answers == number)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.015, 0.035, 0.08])

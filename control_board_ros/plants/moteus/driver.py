@@ -35,7 +35,8 @@ from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
 
-IDS = range(1, 128)
+#: 127 is that of all drives.
+IDS = range(1, 127)
 #: s until an answer on the diagnostic stream is late, and a time in which it comes and is dropped.
 SPOKEN = 0.04
 LATE = replace(PAUSE, patience=0.3)

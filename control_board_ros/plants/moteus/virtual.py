@@ -91,7 +91,7 @@ class VirtualMoteus:
             "servo.default_timeout_s": 0.1,
             "servo.timeout_max_torque_Nm": 5.0,
             "servo.max_current_A": 40.0,
-            "servo.max_velocity": 100.0,
+            "servo.max_velocity": 500.0,
             "servopos.position_min": math.nan,
             "servopos.position_max": math.nan,
             **{f"uuid.uuid.{k}": float(byte) for k, byte in enumerate(self.uuid)},
@@ -101,7 +101,8 @@ class VirtualMoteus:
 
     @property
     def id(self) -> int:
-        return int(self.conf["id.id"])
+        number = int(self.conf["id.id"])
+        return number if 1 <= number < BROADCAST else 1
 
     @property
     def _position(self) -> float:
@@ -196,18 +197,18 @@ class VirtualMoteus:
         self._command = UNNAMED | {key: value for key, value in named.items() if key in UNNAMED}
         timeout = self._command[R.COMMAND_TIMEOUT]
         self._left = timeout if timeout != 0.0 else self.conf["servo.default_timeout_s"]
+        self._next = mode
         if self.mode == mode:
             self._aim()
-            return
-        if self.mode == f.STOPPED:
+        elif self.mode == f.STOPPED:
             self.mode, self._enabling = ENABLING, ENABLE_TIME
         elif self.mode != ENABLING:
             self._enter(mode)
-        self._next = mode
 
     def _enter(self, mode: int) -> None:
         low, high = (self.conf[f"servopos.position_{end}"] for end in ("min", "max"))
-        if mode == POSITION and (self._position < low or self._position > high):
+        outside = self._position < low or self._position > high
+        if mode in (POSITION, STAY_WITHIN) and outside:
             self.fail(39)
             return
         self.mode, self._integral = mode, 0.0
@@ -279,7 +280,8 @@ class VirtualMoteus:
             torque = self._position_loop(seconds)
         elif self.mode == f.TIMEOUT and self.conf["servo.timeout_mode"] == ZERO_VELOCITY:
             most = min(most, self.conf["servo.timeout_max_torque_Nm"])
-            torque = -self.conf["servo.pid_position.kd"] * self._velocity
+            scale = command[R.COMMAND_KD_SCALE]
+            torque = -scale * self.conf["servo.pid_position.kd"] * self._velocity
         else:
             return 0.0
         return max(-most, min(most, torque))
@@ -319,9 +321,9 @@ class VirtualMoteus:
     def _pid(self, seconds: float, position: float, velocity: float) -> float:
         command, conf = self._command, self.conf
         error = position - self._position
-        scale, most = command[R.COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
+        most = command[R.COMMAND_ILIMIT_SCALE] * conf["servo.pid_position.ilimit"]
         self._integral += conf["servo.pid_position.ki"] * error * seconds
-        self._integral = scale * max(-most, min(most, self._integral))
+        self._integral = max(-most, min(most, self._integral))
         stiffness = conf["servo.pid_position.kp"] * command[R.COMMAND_KP_SCALE]
         damping = conf["servo.pid_position.kd"] * command[R.COMMAND_KD_SCALE]
         return stiffness * error + damping * (velocity - self._velocity) + self._integral

@@ -22,10 +22,13 @@ from .frames import POSITIONS
 
 #: Registers by name, as plain numbers: they are looked up in every step.
 R = SimpleNamespace(**{name: int(register) for name, register in Register.__members__.items()})
+POSITION, VELOCITY = (0.01, 1e-4, 1e-5), (0.1, 2.5e-4, 1e-5)
 #: What each int8, int16 and int32 means, by register.
 SCALES = {
-    R.POSITION: (0.01, 1e-4, 1e-5),
-    R.VELOCITY: (0.1, 2.5e-4, 1e-5),
+    R.POSITION: POSITION,
+    R.CONTROL_POSITION: POSITION,
+    R.VELOCITY: VELOCITY,
+    R.CONTROL_VELOCITY: VELOCITY,
     R.TORQUE: (0.5, 0.01, 1e-3),
     R.Q_CURRENT: (1.0, 0.1, 1e-3),
     R.D_CURRENT: (1.0, 0.1, 1e-3),
