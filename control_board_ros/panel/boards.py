@@ -32,10 +32,10 @@ from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.text import clean, clean_name, clean_names
 
 from . import robot
-from .listening import Newest
+from .subscriptions import Newest
 
 #: s within which messages received over ROS are matched with the panel's own.
-OWN = 2.0
+OWN_REQUEST_S = 2.0
 #: s without a state of a watched board before its subscriptions are renewed.
 SILENCE = 5.0
 
@@ -132,10 +132,10 @@ class Board:
             shown = shown_modes(modes)
             changes = self._changes(shown)
             news["modes"] = self.modes = shown
-            if changes and time.monotonic() - self._requested > OWN:
+            if changes and time.monotonic() - self._requested > OWN_REQUEST_S:
                 news["elsewhere"] = changes
         if (faults := self._faults.take_read()) is not None:
-            self.faults = {"faults": [shown_fault(one) for one in faults.faults[:MOST_JOINTS]]}
+            self.faults = {"faults": [shown_fault(fault) for fault in faults.faults[:MOST_JOINTS]]}
             news["faults"] = self.faults
         if (description := self._description.take_read()) is not None:
             self.robot = robot.read(description.data, f"mesh/{self.number}/")
@@ -162,7 +162,7 @@ class Board:
 
     def poll_commands(self) -> list[str]:
         """Texts of other programs' commands: the newest on each topic."""
-        found: list[str] = []
+        lines: list[str] = []
         if self.measured:
             self.requesting()
         for topic, newest in self._commands.items():
@@ -172,11 +172,11 @@ class Board:
             message = newest.read()
             names, values = tuple(names_of(message)), first_values(message)
             if not self.measured and not self._was_sent(topic, names, values):
-                found.append(f"{topic.short}: {in_words(names, values)}")
+                lines.append(f"{topic.short}: {in_words(names, values)}")
         if (asked := self._requests.take_read()) is not None and self._requests_known:
-            found += self._requested_elsewhere(asked)
+            lines += self._requested_elsewhere(asked)
         self._requests_known = True
-        return found
+        return lines
 
     def _requested_elsewhere(self, asked: Any) -> list[str]:
         """Text of another program's request; empty for the panel's own."""
@@ -191,7 +191,7 @@ class Board:
         topic = next((t for t in COMMAND_TOPICS if t.short == f"command/{what}"), None)
         if topic is not None and self._was_sent(topic, names, values):
             return []
-        if topic is None and time.monotonic() - self._requested <= OWN:
+        if topic is None and time.monotonic() - self._requested <= OWN_REQUEST_S:
             return []
         return [f"{clean(what)}: {in_words(names, values)}"]
 
@@ -207,7 +207,7 @@ class Board:
     def _was_sent(
         self, topic: Endpoint, names: tuple[str, ...], values: tuple[float, ...]
     ) -> bool:
-        since = time.monotonic() - OWN
+        since = time.monotonic() - OWN_REQUEST_S
         return any(
             at >= since and (t, n, v) == (topic, names, values) for at, t, n, v in self._sent
         )
@@ -251,7 +251,9 @@ class Board:
             known = dict(zip(names, limits, strict=True))
         except (BoardError, RequestError):
             known = {}
-        stops = {n: JointLimits(one.lower, one.upper) for n, one in self.robot.joints.items()}
+        stops = {
+            n: JointLimits(joint.lower, joint.upper) for n, joint in self.robot.joints.items()
+        }
         rows = [known.get(n) or stops.get(n, JointLimits()) for n in names]
         return {field: [finite(getattr(row, field)) for row in rows] for field in FIELDS}
 

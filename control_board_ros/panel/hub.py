@@ -20,12 +20,12 @@ from control_board_ros.text import clean
 
 from .boards import Board
 from .browser import Browser
+from .dispatcher import Dispatcher
+from .hub_state import HubState
 from .lease import ANSWER_TIME
-from .listening import OperatorTopic
-from .operating import Operating
-from .operators import LOOK_ROUND, Operators
-from .requests import KINDS, BadRequest, Request, parse
-from .shared import Shared
+from .lease_service import LOOK_ROUND, LeaseService
+from .protocol import KINDS, BadRequest, Request, parse
+from .subscriptions import OperatorTopic
 
 #: Frames per second for few and for many joints.
 FAST, SLOW, MANY = 60.0, 30.0, 16
@@ -51,7 +51,7 @@ class Hub:
         look_round: s of initial discovery of other panels.
         answer_time: timeout of the operator's answer to a takeover request, s.
 
-    Attributes: shared, operating, operators.
+    Attributes: state, dispatcher, lease_service.
     """
 
     def __init__(
@@ -67,14 +67,14 @@ class Hub:
         answer_time: float = ANSWER_TIME,
     ) -> None:
         self._report = report
-        self.shared = shared = Shared(read_only=read_only, recordings=recordings)
-        self.operating = Operating(shared)
-        self.operators = Operators(
-            shared,
+        self.state = state = HubState(read_only=read_only, recordings=recordings)
+        self.dispatcher = Dispatcher(state)
+        self.lease_service = LeaseService(
+            state,
             topic or OperatorTopic(node),
             look_round,
             answer_time,
-            self.operating.dismiss,
+            self.dispatcher.dismiss,
         )
         self._node, self._answer_timeout = node, answer_timeout
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
@@ -88,24 +88,24 @@ class Hub:
     def enter(self, name: str) -> Browser:
         """Add a browser; the first one operates, if permitted."""
         browser = Browser(next(self._numbers), name)
-        self.shared.browsers[browser.number] = browser
-        browser.send("hello", you=browser.number, read_only=self.shared.read_only)
-        for board in self.shared.boards.values():
+        self.state.browsers[browser.number] = browser
+        browser.send("hello", you=browser.number, read_only=self.state.read_only)
+        for board in self.state.boards.values():
             self._introduce(board, browser)
-        browser.send("recordings", **self.shared.recordings.shown())
-        browser.send("history", entries=list(self.shared.history))
-        self.shared.send_boards()
-        self.operators.enter(browser)
+        browser.send("recordings", **self.state.recordings.shown())
+        browser.send("history", entries=list(self.state.history))
+        self.state.send_boards()
+        self.lease_service.enter(browser)
         return browser
 
     async def leave(self, browser: Browser) -> None:
         """Remove a browser: release its controls and cancel its requests."""
-        self.shared.browsers.pop(browser.number, None)
+        self.state.browsers.pop(browser.number, None)
         for task in browser.running.values():
             task.cancel()
         self._watch()
-        await self.operating.release(self.operating.holds.of_browser(browser.number))
-        self.operators.leave(browser)
+        await self.dispatcher.release(self.dispatcher.holds.of_browser(browser.number))
+        self.lease_service.leave(browser)
 
     def _introduce(self, board: Board, browser: Browser) -> None:
         for what in ("info", "modes", "faults"):
@@ -125,25 +125,25 @@ class Hub:
             browser.send("answer", id=error.id, ok=False, message=str(error))
             return
         if request.do == "watch":
-            browser.watched = frozenset(request.given["boards"])
+            browser.watched = frozenset(request.fields["boards"])
             self._watch()
             browser.send("answer", id=request.id, ok=True, message="")
         elif request.do in ("operate", "hand_over", "step_back"):
-            self.operators.settle(browser, request)
+            self.lease_service.process(browser, request)
         else:
-            self.operating.start(browser, request)
+            self.dispatcher.start(browser, request)
 
     def _check(self, browser: Browser, request: Request) -> None:
         """Check the permission of a browser; raises BadRequest with the reason."""
         commands = KINDS[request.do].commands
-        stops = request.do == "stop" or (request.do == "estop" and request.given["on"])
+        stops = request.do == "stop" or (request.do == "estop" and request.fields["on"])
         if stops:  # who sees can stop
             pass
-        elif self.shared.read_only and (commands or request.do in ("operate", "hand_over")):
+        elif self.state.read_only and (commands or request.do in ("operate", "hand_over")):
             raise BadRequest("the panel is read-only; start it without --read-only", request.id)
         elif commands:
-            self.operators.check(browser, request)
-        if request.board and request.board not in self.shared.boards:
+            self.lease_service.check(browser, request)
+        if request.board and request.board not in self.state.boards:
             raise BadRequest(f"no board {request.board}; it may have ended", request.id)
 
     # Loops
@@ -155,11 +155,11 @@ class Hub:
                 group.create_task(self._every(lambda: COMMANDS, self._poll_commands))
                 group.create_task(self._every(lambda: TARGETS, self._targets))
                 group.create_task(self._every(lambda: DISCOVER, self._discover))
-                group.create_task(self.operating.run())
+                group.create_task(self.dispatcher.run())
         finally:
-            await self.shared.recordings.close()
-            self.operators.close()
-            for board in self.shared.boards.values():
+            await self.state.recordings.close()
+            self.lease_service.close()
+            for board in self.state.boards.values():
                 board.close()
 
     async def _every(self, period: Callable[[], float], look: Callable[[], Any]) -> None:
@@ -192,12 +192,12 @@ class Hub:
             self._report(clean(text))
 
     def _watched(self) -> set[str]:
-        return {name for browser in self.shared.browsers.values() for name in browser.watched}
+        return {name for browser in self.state.browsers.values() for name in browser.watched}
 
     def _watch(self) -> None:
         """Subscribe to the states of watched boards only."""
         watched = self._watched()
-        for board in self.shared.boards.values():
+        for board in self.state.boards.values():
             board.watch(on=board.name in watched)
 
     def _rate(self) -> float:
@@ -205,7 +205,7 @@ class Hub:
         if not watched:
             return 1.0 / POLL
         joints = sum(
-            len(self.shared.boards[name].names) for name in watched if name in self.shared.boards
+            len(self.state.boards[name].names) for name in watched if name in self.state.boards
         )
         return FAST if joints <= MANY else SLOW
 
@@ -218,41 +218,41 @@ class Hub:
 
     def _frames(self) -> None:
         """Send the newest state of each watched board: number, length, message."""
-        for board in self.shared.boards.values():
+        for board in self.state.boards.values():
             raw = None if board.state is None else board.state.take()
             if raw is not None:
                 frame = b"".join(
                     (board.number.to_bytes(4, "little"), len(raw).to_bytes(4, "little"), raw)
                 )
-                for browser in self.shared.browsers.values():
+                for browser in self.state.browsers.values():
                     if board.name in browser.watched:
                         browser.show(board.number, frame)
 
     def _poll(self) -> None:
         """Forward modes, faults, descriptions, and the operator."""
-        for board in list(self.shared.boards.values()):
+        for board in list(self.state.boards.values()):
             with self._reported(board):
                 self._forward(board, board.poll())
-        self.operators.look()
+        self.lease_service.look()
 
     def _forward(self, board: Board, news: dict[str, Any]) -> None:
         for what in ("modes", "faults"):
             if what in news:
-                self.shared.send_all(what, board=board.name, **news[what])
-        if "elsewhere" in news and not any(map(board.repeats, self.shared.boards.values())):
-            self.shared.log("", f"{board.name}: {news['elsewhere']}")
+                self.state.send_all(what, board=board.name, **news[what])
+        if "elsewhere" in news and not any(map(board.repeats, self.state.boards.values())):
+            self.state.log("", f"{board.name}: {news['elsewhere']}")
         if "robot" in news:
             self._info_requested.pop(board.name, None)
 
     async def _poll_commands(self) -> None:
-        for board in list(self.shared.boards.values()):
+        for board in list(self.state.boards.values()):
             with self._reported(board):
                 for words in board.poll_commands():
-                    self.shared.log("another program", f"{board.name} {words}", board=board.name)
+                    self.state.log("another program", f"{board.name} {words}", board=board.name)
 
     async def _targets(self) -> None:
         """Request the targets of watched boards, and less often their limits."""
-        await asyncio.gather(*(self._ask(board) for board in list(self.shared.boards.values())))
+        await asyncio.gather(*(self._ask(board) for board in list(self.state.boards.values())))
 
     async def _ask(self, board: Board) -> None:
         now = time.monotonic()
@@ -262,22 +262,22 @@ class Hub:
                 before = board.info
                 await board.ask_info()
                 if board.info != before:
-                    self.shared.send_all("info", board=board.name, **board.info)
+                    self.state.send_all("info", board=board.name, **board.info)
             if board.name in self._watched() and await board.ask_targets():
-                self.shared.send_targets(board)
+                self.state.send_targets(board)
 
     async def _discover(self) -> None:
-        found = set(boards_on(self._node))
-        for name in found - set(self.shared.boards):
-            self.shared.boards[name] = Board(
+        names = set(boards_on(self._node))
+        for name in names - set(self.state.boards):
+            self.state.boards[name] = Board(
                 self._node, name, next(self._board_numbers), self._answer_timeout
             )
-        for name in set(self.shared.boards) - found:
-            board = self.shared.boards.pop(name)
+        for name in set(self.state.boards) - names:
+            board = self.state.boards.pop(name)
             self._info_requested.pop(name, None)
             await asyncio.to_thread(board.close)
-            self.shared.log("", f"{name} is gone")
+            self.state.log("", f"{name} is gone")
         self._watch()
-        if found != self._known:
-            self._known = found
-            self.shared.send_boards()
+        if names != self._known:
+            self._known = names
+            self.state.send_boards()

@@ -25,9 +25,9 @@ HEADERS = {
 }
 
 
-def is_token(given: str | None, token: str) -> bool:
+def is_token(text: str | None, token: str) -> bool:
     """Whether it is the token, compared in constant time."""
-    return given is not None and hmac.compare_digest(given.encode(), token.encode())
+    return text is not None and hmac.compare_digest(text.encode(), token.encode())
 
 
 def cookie_of(header: str | None, name: str) -> str | None:

@@ -90,17 +90,17 @@ class Guard:
                 return 403, "Only the panel's own page may connect.\n"
         elif connection.scope["method"] not in ("GET", "HEAD"):
             return 405, "Only GET.\n"
-        given = security.cookie_of(headers.get("cookie"), self._cookie)
+        token = security.cookie_of(headers.get("cookie"), self._cookie)
         if connection.url.path == "/":  # the cookie may be of an earlier panel
-            given = connection.query_params.get("token", given)
-        return (0, "") if security.is_token(given, self._token) else (403, TOKEN_WANTED)
+            token = connection.query_params.get("token", token)
+        return (0, "") if security.is_token(token, self._token) else (403, TOKEN_WANTED)
 
     def _with_headers(self, send: Any) -> Any:
         async def send_with_headers(message: dict[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                given = list(message.get("headers", ()))
-                own = {name for name, _ in given}  # a report has its own policy
-                message["headers"] = given + [h for h in self._headers if h[0] not in own]
+                headers = list(message.get("headers", ()))
+                names = {name for name, _ in headers}  # a report has its own policy
+                message["headers"] = headers + [h for h in self._headers if h[0] not in names]
             await send(message)
 
         return send_with_headers
@@ -167,7 +167,7 @@ def make_app(
         return FileResponse(path, media_type=MEDIA[f".{ending}"])
 
     async def socket(websocket: WebSocket) -> None:
-        if len(hub.shared.browsers) >= security.MAX_BROWSERS:
+        if len(hub.state.browsers) >= security.MAX_BROWSERS:
             await websocket.close(FULL, f"{security.MAX_BROWSERS} browsers are connected already")
             return
         await websocket.accept()
@@ -199,7 +199,7 @@ def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
     """Serves reports of the panel's recordings, with a stricter policy than its page."""
 
     async def serve_report(request: Request) -> Response:
-        path = hub.shared.recordings.report(request.path_params["name"])
+        path = hub.state.recordings.report(request.path_params["name"])
         if path is None or not path.is_file():
             return PlainTextResponse("no such report\n", 404)
         policy = {"Content-Security-Policy": REPORT_POLICY}
@@ -209,7 +209,7 @@ def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
 
 
 def by_number(hub: Hub, number: int) -> Any:
-    return next((board for board in hub.shared.boards.values() if board.number == number), None)
+    return next((board for board in hub.state.boards.values() if board.number == number), None)
 
 
 def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:

@@ -209,7 +209,7 @@ def test_read_only_commands_nothing() -> None:
             answer = browser.ask(**message)  # type: ignore[arg-type]
             assert answer["ok"] is False, message
             assert "read-only" in answer["message"]
-        assert panel.hub.operators.lease.holder is None
+        assert panel.hub.lease_service.lease.holder is None
         assert not panel.board().calls.made
         assert browser.ask("watch", boards=["/b"])["ok"]
         assert browser.ask("stop")["ok"]
@@ -245,7 +245,7 @@ def test_a_report_is_served_apart(panel: Panel) -> None:
     """By its name only, in a page that has no origin, and nothing of the panel's."""
     for name in ("none", "..", "%2e%2e%2fsecret", "a%2fb"):
         assert panel.get(f"/report/{name}")[0] in (403, 404)
-    panel.hub.shared.recordings.reports = ["mine"]
+    panel.hub.state.recordings.reports = ["mine"]
     assert panel.get("/report/mine")[0] == 404  # its file is gone
 
 

@@ -11,8 +11,8 @@ import pytest
 from standins import REQUESTS, Air, Browser, End, Panel, StandIn, panel_of
 from waiting import until
 
-from control_board_ros.panel.panels import Beat
-from control_board_ros.panel.requests import KINDS
+from control_board_ros.panel.peer_lease import Beat
+from control_board_ros.panel.protocol import KINDS
 
 #: What is no text: halves of a pair of surrogates, alone or the wrong way round.
 LONE = ["\ud83d", "\udc00", "a\ud800b", "\udc00\ud83d"]
@@ -135,9 +135,9 @@ def test_what_cannot_be_said_is_left_out_and_said(panel: Panel) -> None:
     browser = panel.browser()
     browser.read("operator")
     for bad in (float("nan"), object(), {1, 2}):
-        panel.hub.shared.log("", "bad", value=bad)
+        panel.hub.state.log("", "bad", value=bad)
         assert "left out" in browser.read("error")["message"]
-    panel.hub.shared.log("", "\ud800")
+    panel.hub.state.log("", "\ud800")
     assert browser.read("log")["what"] == "\N{REPLACEMENT CHARACTER}"
     assert all("value" not in entry for entry in panel.browser().read("history")["entries"])
     stops(panel, browser)

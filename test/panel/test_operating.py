@@ -10,8 +10,8 @@ from standins import Air, Panel, StandIn, panel_of
 from waiting import GUARD
 
 from control_board_ros.core.terms.vocabs import HAND_TIMEOUT
-from control_board_ros.panel import lease, panels
-from control_board_ros.panel.doing import Hold, Holds
+from control_board_ros.panel import lease, peer_lease
+from control_board_ros.panel.handlers import Hold, Holds
 from control_board_ros.panel.lease import ANSWER_TIME, Lease
 from control_board_ros.panel.security import TokenBucket
 
@@ -46,7 +46,7 @@ def test_taking_over_is_asked(panel: Panel) -> None:
 @pytest.mark.slow
 def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None:
     """Asked, answered, shown as among browsers of one panel; what was held there ends."""
-    monkeypatch.setattr(panels, "EXPIRY", GUARD)  # on the busiest machine, too
+    monkeypatch.setattr(peer_lease, "EXPIRY", GUARD)  # on the busiest machine, too
     air = Air()
     with panel_of(StandIn("/b", 0, ["pos", "vel"]), air=air) as panel:
         first = panel.browser()
@@ -102,7 +102,7 @@ def test_an_unconfirmed_hold_ends(panel: Panel) -> None:
     made = list(calls.made)
     assert made.count(("velocity_move", "b", 0.5)) >= 2
     assert made[-1] == ("velocity_move", "b", 0.0)
-    assert not panel.hub.operating.holds
+    assert not panel.hub.dispatcher.holds
 
 
 def test_holds_end_with_their_connection(panel: Panel) -> None:
@@ -144,7 +144,7 @@ def test_a_hold_that_the_board_refuses_is_not_repeated(panel: Panel) -> None:
     answer = panel.browser().ask("hold", **HOLD)
     assert answer["ok"] is False
     assert answer["message"] == "mode is POSITION"
-    assert not panel.hub.operating.holds
+    assert not panel.hub.dispatcher.holds
 
 
 def test_stop_stops_everything(panel: Panel) -> None:
@@ -160,7 +160,7 @@ def test_stop_stops_everything(panel: Panel) -> None:
     calls.wait_for("move cancelled")
     calls.wait_for("stop", ["a", "b"])
     calls.wait_for("set_control_mode", ["c"], ["pos"])
-    assert not panel.hub.operating.holds
+    assert not panel.hub.dispatcher.holds
     assert operator.read("log", what="stop")["by"] != operator.kept[0]["you"]
 
 

@@ -229,7 +229,7 @@ class Panel:
         return f"127.0.0.1:{self.port}"
 
     def board(self, name: str = "/b") -> StandIn:
-        board: Any = self.hub.shared.boards[name]
+        board: Any = self.hub.state.boards[name]
         return board
 
     def get(
@@ -285,7 +285,7 @@ def panel_of(*boards: StandIn, read_only: bool = False, air: Air | None = None) 
         look_round=0.0,
     )
     made: dict[str, Any] = {board.name: board for board in boards}
-    hub.shared.boards.update(made)
+    hub.state.boards.update(made)
     listening = listen("127.0.0.1", 0)
     port = listening.getsockname()[1]
     app = make_app(hub, TOKEN, port, frozenset({"robot.local"}), said.append)

@@ -25,7 +25,7 @@ from control_board_ros.interface import (
 from control_board_ros.text import clean, unknown_word
 
 #: The fields of a request.
-Given = Mapping[str, Any]
+Fields = Mapping[str, Any]
 
 MAX_NAMES = 256
 MAX_TEXT = 200
@@ -50,7 +50,7 @@ class Request:
     id: int
     do: str
     board: str
-    given: Given
+    fields: Fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,25 +164,25 @@ KINDS: dict[str, Kind] = {
 }
 
 
-def joints_of(given: Given) -> list[str] | None:
+def joints_of(fields: Fields) -> list[str] | None:
     """The joints of a request as an argument of the client; None means all."""
-    return given.get("joints") or None
+    return fields.get("joints") or None
 
 
-def one_or_many(given: Given) -> list[Any]:
+def one_or_many(fields: Fields) -> list[Any]:
     """Positions, and speeds if given; a single value applies to every joint."""
-    values = [given["positions"], *([given["speeds"]] if given.get("speeds") else [])]
+    values = [fields["positions"], *([fields["speeds"]] if fields.get("speeds") else [])]
     return [value[0] if len(value) == 1 else value for value in values]
 
 
-def parameters(given: Given) -> dict[str, float]:
+def parameters(fields: Fields) -> dict[str, float]:
     """Gains by the names of their parameters."""
-    front = f"{given['joint']}.{given['controller']}_pid"
-    return {f"{front}.{gain}": value for gain, value in given["gains"].items()}
+    front = f"{fields['joint']}.{fields['controller']}_pid"
+    return {f"{front}.{gain}": value for gain, value in fields["gains"].items()}
 
 
 #: The client's method for a request, with its arguments.
-CALLS: dict[str, Callable[[Given], tuple[Any, ...]]] = {
+CALLS: dict[str, Callable[[Fields], tuple[Any, ...]]] = {
     "mode": lambda g: ("set_control_mode", joints_of(g), g["mode"]),
     "interaction": lambda g: ("set_interaction_mode", joints_of(g), g["mode"]),
     "position": lambda g: ("position_move", joints_of(g), *one_or_many(g)),
@@ -234,7 +234,7 @@ def checked(do: str, kind: Kind, fields: dict[str, Any], id_: int) -> dict[str, 
     Raises:
         BadRequest: a field is missing, invalid, or unknown.
     """
-    given = {}
+    values = {}
     for name, check in {**kind.needed, **kind.optional}.items():
         value = fields.pop(name, None)
         if value is None:
@@ -242,9 +242,9 @@ def checked(do: str, kind: Kind, fields: dict[str, Any], id_: int) -> dict[str, 
                 raise BadRequest(f"{do} needs {name}", id_)
             continue
         try:
-            given[name] = check(value)
+            values[name] = check(value)
         except ValueError as error:
             raise BadRequest(f"{name} of {do} is not valid; give {error}", id_) from None
     if fields:
         raise BadRequest(f"{do} has no field {', '.join(sorted(map(str, fields)))[:80]}", id_)
-    return given
+    return values

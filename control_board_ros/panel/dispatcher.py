@@ -17,13 +17,13 @@ from control_board_ros.core.terms.modes import MOVES, NOT_HOLDING, STOPPABLE, UN
 from control_board_ros.core.terms.vocabs import HAND_TIMEOUT
 from control_board_ros.text import clean
 
-from . import doing
+from . import handlers
 from .boards import Board
 from .browser import MAX_RUNNING, Browser
-from .doing import Hold, Holds
-from .lines import Lines, lines_of
-from .requests import KINDS, Request
-from .shared import Shared
+from .command_lines import CommandLines, command_lines
+from .handlers import Hold, Holds
+from .hub_state import HubState
+from .protocol import KINDS, Request
 
 #: s between repetitions of a held reference.
 REPEAT = 0.04
@@ -35,11 +35,11 @@ UNHELD = frozenset(mode.code for mode in NOT_HOLDING)
 HELD = frozenset(mode.code for mode in STOPPABLE)
 
 
-class Operating:
+class Dispatcher:
     """Runs requests of browsers."""
 
-    def __init__(self, shared: Shared) -> None:
-        self._shared = shared
+    def __init__(self, state: HubState) -> None:
+        self._state = state
         self.holds = Holds()
         self._holding = asyncio.Event()
         self._releasing: set[asyncio.Task[None]] = set()
@@ -63,7 +63,7 @@ class Operating:
         except asyncio.CancelledError:
             answer = {"ok": False, "message": "cancelled"}
         except (BoardError, RequestError) as error:
-            gone = bool(request.board) and request.board not in self._shared.boards
+            gone = bool(request.board) and request.board not in self._state.boards
             text = f"{request.board} does not answer: it has ended" if gone else str(error)
             answer = {"ok": False, "message": text}
         except Exception as error:  # noqa: BLE001  (every request has an answer)
@@ -72,7 +72,7 @@ class Operating:
         lines = self._lines(request).shown()
         browser.send("answer", id=request.id, lines=lines, **answer)
         if KINDS[request.do].commands and not answer.pop("quiet", False):
-            self._shared.log(
+            self._state.log(
                 browser.name,
                 request.do,
                 by=browser.number,
@@ -80,19 +80,19 @@ class Operating:
                 lines=lines,
                 ok=answer["ok"],
                 message=answer["message"],
-                live=request.given.get("live", False),
+                live=request.fields.get("live", False),
             )
 
-    def _lines(self, request: Request) -> Lines:
+    def _lines(self, request: Request) -> CommandLines:
         if request.board:
-            return lines_of(request)
+            return command_lines(request)
         if request.do not in ("stop", "estop"):
-            return Lines()
-        boards = list(self._shared.boards.values())
+            return CommandLines()
+        boards = list(self._state.boards.values())
         if request.do == "estop":
             boards = self._without_parts()
-        each = [lines_of(replace(request, board=board.name)) for board in boards]
-        return Lines(
+        each = [command_lines(replace(request, board=board.name)) for board in boards]
+        return CommandLines(
             " && ".join(line.cbctl for line in each),
             " && ".join(line.ros2 for line in each),
             "\n".join(dict.fromkeys(line.python for line in each)),
@@ -101,67 +101,67 @@ class Operating:
     async def _do(self, browser: Browser, request: Request) -> dict[str, Any]:
         if not request.board:
             return await self._do_for_all(browser, request)
-        board = self._shared.boards[request.board]
-        for other in self._shared.boards.values():  # a robot's board includes its parts
+        board = self._state.boards[request.board]
+        for other in self._state.boards.values():  # a robot's board includes its parts
             if other.space == board.space and KINDS[request.do].commands:
                 other.requesting()
-        own = {"hold": self._hold, "release": self._release, "stop": self._stop_some}
-        own |= {"step": self._measure, "chirp": self._measure}
-        if request.do in own:
-            return await own[request.do](browser, board, request)
+        own_handlers = {"hold": self._hold, "release": self._release, "stop": self._stop_some}
+        own_handlers |= {"step": self._measure, "chirp": self._measure}
+        if request.do in own_handlers:
+            return await own_handlers[request.do](browser, board, request)
 
         def progress(share: float, words: str) -> None:
             browser.send("progress", id=request.id, share=share, words=words)
 
-        answer = await doing.DOERS[request.do](board, request.given, progress)
+        answer = await handlers.HANDLERS[request.do](board, request.fields, progress)
         if request.do in ("position", "direct", "move") and await board.ask_targets():
-            self._shared.send_targets(board)
+            self._state.send_targets(board)
         return answer
 
     async def _do_for_all(self, browser: Browser, request: Request) -> dict[str, Any]:
         """Requests to no board, or to several."""
-        recordings, given = self._shared.recordings, request.given
+        recordings, fields = self._state.recordings, request.fields
         if request.do == "stop":
             return await self._stop_everything()
         if request.do == "estop":
-            return await self._emergency_stop(given["on"])
+            return await self._emergency_stop(fields["on"])
         if request.do == "cancel":
-            task = browser.running.get(int(given["request"]))
+            task = browser.running.get(int(fields["request"]))
             if task is not None:
                 task.cancel()
             return {"ok": task is not None, "message": "" if task else "it has ended already"}
         if request.do == "note":
-            return recordings.note(given["text"], self._shared.boards)
-        if given["on"]:
-            return await recordings.begin(given.get("boards", []), self._shared.boards)
+            return recordings.note(fields["text"], self._state.boards)
+        if fields["on"]:
+            return await recordings.begin(fields.get("boards", []), self._state.boards)
         return await recordings.end()
 
     async def _release(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
-        hold = self.holds.release(board.name, request.given["joint"])
+        hold = self.holds.release(board.name, request.fields["joint"])
         await self.release([hold] if hold else [])
         return {"ok": True, "message": "", "quiet": True}
 
     async def _stop_some(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
-        return await self._stop(board, request.given.get("joints") or board.names)
+        return await self._stop(board, request.fields.get("joints") or board.names)
 
     async def _measure(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
         """A step or chirp by a separate program, whose commands are not reported as foreign."""
-        given, do = request.given, request.do
-        if given["joint"] not in board.names or given["joint"].startswith("-"):
-            return {"ok": False, "message": f"{board.name} has no joint {given['joint']}"}
-        unit = JointKind.of(board.robot.kind(given["joint"])).unit
-        size = given.get("size", given.get("amplitude"))
+        fields, do = request.fields, request.do
+        if fields["joint"] not in board.names or fields["joint"].startswith("-"):
+            return {"ok": False, "message": f"{board.name} has no joint {fields['joint']}"}
+        unit = JointKind.of(board.robot.kind(fields["joint"])).unit
+        size = fields.get("size", fields.get("amplitude"))
         option = "--size" if do == "step" else "--amplitude"
         options = [] if size is None else [f"{option}={size:.6g}{unit}"]
         board.measured = True
         try:
-            return await self._shared.recordings.measure(board.name, do, given["joint"], *options)
+            return await self._state.recordings.measure(board.name, do, fields["joint"], *options)
         finally:
             board.measured = False
 
     async def _hold(self, browser: Browser, board: Board, request: Request) -> dict[str, Any]:
         """Send the value of a held control at once; the loop repeats it."""
-        joint, kind, value = (request.given[key] for key in ("joint", "kind", "value"))
+        joint, kind, value = (request.fields[key] for key in ("joint", "kind", "value"))
         held = self.holds.get(board.name, joint)
         fresh = held is None or held.kind != kind
         rest: float | None = 0.0
@@ -176,14 +176,14 @@ class Operating:
         self.holds.hold(hold, time.monotonic())
         self._holding.set()
         async with self._in_order[board.name]:
-            reply = await doing.send_held(board, kind, joint, value, valid_for=HAND_TIMEOUT)
+            reply = await handlers.send_held(board, kind, joint, value, valid_for=HAND_TIMEOUT)
         if not reply:
             self.holds.release(board.name, joint)
-        return doing.shown(reply) | {"quiet": not fresh}
+        return handlers.reply_fields(reply) | {"quiet": not fresh}
 
     def _torque_reference(self, board: Board, joint: str) -> float | None:
         """The torque in force, from the board's state or that of its robot."""
-        for other in (board, *self._shared.boards.values()):
+        for other in (board, *self._state.boards.values()):
             if other.space == board.space:
                 torque = other.torque_reference(joint)
                 if torque is not None:
@@ -193,13 +193,13 @@ class Operating:
     async def release(self, holds: list[Hold]) -> None:
         """Send the rest references of released controls."""
         for hold in holds:
-            board = self._shared.boards.get(hold.board)
+            board = self._state.boards.get(hold.board)
             if board is not None:
                 try:
                     async with self._in_order[board.name]:
-                        await doing.send_held(board, hold.kind, hold.joint, hold.rest)
+                        await handlers.send_held(board, hold.kind, hold.joint, hold.rest)
                 except (BoardError, RequestError) as error:
-                    self._shared.log("", f"{hold.board}: {error}")
+                    self._state.log("", f"{hold.board}: {error}")
 
     def dismiss(self, number: int) -> None:
         """Release a former operator's controls and cancel its requests."""
@@ -207,7 +207,7 @@ class Operating:
         task = asyncio.get_running_loop().create_task(self.release(holds))
         self._releasing.add(task)  # keeps it from the garbage collector
         task.add_done_callback(self._releasing.discard)
-        browser = self._shared.browsers.get(number)
+        browser = self._state.browsers.get(number)
         for task in list(browser.running.values()) if browser is not None else ():
             task.cancel()
 
@@ -220,7 +220,7 @@ class Operating:
                     await self._holding.wait()
                 await self.release(self.holds.expired(time.monotonic()))
                 for hold in self.holds:
-                    board = self._shared.boards.get(hold.board)
+                    board = self._state.boards.get(hold.board)
                     if board is not None:
                         await self._repeat(board, hold)
                 await asyncio.sleep(REPEAT)
@@ -232,7 +232,7 @@ class Operating:
             async with self._in_order[board.name]:
                 if self.holds.get(hold.board, hold.joint) is not hold:  # released in between
                     return
-                reply = await doing.send_held(
+                reply = await handlers.send_held(
                     board, hold.kind, hold.joint, hold.value, valid_for=HAND_TIMEOUT
                 )
         except (BoardError, RequestError):
@@ -244,7 +244,7 @@ class Operating:
         """Disable every joint of every board, or release the stop; once per robot."""
         if on:
             self.holds.everything()
-            self._end_what_lasts()
+            self._cancel_motions()
         boards = self._without_parts()
         for board in boards:
             board.requesting()
@@ -257,11 +257,15 @@ class Operating:
 
     def _without_parts(self) -> list[Board]:
         """The boards without the parts of a robot's board, whose stop includes them."""
-        boards = list(self._shared.boards.values())
-        return [board for board in boards if not any(one.repeats(board) for one in boards)]
+        boards = list(self._state.boards.values())
+        return [
+            board
+            for board in boards
+            if not any(robot_board.repeats(board) for robot_board in boards)
+        ]
 
-    def _end_what_lasts(self) -> None:
-        for browser in self._shared.browsers.values():
+    def _cancel_motions(self) -> None:
+        for browser in self._state.browsers.values():
             for task in list(browser.running.values()):
                 if task.get_name() in LASTING:
                     task.cancel()
@@ -269,8 +273,8 @@ class Operating:
     async def _stop_everything(self) -> dict[str, Any]:
         """STOP: release every control, cancel active requests, stop every joint of every board."""
         held = self.holds.everything()
-        self._end_what_lasts()
-        boards = list(self._shared.boards.values())
+        self._cancel_motions()
+        boards = list(self._state.boards.values())
         answers = await asyncio.gather(
             *(self._stop(board, board.names) for board in boards), return_exceptions=True
         )
@@ -286,10 +290,10 @@ class Operating:
         moving = [name for name in names if modes.get(name) in HELD]
         aio, answers = board.client.aio, []
         if moving:
-            answers.append(doing.shown(await aio.stop(moving)))
+            answers.append(handlers.reply_fields(await aio.stop(moving)))
         if unheld:
             held = [holding_mode(board, name) for name in unheld]
-            answers.append(doing.shown(await aio.set_control_mode(unheld, held)))
+            answers.append(handlers.reply_fields(await aio.set_control_mode(unheld, held)))
         await self._stop_late([hold for hold in dropped if hold is not None])
         message = "; ".join(answer["message"] for answer in answers if answer["message"])
         return {"ok": all(answer["ok"] for answer in answers), "message": message}
@@ -312,10 +316,10 @@ def summed(boards: Sequence[Board], answers: Sequence[Any]) -> dict[str, Any]:
     for board, answer in zip(boards, answers, strict=True):
         if isinstance(answer, asyncio.CancelledError):
             raise answer
-        shown: dict[str, Any] = {"ok": False, "message": str(answer)}
+        fields: dict[str, Any] = {"ok": False, "message": str(answer)}
         if not isinstance(answer, BaseException):
-            shown = answer if isinstance(answer, dict) else doing.shown(answer)
-        ok = ok and bool(shown["ok"])
-        if shown["message"]:
-            messages.append(f"{board.name}: {shown['message']}")
+            fields = answer if isinstance(answer, dict) else handlers.reply_fields(answer)
+        ok = ok and bool(fields["ok"])
+        if fields["message"]:
+            messages.append(f"{board.name}: {fields['message']}")
     return {"ok": ok, "message": "; ".join(messages)}

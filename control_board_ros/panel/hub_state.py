@@ -19,7 +19,7 @@ from .recordings import Recordings
 HISTORY = 500
 
 
-class Shared:
+class HubState:
     """Boards and browsers, and what every browser is sent.
 
     Args:

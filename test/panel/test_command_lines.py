@@ -15,8 +15,8 @@ from control_board_ros.cli.line.arguments import Parser, arguments_of
 from control_board_ros.cli.line.options import hoist, read_options
 from control_board_ros.cli.verbs import load
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.panel.lines import WRITERS, lines_of
-from control_board_ros.panel.requests import KINDS, Request
+from control_board_ros.panel.command_lines import WRITERS, command_lines
+from control_board_ros.panel.protocol import KINDS, Request
 
 #: What cbctl alone has a word for.
 CBCTL_ONLY = {"step", "chirp"}
@@ -31,7 +31,7 @@ def test_every_request_of_a_board_has_lines() -> None:
 @pytest.mark.parametrize("do", REQUESTS)
 @pytest.mark.parametrize("board", ["/control_board", "/icub/left_arm", "/it's"])
 def test_lines(do: str, board: str) -> None:
-    lines = lines_of(Request(1, do, board, REQUESTS[do]))
+    lines = command_lines(Request(1, do, board, REQUESTS[do]))
     for line in lines.cbctl.split(" && "):
         program, *words = shlex.split(line)
         front, (verb, *rest) = hoist(words)

@@ -27,11 +27,11 @@ from control_board_ros.interface import (
     Endpoint,
 )
 
-from .requests import CALLS, HOLDS, Given, Request, parameters
+from .protocol import CALLS, HOLDS, Fields, Request, parameters
 
 
 @dataclass(frozen=True, slots=True)
-class Lines:
+class CommandLines:
     """A request in three forms; empty where a form does not support it."""
 
     cbctl: str = ""
@@ -51,16 +51,16 @@ ROS2 = {
 #: The lines of cbctl and ros2.
 Shell = tuple[str, str]
 #: Writes them for a request: board, joints, fields.
-Writer = Callable[[str, list[str], Given], Shell]
+Writer = Callable[[str, list[str], Fields], Shell]
 
 
-def lines_of(request: Request) -> Lines:
+def command_lines(request: Request) -> CommandLines:
     """The lines of a request; empty for one that changes nothing."""
-    given, do = request.given, request.do
+    fields, do = request.fields, request.do
     if do not in WRITERS:
-        return Lines()
-    shell = WRITERS[do](request.board, list(given.get("joints", ())), given)
-    return Lines(*shell, python(*CALLS[do](given)) if do in CALLS else "")
+        return CommandLines()
+    shell = WRITERS[do](request.board, list(fields.get("joints", ())), fields)
+    return CommandLines(*shell, python(*CALLS[do](fields)) if do in CALLS else "")
 
 
 def cbctl(board: str, *words: str) -> str:
@@ -68,20 +68,20 @@ def cbctl(board: str, *words: str) -> str:
     return shlex.join(["cbctl", *option, *words])
 
 
-def ros2(board: str, endpoint: Endpoint, fields: Mapping[str, Any], words: str = "") -> str:
+def ros2(board: str, endpoint: Endpoint, message: Mapping[str, Any], words: str = "") -> str:
     """A line of ros2; JSON is valid YAML."""
-    name, values = shlex.quote(endpoint.of(board)), json.dumps(fields, ensure_ascii=False)
+    name, values = shlex.quote(endpoint.of(board)), json.dumps(message, ensure_ascii=False)
     return f"{words or ROS2[endpoint.kind]} {name} {endpoint.type} {shlex.quote(values)}"
 
 
 def python(method: str, *values: Any) -> str:
-    one = [v[0] if isinstance(v, list) and len(v) == 1 else v for v in values]
-    return f"board.{method}({', '.join(map(repr, one))})"
+    arguments = [v[0] if isinstance(v, list) and len(v) == 1 else v for v in values]
+    return f"board.{method}({', '.join(map(repr, arguments))})"
 
 
 def of_modes(verb: str, service: Endpoint) -> Writer:
-    def write(board: str, joints: list[str], given: Given) -> Shell:
-        mode = given["mode"]
+    def write(board: str, joints: list[str], fields: Fields) -> Shell:
+        mode = fields["mode"]
         return (
             cbctl(board, verb, *(joints or ["all"]), mode),
             ros2(board, service, {"names": joints, "modes": [mode]}),
@@ -93,28 +93,28 @@ def of_modes(verb: str, service: Endpoint) -> Writer:
 def of_move(endpoint: Endpoint) -> Writer:
     """The lines of a move, by a topic or an action."""
 
-    def write(board: str, joints: list[str], given: Given) -> Shell:
-        positions, speeds = given["positions"], given.get("speeds", [])
+    def write(board: str, joints: list[str], fields: Fields) -> Shell:
+        positions, speeds = fields["positions"], fields.get("speeds", [])
         speed = [f"--speed={speeds[0]:.6g}"] if len(speeds) == 1 else []
-        fields = {"names": joints, "positions": positions}
+        message = {"names": joints, "positions": positions}
         return (
             cbctl(board, "move", *pairs(joints, positions), *speed),
-            ros2(board, endpoint, fields | ({"speeds": speeds} if speeds else {})),
+            ros2(board, endpoint, message | ({"speeds": speeds} if speeds else {})),
         )
 
     return write
 
 
-def of_direct(board: str, joints: list[str], given: Given) -> Shell:
-    positions = given["positions"]
+def of_direct(board: str, joints: list[str], fields: Fields) -> Shell:
+    positions = fields["positions"]
     return (
         cbctl(board, "direct", *pairs(joints, positions)),
         ros2(board, POSITION_DIRECT_COMMAND, {"names": joints, "positions": positions}),
     )
 
 
-def of_hold(board: str, _joints: list[str], given: Given) -> Shell:
-    joint, kind, value = given["joint"], given["kind"], given["value"]
+def of_hold(board: str, _joints: list[str], fields: Fields) -> Shell:
+    joint, kind, value = fields["joint"], fields["kind"], fields["value"]
     topic, field, _ = HOLDS[kind]
     return (
         cbctl(board, kind, f"{joint}={value:.6g}"),
@@ -122,24 +122,24 @@ def of_hold(board: str, _joints: list[str], given: Given) -> Shell:
     )
 
 
-def of_impedance(board: str, joints: list[str], given: Given) -> Shell:
-    stiffness, damping = given.get("stiffness"), given.get("damping")
+def of_impedance(board: str, joints: list[str], fields: Fields) -> Shell:
+    stiffness, damping = fields.get("stiffness"), fields.get("damping")
     options = [f"--stiffness={stiffness:.6g}"] if stiffness is not None else []
     options += [f"--damping={damping:.6g}"] if damping is not None else []
-    fields = {
+    message = {
         "names": joints,
         "stiffness": [] if stiffness is None else [stiffness],
         "damping": [] if damping is None else [damping],
     }
     return (
         cbctl(board, "impedance", *joints, *options),
-        ros2(board, SET_IMPEDANCE, fields) if stiffness is not None else "",
+        ros2(board, SET_IMPEDANCE, message) if stiffness is not None else "",
     )
 
 
-def of_speed(board: str, joints: list[str], given: Given) -> Shell:
-    speed, acceleration = given.get("speed"), given.get("acceleration")
-    fields = {
+def of_speed(board: str, joints: list[str], fields: Fields) -> Shell:
+    speed, acceleration = fields.get("speed"), fields.get("acceleration")
+    message = {
         "names": joints,
         "speeds": [] if speed is None else [speed],
         "accelerations": [] if acceleration is None else [acceleration],
@@ -150,11 +150,11 @@ def of_speed(board: str, joints: list[str], given: Given) -> Shell:
     if acceleration is not None:
         words = pairs(joints, [acceleration])
         commands.append(cbctl(board, "speed", *words, "--acceleration"))
-    return " && ".join(commands), ros2(board, SET_REFERENCE_SPEED, fields)
+    return " && ".join(commands), ros2(board, SET_REFERENCE_SPEED, message)
 
 
-def of_gains(board: str, _: list[str], given: Given) -> Shell:
-    values = parameters(given)
+def of_gains(board: str, _: list[str], fields: Fields) -> Shell:
+    values = parameters(fields)
     words = [f"{name}={value:.9g}" for name, value in values.items()]
     commands = [
         shlex.join(["ros2", "param", "set", board, name, f"{value:.9g}"])
@@ -163,32 +163,32 @@ def of_gains(board: str, _: list[str], given: Given) -> Shell:
     return cbctl(board, "param", "set", *words), " && ".join(commands)
 
 
-def of_stop(board: str, joints: list[str], _: Given) -> Shell:
+def of_stop(board: str, joints: list[str], _: Fields) -> Shell:
     return cbctl(board, "stop", *joints), ros2(board, STOP, {"names": joints})
 
 
-def of_estop(board: str, _: list[str], given: Given) -> Shell:
-    on = bool(given["on"])
+def of_estop(board: str, _: list[str], fields: Fields) -> Shell:
+    on = bool(fields["on"])
     return (
         cbctl(board, "estop", *([] if on else ["release"])),
         ros2(board, EMERGENCY_STOP, {"data": on}),
     )
 
 
-def of_recover(board: str, joints: list[str], given: Given) -> Shell:
-    partial = bool(given.get("partial"))
+def of_recover(board: str, joints: list[str], fields: Fields) -> Shell:
+    partial = bool(fields.get("partial"))
     return (
         cbctl(board, "recover", *joints, *(["--partial"] if partial else [])),
         ros2(board, RECOVER, {"names": joints, "partial": partial}),
     )
 
 
-def of_calibrate(board: str, joints: list[str], _: Given) -> Shell:
+def of_calibrate(board: str, joints: list[str], _: Fields) -> Shell:
     return cbctl(board, "calibrate", *joints), ros2(board, CALIBRATE, {"names": joints})
 
 
-def of_pose(board: str, _: list[str], given: Given) -> Shell:
-    name, speed = given["pose"], given.get("speed")
+def of_pose(board: str, _: list[str], fields: Fields) -> Shell:
+    name, speed = fields["pose"], fields.get("speed")
     option = [] if speed is None else [f"--speed={speed:.6g}"]
     return (
         cbctl(board, "pose", name, *option),
@@ -196,8 +196,8 @@ def of_pose(board: str, _: list[str], given: Given) -> Shell:
     )
 
 
-def of_save_pose(board: str, _: list[str], given: Given) -> Shell:
-    name = given["pose"]
+def of_save_pose(board: str, _: list[str], fields: Fields) -> Shell:
+    name = fields["pose"]
     return cbctl(board, "pose", "save", name), ros2(board, SAVE_POSE, {"name": name})
 
 
@@ -208,9 +208,9 @@ def of_configure(board: str, *_: Any) -> Shell:
 def of_measure(verb: str, option: str, size: str) -> Writer:
     """The line of a step or chirp, for cbctl only."""
 
-    def write(board: str, _: list[str], given: Given) -> Shell:
-        options = [f"{option}={given[size]:.6g}"] if size in given else []
-        return cbctl(board, verb, given["joint"], *options), ""
+    def write(board: str, _: list[str], fields: Fields) -> Shell:
+        options = [f"{option}={fields[size]:.6g}"] if size in fields else []
+        return cbctl(board, verb, fields["joint"], *options), ""
 
     return write
 

@@ -9,22 +9,22 @@ import uuid
 from collections.abc import Callable
 
 from .browser import Browser
+from .hub_state import HubState
 from .lease import Lease, Who
-from .listening import OperatorTopic
-from .panels import PERIOD, Beat, Panels
-from .requests import BadRequest, Request
-from .shared import Shared
+from .peer_lease import PERIOD, Beat, PeerLease
+from .protocol import BadRequest, Request
+from .subscriptions import OperatorTopic
 
 #: s of initial discovery of other panels, without operation.
 LOOK_ROUND = 1.5
 NOBODY = "you only watch; request control first"
 
 
-class Operators:
+class LeaseService:
     """The lease, shared among panels.
 
     Args:
-        shared: the browsers.
+        state: the browsers.
         topic: of the panels' beats.
         look_round: s of initial discovery of other panels.
         answer_time: timeout of the operator's answer to a takeover request, s.
@@ -33,7 +33,7 @@ class Operators:
 
     def __init__(
         self,
-        shared: Shared,
+        state: HubState,
         topic: OperatorTopic,
         look_round: float,
         answer_time: float,
@@ -41,16 +41,16 @@ class Operators:
     ) -> None:
         now = time.monotonic()
         self.lease = Lease(answer_time=answer_time)
-        self._shared, self._topic, self._dismiss = shared, topic, dismiss
-        self._panels = Panels(uuid.uuid4().hex, self.lease, now)
+        self._state, self._topic, self._dismiss = state, topic, dismiss
+        self._peers = PeerLease(uuid.uuid4().hex, self.lease, now)
         self._ready, self._open = now + look_round, False
         self._holder: Who | None = None
         self._sent: dict[str, object] = {}
-        self._beat, self._beaten = Beat(panel=self._panels.name), 0.0
+        self._beat, self._beaten = Beat(panel=self._peers.name), 0.0
 
     def enter(self, browser: Browser) -> None:
         """Add a browser; it operates if permitted and no other browser does."""
-        if self._open and self.lease.holder is None and not self._shared.read_only:
+        if self._open and self.lease.holder is None and not self._state.read_only:
             self.lease.ask(browser.number, time.monotonic())
         self.changed()
 
@@ -64,10 +64,10 @@ class Operators:
         """
         if self.lease.holder != browser.number:
             raise BadRequest(NOBODY, request.id)
-        if not self._panels.is_sure(time.monotonic()):
+        if not self._peers.is_sure(time.monotonic()):
             raise BadRequest("the panel was blocked for several seconds; try again", request.id)
 
-    def settle(self, browser: Browser, request: Request) -> None:
+    def process(self, browser: Browser, request: Request) -> None:
         """Process a request for, an answer about, or a return of the lease."""
         now, ok, message = time.monotonic(), True, ""
         if request.do == "operate" and self.lease.holder is None and not self._open:
@@ -75,7 +75,7 @@ class Operators:
         elif request.do == "operate":
             message = self.lease.ask(browser.number, now)
         elif request.do == "hand_over":
-            ok = self._answer(browser, yes=request.given["yes"])
+            ok = self._answer(browser, yes=request.fields["yes"])
             message = "" if ok else "there is no takeover request"
         elif not self.lease.leave(browser.number):
             ok, message = False, "you do not operate"
@@ -87,24 +87,24 @@ class Operators:
         if not yes and isinstance(asked, int):
             self._notify_refused(asked, browser.name)
         elif not yes and isinstance(asked, str):
-            self._panels.refuse(asked)
+            self._peers.refuse(asked)
         return asked is not None
 
     def _notify_refused(self, number: int, who: str) -> None:
-        if number in self._shared.browsers:
-            self._shared.browsers[number].send("notice", message=f"{who} keeps operating")
+        if number in self._state.browsers:
+            self._state.browsers[number].send("notice", message=f"{who} keeps operating")
 
     def look(self) -> None:
         """Process other panels' beats, advance time, send beats; called frequently."""
         now = time.monotonic()
         for text in self._topic.take():
             if (beat := Beat.read(text)) is not None:
-                self._panels.receive(beat, now)
+                self._peers.receive(beat, now)
         self.lease.tick(now)
         if not self._open and now >= self._ready:
-            self._panels.settle(now)
+            self._peers.reconcile(now)
             self._open = True
-            for browser in list(self._shared.browsers.values())[:1]:
+            for browser in list(self._state.browsers.values())[:1]:
                 self.enter(browser)
         self.changed()
 
@@ -112,33 +112,33 @@ class Operators:
         """Apply changes: settle with other panels, inform browsers, dismiss former operators."""
         now = time.monotonic()
         holder = self.lease.holder
-        who = self._panels.who(holder) if isinstance(holder, str) else ""
-        refused = self._panels.settle(now)
+        who = self._peers.who(holder) if isinstance(holder, str) else ""
+        refused = self._peers.reconcile(now)
         if refused is not None:
             self._notify_refused(refused, who)
         before, self._holder = self._holder, self.lease.holder
         if isinstance(before, int) and before != self._holder:
             self._dismiss(before)
-        if (shown := self._shown()) != self._sent:
-            self._sent = shown
-            self._shared.send_all("operator", **shown)
+        if (news := self._operator_fields()) != self._sent:
+            self._sent = news
+            self._state.send_all("operator", **news)
         self._send_beat(now)
 
     def _send_beat(self, now: float) -> None:
-        own = self.lease.holder if isinstance(self.lease.holder, int) else self.lease.asking
-        browser = self._shared.browsers.get(own) if isinstance(own, int) else None
+        local = self.lease.holder if isinstance(self.lease.holder, int) else self.lease.asking
+        browser = self._state.browsers.get(local) if isinstance(local, int) else None
         who = f"{browser.name} at {socket.gethostname()}" if browser else ""
-        if now - self._beaten >= PERIOD or self._panels.beat(who) != self._beat:
-            self._panels.sent(now)
-            self._beat, self._beaten = self._panels.beat(who), now
+        if now - self._beaten >= PERIOD or self._peers.beat(who) != self._beat:
+            self._peers.sent(now)
+            self._beat, self._beaten = self._peers.beat(who), now
             self._topic.send(self._beat.text())
 
-    def _shown(self) -> dict[str, object]:
+    def _operator_fields(self) -> dict[str, object]:
         """Operator, watchers and takeover request for the page."""
-        names: dict[Who, str] = {b.number: b.name for b in self._shared.browsers.values()}
+        names: dict[Who, str] = {b.number: b.name for b in self._state.browsers.values()}
         for who in (self.lease.holder, self.lease.asking):
             if isinstance(who, str):
-                names[who] = self._panels.who(who)
+                names[who] = self._peers.who(who)
         return {
             "holder": self.lease.holder,
             "asking": self.lease.asking,

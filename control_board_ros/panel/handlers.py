@@ -17,7 +17,7 @@ from ..core.terms.reply import Reply
 from ..core.terms.vocabs import HAND_TIMEOUT
 from ..interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
 from .boards import Board, finite
-from .requests import CALLS, HOLDS, Given, joints_of, one_or_many
+from .protocol import CALLS, HOLDS, Fields, joints_of, one_or_many
 
 
 @dataclass(slots=True)
@@ -81,7 +81,7 @@ class Holds:
 
 #: Called with the progress of a long request: from 0 to 1, and text.
 Progress = Callable[[float, str], None]
-Doer = Callable[[Board, Given, Progress], Awaitable[dict[str, Any]]]
+Handler = Callable[[Board, Fields, Progress], Awaitable[dict[str, Any]]]
 CONTROLLERS = ("position", "direct", "torque", "current")
 
 #: Next step by reply code, in the page's terms.
@@ -99,7 +99,7 @@ FRAME = ("position", "position_reference", "torque", "torque_reference", "curren
 MOST_OF_FRAME = 500
 
 
-def shown(reply: Reply) -> dict[str, Any]:
+def reply_fields(reply: Reply) -> dict[str, Any]:
     """A reply for the page."""
     answers = {name: str(answer) for name, answer in zip(reply.joints, reply.answers, strict=True)}
     steps = [ADVICE[code] for code in dict.fromkeys(reply.codes) if code in ADVICE]
@@ -107,72 +107,74 @@ def shown(reply: Reply) -> dict[str, Any]:
     return {"ok": bool(reply), "message": message, "answers": answers}
 
 
-def called(do: str) -> Doer:
+def client_call(do: str) -> Handler:
     """A request that is one call of the client."""
 
-    async def call(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-        method, *values = CALLS[do](given)
-        return shown(await getattr(board.client.aio, method)(*values))
+    async def call(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
+        method, *values = CALLS[do](fields)
+        return reply_fields(await getattr(board.client.aio, method)(*values))
 
     return call
 
 
-async def recover(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+async def recover(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     """Return to the modes before a fault; the answer has the times to wait, s."""
-    reply = await board.client.aio.recover(joints_of(given), given.get("partial", False))
-    return shown(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
+    reply = await board.client.aio.recover(joints_of(fields), fields.get("partial", False))
+    return reply_fields(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
 
 
-async def frame(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+async def frame(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     """The freeze frame of a joint's last fault (E3)."""
-    found = await board.client.aio.get_freeze_frame(given["joint"])
-    if found is None:
-        return {"ok": False, "message": f"{given['joint']} has had no fault", "frame": {}}
-    step = -(-found.stamps.size // MOST_OF_FRAME)
-    columns = {"time": found.stamps - found.fault.stamp}
-    columns |= {name: getattr(found, name) for name in FRAME}
+    freeze = await board.client.aio.get_freeze_frame(fields["joint"])
+    if freeze is None:
+        return {"ok": False, "message": f"{fields['joint']} has had no fault", "frame": {}}
+    step = -(-freeze.stamps.size // MOST_OF_FRAME)
+    columns = {"time": freeze.stamps - freeze.fault.stamp}
+    columns |= {name: getattr(freeze, name) for name in FRAME}
     rows = {n: [finite(x) for x in column[::step].tolist()] for n, column in columns.items()}
     return {"ok": True, "message": "", "frame": rows}
 
 
-async def position(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    names, targets = given["joints"] or board.names, given["positions"]
+async def position(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
+    names, targets = fields["joints"] or board.names, fields["positions"]
     board.sending(POSITION_COMMAND, names, targets)
-    return shown(await board.client.aio.position_move(names, *one_or_many(given)))
+    return reply_fields(await board.client.aio.position_move(names, *one_or_many(fields)))
 
 
-async def direct(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    names, targets = given["joints"] or board.names, given["positions"]
+async def direct(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
+    names, targets = fields["joints"] or board.names, fields["positions"]
     board.sending(POSITION_DIRECT_COMMAND, names, targets)
-    return shown(await board.client.aio.set_position(names, *one_or_many(given), answered=True))
+    return reply_fields(
+        await board.client.aio.set_position(names, *one_or_many(fields), answered=True)
+    )
 
 
-async def targets(board: Board, _given: Given, _: Progress) -> dict[str, Any]:
+async def targets(board: Board, _fields: Fields, _: Progress) -> dict[str, Any]:
     await board.ask_targets()
     return {"ok": True, "message": "", "targets": board.targets}
 
 
-def from_what_remains(progress: Progress) -> Progress:
+def progress_by_remaining(progress: Progress) -> Progress:
     """Reports progress by what remains, relative to the most that did."""
-    most = 0.0
+    longest = 0.0
 
     def report(left: float, words: str) -> None:
-        nonlocal most
-        most = max(most, left)
-        progress(1.0 - left / most if most > 0.0 else 1.0, words)
+        nonlocal longest
+        longest = max(longest, left)
+        progress(1.0 - left / longest if longest > 0.0 else 1.0, words)
 
     return report
 
 
-async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
+async def move(board: Board, fields: Fields, progress: Progress) -> dict[str, Any]:
     """A move with its end awaited; cancelling it stops the joints."""
-    report = from_what_remains(progress)
+    report = progress_by_remaining(progress)
 
     def feedback(sent: Any) -> None:
         report(sent.remaining_time, f"{sent.remaining_time:.1f} s")
 
     move = partial(board.client.aio.move, feedback=feedback)
-    return shown(await move(given["joints"] or board.names, *one_or_many(given)))
+    return reply_fields(await move(fields["joints"] or board.names, *one_or_many(fields)))
 
 
 async def send_held(
@@ -187,46 +189,48 @@ async def send_held(
     return reply
 
 
-async def calibrate(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
+async def calibrate(board: Board, fields: Fields, progress: Progress) -> dict[str, Any]:
     def feedback(sent: Any) -> None:
         progress(float(sent.progress.mean()) if len(sent.progress) else 0.0, sent.phase)
 
-    return shown(await board.client.aio.calibrate(joints_of(given), feedback=feedback))
+    return reply_fields(await board.client.aio.calibrate(joints_of(fields), feedback=feedback))
 
 
-async def poses(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+async def poses(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     """The names of all poses; for a given one also joints and positions."""
     aio = board.client.aio
-    found: dict[str, Any] = {"ok": True, "message": "", "poses": await aio.list_poses()}
-    if "pose" in given:
-        pose = await aio.get_pose(given["pose"])
-        found |= {"names": list(pose.joints), "positions": [finite(q) for q in pose.positions]}
-    return found
+    answer: dict[str, Any] = {"ok": True, "message": "", "poses": await aio.list_poses()}
+    if "pose" in fields:
+        pose = await aio.get_pose(fields["pose"])
+        answer |= {"names": list(pose.joints), "positions": [finite(q) for q in pose.positions]}
+    return answer
 
 
-async def pose(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
+async def pose(board: Board, fields: Fields, progress: Progress) -> dict[str, Any]:
     """A move to a pose; cancelling it stops the joints."""
-    report = from_what_remains(progress)
+    report = progress_by_remaining(progress)
 
     def feedback(sent: Any) -> None:
-        report(float(abs(sent.remaining).max()) if len(sent.remaining) else 0.0, given["pose"])
+        report(float(abs(sent.remaining).max()) if len(sent.remaining) else 0.0, fields["pose"])
 
     aio = board.client.aio
-    return shown(await aio.go_to_pose(given["pose"], given.get("speed"), feedback=feedback))
+    return reply_fields(
+        await aio.go_to_pose(fields["pose"], fields.get("speed"), feedback=feedback)
+    )
 
 
-async def save_pose(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+async def save_pose(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     """Save the present positions."""
     aio = board.client.aio
-    answer = shown(await aio.save_pose(given["pose"], speed=given.get("speed", 0.0)))
+    answer = reply_fields(await aio.save_pose(fields["pose"], speed=fields.get("speed", 0.0)))
     return answer | {"poses": await aio.list_poses()} if answer["ok"] else answer
 
 
-async def details(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+async def details(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     """Details of a joint beside its state: impedance, speeds, gains."""
-    aio, joint = board.client.aio, given["joint"]
+    aio, joint = board.client.aio, fields["joint"]
     stiffness, damping = await aio.get_impedance(joint)
-    found: dict[str, Any] = {
+    answer: dict[str, Any] = {
         "stiffness": finite(stiffness[0]),
         "damping": finite(damping[0]),
         "speed": finite((await aio.get_ref_speed(joint))[0]),
@@ -238,16 +242,16 @@ async def details(board: Board, given: Given, _: Progress) -> dict[str, Any]:
         names = [n for n in sorted(known) if n.startswith(f"{joint}.{controller}_pid.")]
         if names:
             values = await aio.get_parameters(names)
-            found["gains"][controller] = {
+            answer["gains"][controller] = {
                 name.rpartition(".")[2]: finite(value) for name, value in values.items()
             }
-    return {"ok": True, "message": "", "details": found}
+    return {"ok": True, "message": "", "details": answer}
 
 
 #: Requests to one board; the others are handled by the hub.
-DOERS: dict[str, Doer] = {
+HANDLERS: dict[str, Handler] = {
     **{
-        do: called(do)
+        do: client_call(do)
         for do in ("mode", "interaction", "impedance", "speed", "gains", "configure")
     },
     "recover": recover,

@@ -46,23 +46,23 @@ class Beat:
         if len(text) > MAX_BEAT:
             return None
         try:
-            found = json.loads(text)
+            message = json.loads(text)
         except (ValueError, RecursionError):
             return None
         kinds = {field.name: str if field.type == "str" else int for field in fields(cls)}
-        if not isinstance(found, dict) or found.keys() != kinds.keys():
+        if not isinstance(message, dict) or message.keys() != kinds.keys():
             return None
-        if any(type(found[name]) is not kind for name, kind in kinds.items()):
+        if any(type(message[name]) is not kind for name, kind in kinds.items()):
             return None
-        ids = (found["panel"], found["holder"], found["refused"])
-        if not (0 <= found["term"] < MAX_TERM and found["panel"]) or any(
+        ids = (message["panel"], message["holder"], message["refused"])
+        if not (0 <= message["term"] < MAX_TERM and message["panel"]) or any(
             clean_name(word) != word for word in ids
         ):
             return None
-        return cls(**found | {"who": clean(found["who"])})
+        return cls(**message | {"who": clean(message["who"])})
 
 
-class Panels:
+class PeerLease:
     """This panel among the others.
 
     Args:
@@ -110,7 +110,7 @@ class Panels:
             panel=self.name, who=who, holder=holder, term=term, wish=wish, refused=self._refused
         )
 
-    def settle(self, now: float) -> int | None:
+    def reconcile(self, now: float) -> int | None:
         """Reconcile the lease with other panels.
 
         Returns:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import pytest
 
 from control_board_ros.panel.lease import ANSWER_TIME, Lease
-from control_board_ros.panel.panels import EXPIRY, HANDOVER, PERIOD, Beat, Panels
+from control_board_ros.panel.peer_lease import EXPIRY, HANDOVER, PERIOD, Beat, PeerLease
 
 TICK = 0.05
 
@@ -25,7 +25,7 @@ class Panel:
     refused: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.panels = Panels(self.name, self.lease, 0.0)
+        self.peers = PeerLease(self.name, self.lease, 0.0)
         self.beaten = -PERIOD
         self.last = Beat(panel=self.name)
 
@@ -58,13 +58,13 @@ class Domain:
         arrived = [entry for entry in self._under_way if entry[0] <= self.now]
         for entry in [entry for entry in arrived if entry[1] == panel.name]:
             self._under_way.remove(entry)
-            panel.panels.receive(entry[2], self.now)
+            panel.peers.receive(entry[2], self.now)
         panel.lease.tick(self.now)
-        refused = panel.panels.settle(self.now)
+        refused = panel.peers.reconcile(self.now)
         panel.refused += [] if refused is None else [refused]
-        beat = panel.panels.beat(panel.name)
+        beat = panel.peers.beat(panel.name)
         if beat != panel.last or self.now - panel.beaten >= PERIOD:
-            panel.panels.sent(self.now)
+            panel.peers.sent(self.now)
             panel.last, panel.beaten = beat, self.now
             for other in self.panels:
                 self._send(panel.name, other, beat)
@@ -162,13 +162,13 @@ def test_a_panel_that_stood_still_is_not_sure_and_gives_way(domain: Domain) -> N
     assert domain["a"].lease.ask(1, domain.now) == ""
     domain.run(0.2)
     assert panel.operates
-    assert not panel.panels.is_sure(domain.now)
+    assert not panel.peers.is_sure(domain.now)
     panel.alive = True
     domain.run(TICK)
     assert not panel.operates
-    assert not panel.panels.is_sure(domain.now)
+    assert not panel.peers.is_sure(domain.now)
     domain.run(PERIOD + 2 * TICK)
-    assert panel.panels.is_sure(domain.now)
+    assert panel.peers.is_sure(domain.now)
     assert panel.lease.holder == "a"
 
 
@@ -223,7 +223,7 @@ def test_they_agree_in_the_end(seed: int) -> None:
             case _ if isinstance(asking := lease.asking, str):
                 yes = chance.random() < 0.5
                 if lease.answer(1, yes=yes) is not None and not yes:
-                    panel.panels.refuse(asking)
+                    panel.peers.refuse(asking)
         domain.run(chance.choice([TICK, 0.5, 3.0]))
     for panel in domain.panels.values():
         panel.alive = True
