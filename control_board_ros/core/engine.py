@@ -63,10 +63,16 @@ class Engine:
         self.timeouts = timeouts = ReferenceTimeouts(timeout_cycles(config))
         self.frames = FreezeFrames(state, config.period)
         self.machine = Machine(
-            config, state, self.controller, self.references, timeouts, self.monitor, self.events
+            config,
+            state,
+            self.controller,
+            self.references,
+            timeouts,
+            self.monitor,
+            self.events,
+            joint=self.torques.joint,
+            on_fault=self.frames.fault,
         )
-        self.machine.on_fault = self.frames.fault
-        self.machine.joint = self.torques.joint
         self.brakes = brakes = self.machine.brakes
         self.mix = mix_of(config, self.controller.joints)
         output, powered = state.output, state.powered
@@ -120,8 +126,8 @@ class Engine:
         self.state.cycle += 1
         self.frames.note()
         if self.mix is not None:
-            state, most = self.state, self.controller.caps[1]
-            self.mix.drive(state.output, state.velocity, state.powered, most)
+            state, caps = self.state, self.controller.caps[1]
+            self.mix.drive(state.output, state.velocity, state.powered, caps)
             monitor.feed(self.mix.powered)
         return self._actuation
 

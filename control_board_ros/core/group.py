@@ -20,7 +20,7 @@ from .calibration.calibration import CalibrationStatus
 from .config.config import BoardConfig, ConfigError, JointConfig, Zone
 from .engine import Engine
 from .machine.commands import check_valid_for, spread_along
-from .machine.decisions import Wanted
+from .machine.decisions import Requested
 from .machine.motors import shaft_readings, terms_of
 from .model.coupling import Coupling
 from .old_names import ModeShortcuts
@@ -132,7 +132,7 @@ class JointGroup(ModeShortcuts):
         """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""
         self.engine.emergency.beat(self.time if now is None else now)
 
-    def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Wanted]]) -> Reply:
+    def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Requested]]) -> Reply:
         """Decide a request; ``wanted_of`` returns that of each joint for a number of joints."""
         try:
             chosen = self.selector.select(joints)

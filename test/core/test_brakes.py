@@ -12,14 +12,14 @@ from rig import M, board_config, joint
 
 from control_board_ros.core.config.config import Brake, Pid
 from control_board_ros.core.laws.control import Controller
-from control_board_ros.core.machine.brakes import Brakes, Wanted
+from control_board_ros.core.machine.brakes import Brakes, WaitingLaw
 from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.modes import Law
 from control_board_ros.core.terms.vocabs import BrakeMode
 
 #: In cycles of 2 ms: to open, to close, and from one look at closed brakes to the next.
 OPENS, CLOSES, LOOK = 15, 10, 25
-RUN, STOP = (Wanted(law, direct=False, feeds=True) for law in (Law.POSITION, Law.OFF))
+RUN, STOP = (WaitingLaw(law, direct=False, feeds=True) for law in (Law.POSITION, Law.OFF))
 DEGREE = np.pi / 180.0
 
 
@@ -35,12 +35,12 @@ class Made:
         self.state = StateArrays(self.config.names)
         self.state.control_modes[:] = [M.IDLE, M.IDLE]
         self.controller = Controller(self.config, self.state)
-        self.powers: list[tuple[int, int, Wanted]] = []
+        self.powers: list[tuple[int, int, WaitingLaw]] = []
         self.faults: list[tuple[int, str]] = []
         self.reports: list[tuple[int, str]] = []
         self.brakes = Brakes(cast("Any", self))
 
-    def give_power(self, j: int, wanted: Wanted) -> None:
+    def give_power(self, j: int, wanted: WaitingLaw) -> None:
         self.powers.append((self.state.cycle, j, wanted))
 
     def raise_fault(self, j: int, code: object, text: str) -> None:
@@ -57,7 +57,7 @@ class Made:
 
     def run(self) -> None:
         """Open the brake, and give the joint its power."""
-        self.brakes.admit([0], RUN)
+        self.brakes.start_or_wait([0], RUN)
         self.until(self.state.cycle + OPENS)
         self.state.powered[0], self.state.control_modes[0] = 1.0, M.POSITION
         self.powers.clear()
@@ -72,7 +72,7 @@ def test_a_brake_opens_before_its_joint_gets_power(made: Made) -> None:
     """Y4: 30 ms; a joint without one gets it at once. Moves are planned meanwhile."""
     made.until(100)
     made.state.calibrated[0] = True
-    assert list(made.brakes.admit([0, 1], RUN)) == [1]
+    assert list(made.brakes.start_or_wait([0, 1], RUN)) == [1]
     assert made.brakes.orders.tolist() == [0.0, 0.0]
     assert made.brakes.closed.tolist() == [True, False]
     one = made.controller.joints[0]
@@ -90,7 +90,7 @@ def test_a_brake_closes_before_its_joint_loses_power(made: Made) -> None:
     made.run()
     begin = made.state.cycle
     made.controller.arm([0], Law.TORQUE, direct=True, feeds=True)
-    assert list(made.brakes.admit([0, 1], STOP)) == [1]
+    assert list(made.brakes.start_or_wait([0, 1], STOP)) == [1]
     assert made.brakes.holding
     assert made.brakes.orders[0] == 1.0
     assert made.controller.joints[0].position_pid.kp == 10.0
@@ -107,7 +107,7 @@ def test_a_fault_waits_for_no_brake(mode: M, made: Made) -> None:
     made.run()
     made.brakes.set_mode(0, BrakeMode.OPEN)
     made.state.control_modes[0] = mode
-    assert list(made.brakes.admit([0], STOP)) == [0]
+    assert list(made.brakes.start_or_wait([0], STOP)) == [0]
     assert made.brakes.mode(0) is BrakeMode.AUTOMATIC
     assert made.brakes.orders[0] == 1.0
     made.until(made.state.cycle + CLOSES)
@@ -121,7 +121,7 @@ def test_new_times_hold_from_the_next_order_on(made: Made) -> None:
     slower = replace(first, brake=replace(first.brake, release_time=0.05))
     made.config = replace(made.config, joints=(slower, second))
     made.brakes.reconfigure()
-    made.brakes.admit([0], RUN)
+    made.brakes.start_or_wait([0], RUN)
     made.until(100)
     assert made.powers == [(25, 0, RUN)]
 
@@ -132,15 +132,15 @@ def test_a_brake_whose_switch_reads_closed_gets_time(release: float, patience: i
     made = Made(release_time=release)
     made.until(40)
     made.brakes.switches = np.array([1.0, 0.0])
-    made.brakes.admit([0], RUN)
+    made.brakes.start_or_wait([0], RUN)
     made.until(300)
     assert made.faults == [(40 + patience, f"it did not open within {2 * patience} ms")]
     assert made.brakes.is_stuck(0)
     assert made.brakes.closed[0]
     assert not made.powers
     made.brakes.switches = np.array([0.0, 0.0])
-    made.brakes.admit([0], STOP)
-    made.brakes.admit([0], RUN)
+    made.brakes.start_or_wait([0], STOP)
+    made.brakes.start_or_wait([0], RUN)
     made.until(400)
     assert not made.brakes.is_stuck(0)
     assert len(made.powers) == 1
@@ -166,7 +166,7 @@ def test_a_slip_is_seen_at_the_next_look(kind: str, least: float) -> None:
     ((cycle, text),) = made.reports
     assert cycle == 4 * LOOK
     assert "its brake slips" in text
-    made.brakes.admit([0], RUN)
+    made.brakes.start_or_wait([0], RUN)
     assert not made.brakes.slips.any()
 
 
@@ -191,12 +191,12 @@ def test_a_joint_with_a_moving_brake_is_not_checked(made: Made) -> None:
     """Y4: nor one whose brake is open."""
     made.run()
     made.until(2 * LOOK - 5)
-    made.brakes.admit([0], STOP)  # closes until cycle 55
+    made.brakes.start_or_wait([0], STOP)  # closes until cycle 55
     made.until(2 * LOOK)
     made.state.position[0] += 1.0
     made.until(3 * LOOK)
     assert not made.reports
-    made.brakes.admit([0], RUN)
+    made.brakes.start_or_wait([0], RUN)
     made.until(3 * LOOK + OPENS)
     made.state.position[0] += 1.0
     made.until(6 * LOOK)
@@ -210,7 +210,7 @@ def test_a_slip_is_reported_at_each_closing() -> None:
         made.until(begin)
         made.run()
         made.state.control_modes[0] = M.HW_FAULT
-        made.brakes.admit([0], STOP)
+        made.brakes.start_or_wait([0], STOP)
         order = made.state.cycle
         made.state.velocity[0] = 1.0
         made.until(order + 10)
@@ -231,8 +231,8 @@ def test_one_joint_that_waits_for_its_brake_is_enough() -> None:
     made.state.control_modes[:] = [M.IDLE, M.IDLE]
     made.brakes = Brakes(cast("Any", made))
     made.run()
-    made.brakes.admit([0], STOP)
-    made.brakes.admit([1], RUN)
+    made.brakes.start_or_wait([0], STOP)
+    made.brakes.start_or_wait([1], RUN)
     assert made.brakes.holding
     made.until(made.state.cycle + CLOSES)
     assert not made.brakes.holding

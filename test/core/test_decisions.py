@@ -16,8 +16,8 @@ from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.machine.decisions import (
     Facts,
     Reason,
+    Requested,
     Verdict,
-    Wanted,
     decide,
     decide_feedforward,
     decide_reference,
@@ -45,7 +45,7 @@ from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, Intera
 M = ControlMode
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 CAUSE = Cause(FaultCode.OVERCURRENT, "30 A > 25 A")
-WANTED: list[Wanted] = [*REQUESTABLE, *InteractionMode, Event.CALIBRATE]
+WANTED: list[Requested] = [*REQUESTABLE, *InteractionMode, Event.CALIBRATE]
 FULL = joint("a", control_modes=SELECTABLE)
 POOR = joint("a", control_modes=(M.POSITION, M.IDLE), interaction_modes=(STIFF,))
 CALIBRATED = joint("a", calibration=Calibration(type=12, required=True))
@@ -79,7 +79,7 @@ ANY_FACTS = st.builds(
 
 @given(known=ANY_FACTS, wanted=st.sampled_from(WANTED), persists=st.booleans())
 def test_every_request_has_a_verdict_and_every_refusal_a_text(
-    known: Facts, wanted: Wanted, persists: bool
+    known: Facts, wanted: Requested, persists: bool
 ) -> None:
     """Total and pure; what is accepted needs no words, what is not says cause and next step."""
     if known.fault.active and persists:
@@ -108,7 +108,7 @@ def test_any_mode_to_any_mode(mode: ControlMode, wanted: ControlMode) -> None:
 
 @pytest.mark.parametrize("mode", SELECTABLE)
 @pytest.mark.parametrize("wanted", [M.TORQUE, M.CURRENT, M.VELOCITY_DIRECT, COMPLIANT])
-def test_modes_a_joint_does_not_implement(mode: ControlMode, wanted: Wanted) -> None:
+def test_modes_a_joint_does_not_implement(mode: ControlMode, wanted: Requested) -> None:
     """M5, I7: the joint is to fault, and the text says what it has."""
     known = facts(mode, joint=POOR)
     verdict = decide(known, wanted)
@@ -126,7 +126,7 @@ def test_modes_a_joint_does_not_implement(mode: ControlMode, wanted: Wanted) -> 
     ],
 )
 @pytest.mark.parametrize("wanted", [*SELECTABLE, M.CURRENT, Event.CALIBRATE])
-def test_statuses_refuse(mode: ControlMode, reason: Reason, wanted: Wanted) -> None:
+def test_statuses_refuse(mode: ControlMode, reason: Reason, wanted: Requested) -> None:
     """F2, K2, N4: no mode and no calibration, also one that the joint does not implement."""
     known = facts(mode, joint=FREE)
     assert decide(known, wanted) == Verdict(Answer.REFUSED, reason)

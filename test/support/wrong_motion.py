@@ -254,17 +254,17 @@ def a_brake_that_closes_a_second_late() -> None:
 def a_brake_that_opens_after_power() -> None:
     from control_board_ros.core.terms.modes import Law
 
-    def admit(old: Any, self: Any, joints: Any, wanted: Any) -> Any:
-        ready = old(self, joints, wanted)
-        if wanted.law is Law.OFF:
+    def start_or_wait(old: Any, self: Any, joints: Any, waiting: Any) -> Any:
+        ready = old(self, joints, waiting)
+        if waiting.law is Law.OFF:
             return ready
         for j in joints:
-            self._brakes[j].wanted = None
+            self._brakes[j].waiting = None
             self._machine.controller.joints[j].braked = False
         return joints
 
     around("settings.build:joint", with_a_brake)
-    around("core.machine.brakes:Brakes.admit", admit)
+    around("core.machine.brakes:Brakes.start_or_wait", start_or_wait)
 
 
 def with_both_modes(old: Any, values: Any, name: str, kind: str) -> Any:

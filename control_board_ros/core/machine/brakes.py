@@ -38,7 +38,7 @@ STOPPING, REST_ANGLE_RATE, REST_RATE = 1.0, 0.2 * DEGREE, 1e-3
 LOOK = 0.05
 
 
-class Wanted(NamedTuple):
+class WaitingLaw(NamedTuple):
     """A law that waits for the brake, with the arguments of :meth:`Machine.set_law`."""
 
     law: Law
@@ -55,7 +55,7 @@ class Owner(Protocol):
     def state(self) -> StateArrays: ...
     @property
     def controller(self) -> Controller: ...
-    def give_power(self, j: int, wanted: Wanted) -> None: ...
+    def give_power(self, j: int, waiting: WaitingLaw) -> None: ...
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None: ...
     def report(self, level: str, key: str, j: int, text: str) -> None: ...
 
@@ -64,7 +64,7 @@ class JointBrake:
     """One brake.
 
     Attributes: config, mode (BrakeMode), due (the cycle in which the last command is complete;
-    None: it is), since (the cycle of the last command), wanted (the law that waits for it), mark
+    None: it is), since (the cycle of the last command), waiting (the law that waits for it), mark
     (position of the joint at rest behind it), stuck (it did not open at the last command), slips.
     """
 
@@ -73,7 +73,7 @@ class JointBrake:
         self.mode = BrakeMode.AUTOMATIC
         self.due: int | None = None
         self.since = 0
-        self.wanted: Wanted | None = None
+        self.waiting: WaitingLaw | None = None
         self.mark = math.nan
         self.stuck = self.slips = False
 
@@ -104,8 +104,8 @@ class Brakes:
     @property
     def holding(self) -> bool:
         """Whether a joint still has power until its brake is closed."""
-        wanted = [brake.wanted for brake in self._brakes if brake is not None]
-        return any(one is not None and one.law is Law.OFF for one in wanted)
+        waiting = [brake.waiting for brake in self._brakes if brake is not None]
+        return any(law is not None and law.law is Law.OFF for law in waiting)
 
     # --- for the machine ------------------------------------------------------------------------
 
@@ -115,27 +115,27 @@ class Brakes:
             if brake is not None:
                 brake.config = joint.brake
 
-    def admit(self, joints: Sequence[int], wanted: Wanted) -> Sequence[int]:
+    def start_or_wait(self, joints: Sequence[int], waiting: WaitingLaw) -> Sequence[int]:
         """The joints whose law can start now; it starts on the others when their brake is open."""
         if not self.there:
             return joints
-        return [j for j in joints if self._admits(j, wanted)]
+        return [j for j in joints if self._order_for(j, waiting)]
 
-    def _admits(self, j: int, wanted: Wanted) -> bool:
+    def _order_for(self, j: int, waiting: WaitingLaw) -> bool:
         brake, state = self._brakes[j], self._state
         if brake is None:
             return True
-        if wanted.law is not Law.OFF:
+        if waiting.law is not Law.OFF:
             self._order(j, closed=False)
             if not self.closed[j]:
-                brake.wanted = None
+                brake.waiting = None
                 return True
-            brake.wanted = wanted
+            brake.waiting = waiting
             joint = self._machine.controller.joints[j]
             joint.braked = joint.holding = True
             joint.calibrated = bool(state.calibrated[j])  # moves are planned while the brake opens
             return False
-        brake.wanted, self._machine.controller.joints[j].braked = None, False
+        brake.waiting, self._machine.controller.joints[j].braked = None, False
         if state.control_modes[j] in FAULTED | UNCONFIGURED:
             brake.mode = BrakeMode.AUTOMATIC
         if brake.mode is BrakeMode.OPEN:
@@ -144,7 +144,7 @@ class Brakes:
         self._order(j, closed=True)
         if not held or brake.due is None:
             return True
-        brake.wanted = wanted
+        brake.waiting = waiting
         self._machine.controller.arm([j], Law.POSITION, direct=False, feeds=True)
         return False
 
@@ -169,16 +169,16 @@ class Brakes:
                 return
             brake.stuck, brake.due = True, None
             self.orders[j] = 1.0  # the next order to open it is a new one
-            if brake.wanted is not None:
+            if brake.waiting is not None:
                 text = f"it did not open within {1e3 * patience:.0f} ms"
                 machine.raise_fault(j, FaultCode.BRAKE, text)
             return
         brake.due, self.closed[j] = None, not opening
         if opening:
             brake.stuck = False
-        wanted, brake.wanted = brake.wanted, None
-        if wanted is not None:
-            machine.give_power(j, wanted)
+        waiting, brake.waiting = brake.waiting, None
+        if waiting is not None:
+            machine.give_power(j, waiting)
 
     def _order(self, j: int, *, closed: bool) -> None:
         """Order a brake open or closed; an order in force is not repeated."""
@@ -237,8 +237,8 @@ class Brakes:
         brake.mode = mode
         if mode is BrakeMode.OPEN:
             self._order(j, closed=False)
-            if brake.wanted is not None and brake.wanted.law is Law.OFF:
-                wanted, brake.wanted = brake.wanted, None
-                self._machine.give_power(j, wanted)
+            if brake.waiting is not None and brake.waiting.law is Law.OFF:
+                waiting, brake.waiting = brake.waiting, None
+                self._machine.give_power(j, waiting)
         elif self._state.control_modes[j] not in DRIVEN:
             self._order(j, closed=True)

@@ -34,7 +34,7 @@ from ..terms.modes import (
 from ..terms.reply import Answer, Reason
 from ..terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 
-Wanted = ControlMode | InteractionMode | Event
+Requested = ControlMode | InteractionMode | Event
 
 
 class Facts(NamedTuple):
@@ -115,7 +115,7 @@ UNAVAILABLE = {
 }
 
 
-def decide(facts: Facts, wanted: Wanted) -> Verdict:
+def decide(facts: Facts, wanted: Requested) -> Verdict:
     """The verdict on a request.
 
     Args:

@@ -10,7 +10,7 @@ from ..config.config import JointConfig
 from ..terms.modes import CALIBRATES, UNCONFIGURED, UNPOWERED, Event, Stage, modes_accepting
 from ..terms.reply import Answer, JointAnswer, Reason, quantity
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
-from .decisions import Facts, Wanted
+from .decisions import Facts, Requested
 from .stale import NEAR_ANGLE, NEAR_DISTANCE, PAUSE, POSITIONS
 
 ACTIVATE = "activate it first"
@@ -25,7 +25,7 @@ def waits_for(facts: Facts) -> str:
 
 
 #: Why a request for a joint is not carried out.
-REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
+REQUEST_TEXTS: dict[Reason, Callable[[Facts, Requested], str]] = {
     Reason.IN_FAULT: lambda facts, _: (
         f"{facts.joint.name} is in HW_FAULT ({facts.fault.text}, "
         f"{facts.time - facts.fault.stamp:.1f} s ago); send FORCE_IDLE first"
@@ -77,12 +77,12 @@ STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
 STOP_OTHERWISE = "idl disables it"
 
 
-def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
+def explain(reason: Reason, facts: Facts, wanted: Requested) -> str:
     """Why a request for a joint was not carried out; empty where it was."""
     return REQUEST_TEXTS[reason](facts, wanted) if reason is not Reason.NONE else ""
 
 
-def explain_kept(facts: Facts, wanted: Wanted) -> str:
+def explain_kept(facts: Facts, wanted: Requested) -> str:
     """Why a joint is not recovered: it does not implement the mode before the fault now (E1)."""
     return (
         f"{facts.joint.name} stays in {facts.mode.name}: without its torque sensor it does not "
@@ -292,12 +292,12 @@ def not_finite(values: tuple[float, ...]) -> str:
     return f"{bad} is not a finite number"
 
 
-def asked(wanted: Wanted) -> str:
+def asked(wanted: Requested) -> str:
     """A mode as code and name."""
     return wanted.name if isinstance(wanted, Event) else f"{wanted.code} ({wanted.name})"
 
 
-def offered(facts: Facts, wanted: Wanted) -> str:
+def offered(facts: Facts, wanted: Requested) -> str:
     """The modes that a joint implements, as alternatives to one that it does not."""
     joint = facts.joint
     compliant = isinstance(wanted, InteractionMode)

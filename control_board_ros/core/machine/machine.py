@@ -39,7 +39,7 @@ from ..terms.modes import (
 )
 from ..terms.vocabs import CommandKind, ControlMode
 from ..watch.fault_monitor import FaultMonitor
-from .brakes import Brakes, Wanted
+from .brakes import Brakes, WaitingLaw
 from .decisions import Facts
 from .explanations import explain_limit, explain_strain
 from .stale import StaleStreams
@@ -58,10 +58,10 @@ class Machine:
         state: whose modes, faults and calibrations it changes.
         controller, references, timeouts, monitor: reset by a change of mode.
         events: receives log entries.
+        joint: the present configuration of a joint, without a silent external torque sensor.
+        on_fault: called with each joint that faults.
 
-    Attributes: calibrations, brakes, streams (those that outlived a fault), on_fault (called with
-    each joint that faults), joint (the present configuration of a joint, without a silent external
-    torque sensor), and the arguments.
+    Attributes: calibrations, brakes, streams (those that outlived a fault), and the arguments.
     """
 
     def __init__(
@@ -73,6 +73,9 @@ class Machine:
         timeouts: ReferenceTimeouts,
         monitor: FaultMonitor,
         events: Events,
+        *,
+        joint: Callable[[int], JointConfig],
+        on_fault: Callable[[int], None],
     ) -> None:
         self.config, self.state = config, state
         self.controller, self.references = controller, references
@@ -81,8 +84,7 @@ class Machine:
         self.calibrations = Calibrations(self)
         self.brakes = Brakes(self)
         self.streams = StaleStreams(config, state)
-        self.on_fault: Callable[[int], None] = lambda _: None
-        self.joint: Callable[[int], JointConfig] = lambda j: self.config.joints[j]
+        self.joint, self.on_fault = joint, on_fault
         self._on_limit, self._strained = [False] * state.n, [False] * state.n
 
     def power_on(self, joints: Sequence[int]) -> None:
@@ -148,23 +150,23 @@ class Machine:
 
     def set_law(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool) -> None:
         """Run a law from the present torque of joints, as soon as their brakes are open (Y4)."""
-        ready = self.brakes.admit(joints, Wanted(law, direct, feeds))
+        ready = self.brakes.start_or_wait(joints, WaitingLaw(law, direct, feeds))
         self.controller.arm(ready, law, direct=direct, feeds=feeds)
         self.monitor.power(joints, self.state.powered)
 
-    def give_power(self, j: int, wanted: Wanted) -> None:
+    def give_power(self, j: int, waiting: WaitingLaw) -> None:
         """Run the law that waited for a joint's brake, with the references received since."""
         joint = self.controller.joints[j]
         if not joint.active:
             bounded = self.state.control_modes[j] not in CALIBRATES
             self.references.reset([j], bounded=bounded)
-        given = not joint.holding
+        commanded = not joint.holding
         torque, current = joint.torque_command, joint.current_command
-        self.controller.arm([j], wanted.law, direct=wanted.direct, feeds=wanted.feeds)
+        self.controller.arm([j], waiting.law, direct=waiting.direct, feeds=waiting.feeds)
         joint.braked = False
-        if given and wanted.law is Law.TORQUE:
+        if commanded and waiting.law is Law.TORQUE:
             joint.command_torque(torque)
-        elif given and wanted.law is Law.CURRENT:
+        elif commanded and waiting.law is Law.CURRENT:
             joint.command_current(current)
         self.monitor.power([j], self.state.powered)
 

@@ -27,7 +27,7 @@ from ..terms.modes import (
 )
 from ..terms.reply import Answer, JointAnswer, Reply, decided
 from ..terms.vocabs import BrakeMode, ControlMode, InteractionMode
-from .decisions import Verdict, Wanted, decide, decide_brake, decide_stop
+from .decisions import Requested, Verdict, decide, decide_brake, decide_stop
 from .explanations import (
     all_or_none,
     explain,
@@ -47,7 +47,7 @@ class Step(NamedTuple):
 
     joint: int
     verdict: Verdict
-    wanted: Wanted
+    wanted: Requested
 
 
 class Requests:
@@ -59,7 +59,7 @@ class Requests:
     def request(
         self,
         selection: Selection,
-        wanted: Sequence[Wanted | tuple[Wanted, ...]],
+        wanted: Sequence[Requested | tuple[Requested, ...]],
         *,
         together: bool = False,
     ) -> Reply:
@@ -109,7 +109,7 @@ class Requests:
             partial: Whether those that can do so where others cannot.
         """
         state = self._machine.state
-        wanted: list[tuple[Wanted, ...]] = []
+        wanted: list[tuple[Requested, ...]] = []
         waits = []
         for j in selection.numbers:
             mode, interaction = state.before[j]
@@ -128,7 +128,9 @@ class Requests:
         reply = self._answer(selection, judged, together=not partial)
         return replace(reply, waits=tuple(waits))
 
-    def _judge_recovery(self, j: int, whats: Sequence[Wanted]) -> tuple[JointAnswer, list[Step]]:
+    def _judge_recovery(
+        self, j: int, whats: Sequence[Requested]
+    ) -> tuple[JointAnswer, list[Step]]:
         """As ``_judge``: a joint that cannot do all of it keeps its fault and the mode before."""
         answer, steps = self._judge(j, whats)
         if not answer.code:
@@ -138,7 +140,7 @@ class Requests:
             answer = JointAnswer(Answer.REFUSED, text, answer.code)
         return answer, []
 
-    def _judge(self, j: int, whats: Sequence[Wanted]) -> tuple[JointAnswer, list[Step]]:
+    def _judge(self, j: int, whats: Sequence[Requested]) -> tuple[JointAnswer, list[Step]]:
         """The answer of a joint, and its steps up to the first that is not accepted."""
         facts = self._machine.facts(j)
         steps: list[Step] = []
@@ -224,7 +226,7 @@ class Requests:
         return decided(selection.names, answers)
 
 
-def names_a_mode(wanted: Wanted | tuple[Wanted, ...]) -> bool:
+def names_a_mode(wanted: Requested | tuple[Requested, ...]) -> bool:
     """Whether a request is for a mode that accepts references, and not to leave one only."""
     steps = wanted if isinstance(wanted, tuple) else (wanted,)
     return any(step in ACCEPTS for step in steps)

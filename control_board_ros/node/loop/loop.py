@@ -64,8 +64,7 @@ class ControlLoop:
     Attributes: board, main (it as a member), parts (those of its parts, by name), lock (for use
     by ``Member.exclusive`` only), hooks (called in every cycle before the tick), exclusive_hooks
     (called at the end of each use of ``exclusive``, of any member); both are called with the lock
-    held. after_lock (called by the control thread whenever it has released the lock), when_shown
-    (calls a function when all states noted by now are published), thread and pulse (its own).
+    held. thread and pulse (its own).
     """
 
     def __init__(
@@ -88,8 +87,8 @@ class ControlLoop:
         self.standstill = Standstill(self._pacer)
         self.hooks: list[Hook] = [] if own is None else [own]
         self.exclusive_hooks: list[Callable[[], None]] = []
-        self.after_lock: Callable[[], None] = lambda: None
-        self.when_shown: Callable[[Callable[[], None]], None] = lambda done: done()
+        self._after_lock: Callable[[], None] = lambda: None
+        self._when_shown: Callable[[Callable[[], None]], None] = lambda done: done()
         self.time_base = TimeBase(
             simulated=simulated_stamps or real_time_factor != 1.0,
             shrinkage=round(0.5 * board.period * NANOSECONDS),
@@ -109,6 +108,23 @@ class ControlLoop:
         self.parts = {name: Member(self, group) for name, group in board.parts.items()}
         #: The main ones last: their ``on_change`` has those of all published.
         self._snapshots = [one.snapshots for one in (*self.parts.values(), self.main)]
+
+    def observe(
+        self,
+        on_change: Callable[[], None],
+        after_lock: Callable[[], None],
+        when_shown: Callable[[Callable[[], None]], None],
+    ) -> None:
+        """Set the one who publishes.
+
+        Args:
+            on_change: called after a snapshot was replaced, from the thread that did it; must
+                return immediately.
+            after_lock: called by the control thread whenever it has released the lock.
+            when_shown: calls a function when all states noted by now are published.
+        """
+        self.main.snapshots.on_change = on_change
+        self._after_lock, self._when_shown = after_lock, when_shown
 
     @property
     def late_answers(self) -> list[int]:
@@ -321,7 +337,7 @@ class ControlLoop:
             with self.lock:
                 if not self._paused or self._stepping.left:
                     times = self._run_cycle()
-            self.after_lock()
+            self._after_lock()
             if times is not None:
                 times.append(time.monotonic())
                 self._cycles.append(times)
@@ -352,7 +368,7 @@ class ControlLoop:
         self._stepping.notify_cycle()
         if self._paused and self._stepping.count():
             self._note_state()  # of the last step, before its answer
-            self.when_shown(self._stepping.ended())
+            self._when_shown(self._stepping.ended())
         if clock is None:
             return None
         checked = self.board.engine.checked
@@ -371,7 +387,7 @@ class ControlLoop:
             self._wake.wait(PAUSED_PERIOD)
             with self.main.exclusive():
                 self._note_state()
-            self.after_lock()
+            self._after_lock()
         if not self._paused:
             self._pacer.restart()
             self.time_base.resume()
@@ -389,7 +405,7 @@ class ControlLoop:
             self._note_state()
             self._stepping.notify_cycle()
             self._stepping.finish("the board is shutting down")
-        self.after_lock()
+        self._after_lock()
 
     def _cut_power(self) -> None:
         zeros = np.zeros(self.board.count)

@@ -195,9 +195,7 @@ class StateThread:
         self._running = True
         self.thread = threading.Thread(target=self._run, name="state", daemon=True)
         self.pulse = Pulse()
-        loop.main.snapshots.on_change = self._note
-        loop.after_lock = self._publish_what_is_noted
-        loop.when_shown = self._due.append
+        loop.observe(self._note, self._publish_what_is_noted, self._due.append)
 
     @property
     def watched(self) -> tuple[threading.Thread, Pulse]:

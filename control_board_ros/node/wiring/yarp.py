@@ -20,7 +20,7 @@ from std_msgs.msg import Int8MultiArray, Int32MultiArray
 from ...core.config.config import JointConfig
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
-from ...core.machine.decisions import Wanted
+from ...core.machine.decisions import Requested
 from ...core.selection import RequestError, Selection
 from ...core.state import Snapshot
 from ...core.terms.reply import Answer, Reply, joints_of
@@ -56,7 +56,7 @@ SET_ERROR = "SET_ERROR"
 NAMES: dict[ControlMode, str] = {mode: mode.name for mode in M} | {M.OPENLOOP: "PWM"}
 
 #: The modes that can be set, and their requests to a joint, in order.
-SETTABLE: dict[str, tuple[Wanted, ...]] = {
+SETTABLE: dict[str, tuple[Requested, ...]] = {
     "CURRENT": (M.CURRENT,),
     "FORCE_IDLE": (M.FORCE_IDLE,),
     "IDLE": (M.IDLE,),
@@ -279,7 +279,7 @@ def stream_with(
     return reply
 
 
-def wanted(modes: Sequence[str], count: int) -> list[tuple[Wanted, ...]]:
+def wanted(modes: Sequence[str], count: int) -> list[tuple[Requested, ...]]:
     """The requests to each of ``count`` joints, by modes as a client names them.
 
     Raises:
