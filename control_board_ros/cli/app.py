@@ -76,13 +76,13 @@ def do(session: Session, words: Sequence[str]) -> int:
 
         put_help()
         return DONE if rest else USAGE
-    name, *given = rest
+    name, *arguments = rest
     if name not in VERBS:
         what = "option" if name.startswith("-") else "verb"
         hint = nearest(MEANT.get(name, name), [*VERBS, *MEANT.values()])
         raise UsageError(f"{what} {name[:40]!r} unknown{hint}; see cbctl --help")
     verb = load(name)
-    if set(given) & set(HELP):
+    if set(arguments) & set(HELP):
         from .help import put_verb_help
 
         put_verb_help(name, verb)
@@ -93,7 +93,7 @@ def do(session: Session, words: Sequence[str]) -> int:
         raise UsageError("the shell is connected; give --board and the like to cbctl shell")
     else:
         session.options.json = options.json
-    values = Parser(f"cbctl {name}", arguments_of(verb)).read(given)
+    values = Parser(f"cbctl {name}", arguments_of(verb)).read(arguments)
     if is_pattern(session.options.board) and not hasattr(verb, "patterns"):
         if not hasattr(verb, "several"):
             raise UsageError(
@@ -117,19 +117,19 @@ def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) 
     answers: dict[str, Any] = {}
     codes = [DONE]
     with sessions_meant(session, values.get("joints", ())) as sessions:
-        for k, (board, one) in enumerate(sessions.items()):
-            one.answers = []
+        for k, (board, each) in enumerate(sessions.items()):
+            each.answers = []
             if not session.options.json:
                 put(f"{board}" if k == 0 else f"\n{board}")
             try:
-                codes.append(verb(one, **values) or DONE)
+                codes.append(verb(each, **values) or DONE)
             except Exception as error:  # noqa: BLE001  (explain raises other errors)
                 message, code = explain(error)
-                one.answers = [{"success": False, "message": message}]
+                each.answers = [{"success": False, "message": message}]
                 codes.append(code)
                 if not session.options.json:
                     complain(message)
-            answers[board] = one.answers[-1] if one.answers else None
+            answers[board] = each.answers[-1] if each.answers else None
     if session.options.json:
         put_json(answers)
     return max(codes)

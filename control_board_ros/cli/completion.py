@@ -28,10 +28,10 @@ def complete(environment: Mapping[str, str]) -> int:
     words, k = environment.get("COMP_WORDS", "").split(), int(environment.get("COMP_CWORD", 0))
     incomplete = words[k] if k < len(words) else ""
     try:
-        found = at_cursor(words[1:k], incomplete)
+        candidates = at_cursor(words[1:k], incomplete)
     except UsageError:  # the value of an option is typed
-        found = []
-    for word in found:
+        candidates = []
+    for word in candidates:
         if word.startswith(incomplete):
             put(word)
     return DONE

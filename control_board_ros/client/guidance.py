@@ -82,10 +82,10 @@ class Guidance:
         names = self._names
         keys = [f"{name}.{key}" for name in names for key in ("inertia_max", "inertia_min")]
         inertia = self._client.get_parameters(keys)
-        _, most = self._client.get_max_impedance(names)
+        _, max_damping = self._client.get_max_impedance(names)
         return [
             guiding_damping(inertia[f"{n}.inertia_min"], inertia[f"{n}.inertia_max"], limit)
-            for n, limit in zip(names, most.tolist(), strict=True)
+            for n, limit in zip(names, max_damping.tolist(), strict=True)
         ]
 
     def _restore(self, *, entered: bool) -> None:
@@ -99,9 +99,9 @@ class Guidance:
             for k, mode in enumerate(client.get_control_mode(names))
             if mode is ControlMode.POSITION
         ]
-        own = [names[k] for k in held]
+        guided = [names[k] for k in held]
         stiffness, damping = self._impedance
-        replies = [client.set_interaction_mode(own, InteractionMode.STIFF)] if own else []
+        replies = [client.set_interaction_mode(guided, InteractionMode.STIFF)] if guided else []
         replies.append(client.set_parameters(self._compensation))
         replies.append(client.set_impedance(names, stiffness, damping))
         replies.append(client.set_interaction_mode(names, self._interactions))

@@ -201,10 +201,10 @@ class LocalLink:
         """The response is the board's own."""
 
     def _serve(self, service: Endpoint, request: Message) -> Message:
-        own = getattr(self.services, service.short, None)
-        if own is None and service.short not in OPERATIONS:
+        written = getattr(self.services, service.short, None)
+        if written is None and service.short not in OPERATIONS:
             raise BoardError(f"a board in the same process does not offer {service.short}")
-        operation = own or partial(OPERATIONS[service.short], self.group)
+        operation = written or partial(OPERATIONS[service.short], self.group)
         try:
             return Message(**{"success": True, "message": ""} | operation(request))
         except ValueError as error:
@@ -392,11 +392,11 @@ class LocalServices:
 
     def list_poses(self, request: Any) -> Fields:
         poses = self._poses()
-        found: Fields = {"poses": list(poses)}
+        fields: Fields = {"poses": list(poses)}
         if request.name:
             pose = self.find_pose(request.name)
-            found |= {"names": pose.joints, "positions": pose.positions, "speed": pose.speed}
-        return found
+            fields |= {"names": pose.joints, "positions": pose.positions, "speed": pose.speed}
+        return fields
 
     def save_pose(self, request: Any) -> Fields:
         """Save a pose for as long as the client lives."""
@@ -422,7 +422,9 @@ class LocalServices:
     def _poses(self) -> dict[str, Pose]:
         names = frozenset(self._group.names)
         poses: dict[str, Pose] = {**self._link.settings.poses, **self._saved}
-        return {name: own for name, pose in poses.items() if (own := pose.of(names)) is not None}
+        return {
+            name: fitted for name, pose in poses.items() if (fitted := pose.of(names)) is not None
+        }
 
 
 def fault_message(fault: FaultRecord) -> Message:

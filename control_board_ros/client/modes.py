@@ -133,25 +133,25 @@ class ModeRequests(Interface):
     @operation
     async def get_drives(self, joints: Joints = None) -> list[DriveUse]:
         """Set-points that the drives accept, which loop runs where (S1), and what they report."""
-        found = await self._services.read(GET_DRIVES, joints)
+        response = await self._services.read(GET_DRIVES, joints)
         return [
             DriveUse(
-                set_points=tuple(found.set_points[k].split(",")),
-                position=found.position[k] or None,
-                impedance=found.impedance[k] or None,
-                torque=found.torque[k] or None,
-                current=found.current[k] or None,
-                output=found.output[k] or None,
-                on_silence=found.on_silence[k],
+                set_points=tuple(response.set_points[k].split(",")),
+                position=response.position[k] or None,
+                impedance=response.impedance[k] or None,
+                torque=response.torque[k] or None,
+                current=response.current[k] or None,
+                output=response.output[k] or None,
+                on_silence=response.on_silence[k],
                 reported=DriveReport(
-                    zero=found.zero[k] or None,
-                    power={"on": True, "off": False}.get(found.power[k]),
-                    law=found.law[k] or None,
-                    lost=None if found.lost[k] < 0 else found.lost[k],
-                    late=None if found.late[k] < 0 else found.late[k],
+                    zero=response.zero[k] or None,
+                    power={"on": True, "off": False}.get(response.power[k]),
+                    law=response.law[k] or None,
+                    lost=None if response.lost[k] < 0 else response.lost[k],
+                    late=None if response.late[k] < 0 else response.late[k],
                 ),
             )
-            for k in range(len(found.names))
+            for k in range(len(response.names))
         ]
 
     # --- impedance of the compliant interaction mode (I6) ----------------------------------------
@@ -183,14 +183,14 @@ class ModeRequests(Interface):
     @operation
     async def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """Stiffness and damping, N·m/rad and N·m·s/rad, two arrays of shape (k,)."""
-        found = await self.get_impedance_settings(joints)
-        return found.stiffness, found.damping
+        settings = await self.get_impedance_settings(joints)
+        return settings.stiffness, settings.damping
 
     @operation
     async def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The largest permitted stiffness and damping, two arrays of shape (k,)."""
-        found = await self.get_impedance_settings(joints)
-        return found.max_stiffness, found.max_damping
+        settings = await self.get_impedance_settings(joints)
+        return settings.max_stiffness, settings.max_damping
 
     @operation
     async def get_torque_offset(self, joints: Joints = None) -> Floats:
@@ -265,8 +265,8 @@ def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:
     Raises:
         ValueError: a number that is no vocab.
     """
-    given = [modes] if isinstance(modes, str | int) else list(modes)
+    requested = [modes] if isinstance(modes, str | int) else list(modes)
     return [
         mode.encode(errors="replace").decode() if isinstance(mode, str) else parse(mode).code
-        for mode in given
+        for mode in requested
     ]

@@ -56,8 +56,8 @@ class MotorRequests(Interface):
         if unknown := sorted(terms.keys() - TERMS):
             hint = nearest(unknown[0], TERMS)
             raise TypeError(f"no such values: {', '.join(unknown)}{hint}; one of {list(TERMS)}")
-        given = {"max_currents": max_currents, "output_limits": output_limits} | terms
-        return await self._services.change(SET_MOTORS, joints, given)
+        values = {"max_currents": max_currents, "output_limits": output_limits} | terms
+        return await self._services.change(SET_MOTORS, joints, values)
 
     @operation
     async def get_gearbox_ratio(self, joints: Joints = None) -> Floats:
@@ -127,14 +127,14 @@ class MotorRequests(Interface):
     @operation
     async def get_torque_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """Minimum and maximum torque of joints, two arrays."""
-        most = (await self.get_motors(joints)).torque_limits
-        return -most, most
+        limits = (await self.get_motors(joints)).torque_limits
+        return -limits, limits
 
     @operation
     async def get_motor_torque_params(self, joints: Joints = None) -> MotorTorqueParameters:
         """The motor model of the laws: torque and back-EMF constants, friction."""
-        found = await self.get_motors(joints)
-        values = {ours: getattr(found, name) for ours, name in YARP_TERMS.items()}
+        motors = await self.get_motors(joints)
+        values = {ours: getattr(motors, name) for ours, name in YARP_TERMS.items()}
         return MotorTorqueParameters(**values)
 
     @operation
@@ -149,8 +149,8 @@ class MotorRequests(Interface):
             if scale := getattr(parameters, name):
                 text = f"{name} {scale:g} is not allowed: values are in N·m/A and V·s/rad; send 0"
                 return refused(text, code=Reason.OUT_OF_RANGE)
-        given = {name: getattr(parameters, ours) for ours, name in YARP_TERMS.items()}
-        return await self.set_motors(joints, **given)
+        values = {name: getattr(parameters, ours) for ours, name in YARP_TERMS.items()}
+        return await self.set_motors(joints, **values)
 
     # --- encoders --------------------------------------------------------------------------------
 

@@ -109,14 +109,14 @@ class ParameterRequests(Interface):
         Narrower ones of a drive stay in force (S4).
         """
         names = (await self._services.select(joints)).names
-        given = {
+        limits = {
             f"{name}.limits.{side}": value
             for side, values in (("lower", lower), ("upper", upper))
             for name, value in zip(
                 names, spread(values, len(names), side, one_for_all=True).tolist(), strict=True
             )
         }
-        return await self.set_parameters(given)
+        return await self.set_parameters(limits)
 
     @operation
     async def get_pos_limits(self, joints: Joints = None) -> tuple[Floats, Floats]:

@@ -81,11 +81,11 @@ class PoseRequests(Interface):
             speed: mean speed of the slowest joint, rad/s; 0: the set reference speeds.
         """
         names = (await self._services.select(joints)).names
-        given: list[float] = []
+        targets: list[float] = []
         if positions is not None:
-            given = spread(positions, len(names), "positions").tolist()
+            targets = spread(positions, len(names), "positions").tolist()
         response = await self._link.call(
-            SAVE_POSE, names=list(names), name=pose, positions=given, speed=float(speed)
+            SAVE_POSE, names=list(names), name=pose, positions=targets, speed=float(speed)
         )
         return whole(response.success, response.message, names)
 

@@ -376,14 +376,14 @@ class References(Interface):
         except RequestError as error:
             wrong, names = error, await self._named(joints)
         values: dict[str, list[float]] = {}
-        for name, given in fields.items():
-            if given is None:
+        for name, entry in fields.items():
+            if entry is None:
                 continue
             try:
-                values[name] = spread(given, len(names), words.get(name, name)).tolist()
+                values[name] = spread(entry, len(names), words.get(name, name)).tolist()
             except RequestError as error:
                 wrong = wrong or error
-                if not (numbers := flat(given)):  # no list of numbers: not for the board to answer
+                if not (numbers := flat(entry)):  # no list of numbers: not for the board to answer
                     numbers, by_service = [math.nan], False
                 values[name] = numbers
         if by_service:
@@ -412,10 +412,10 @@ class References(Interface):
         )
 
 
-def flat(given: Values) -> list[float]:
+def flat(values: Values) -> list[float]:
     """Values of any length as a list; empty where they are no list of numbers."""
     try:
-        array = np.atleast_1d(np.asarray(given, dtype=np.float64))
+        array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
         return []
     numbers: list[float] = array.tolist() if array.ndim == 1 else []

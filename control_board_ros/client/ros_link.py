@@ -347,8 +347,8 @@ class RosLink:
 
     def _identity(self) -> frozenset[bytes]:
         """Identifies one run of the board: the publishers of its modes."""
-        found = self._node.get_publishers_info_by_topic(self._modes_topic)
-        return frozenset(bytes(publisher.endpoint_gid) for publisher in found)
+        publishers = self._node.get_publishers_info_by_topic(self._modes_topic)
+        return frozenset(bytes(publisher.endpoint_gid) for publisher in publishers)
 
     def _subscribes(self, topic: str) -> bool:
         """Whether the board, the node that publishes its modes, subscribes to a topic."""
@@ -433,7 +433,7 @@ def typed(value: Any, present: Any) -> Any:
     """A ParameterValue; whole numbers become doubles where the parameter has such."""
     plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     if isinstance(plain, list | tuple) and is_doubles(present):
-        plain = [typed_number(one) for one in plain]
+        plain = [typed_number(item) for item in plain]
     if isinstance(present, float):
         plain = typed_number(plain)
     return TypedParameter("value", value=plain).get_parameter_value()
@@ -447,4 +447,4 @@ def typed_number(value: Any) -> Any:
 def is_doubles(present: Any) -> bool:
     """Whether the value of a parameter is an array of doubles."""
     many = isinstance(present, Sequence | np.ndarray | array) and not isinstance(present, str)
-    return many and len(present) > 0 and all(isinstance(one, float) for one in present)
+    return many and len(present) > 0 and all(isinstance(item, float) for item in present)

@@ -61,8 +61,8 @@ class Services:
             BoardNotFound: not within ``timeout`` s (None: the find timeout).
         """
         patience = self.link.find_timeout if timeout is None else timeout
-        found = await self.link.until(lambda: self.selector is not None and also(), patience)
-        if not found:
+        discovered = await self.link.until(lambda: self.selector is not None and also(), patience)
+        if not discovered:
             raise self.link.not_found(patience)
         assert self.selector is not None
         return self.selector
@@ -109,9 +109,9 @@ class Services:
             RequestError: an unknown joint, one named twice, or values of another length.
         """
         names = (await self.select(joints)).names
-        for field, given in (values or {}).items():
-            if given is not None:
-                fields[field] = spread(given, len(names), field, one_for_all=True).tolist()
+        for field, entry in (values or {}).items():
+            if entry is not None:
+                fields[field] = spread(entry, len(names), field, one_for_all=True).tolist()
         reply, _ = await self.ask(service, names, **fields)
         return reply
 
@@ -157,7 +157,7 @@ class Services:
         """
         several = [joints] if isinstance(joints, str) else joints
         if several is None or (
-            isinstance(several, list | tuple) and all(isinstance(one, str) for one in several)
+            isinstance(several, list | tuple) and all(isinstance(name, str) for name in several)
         ):
             names = tuple(several or ())
         else:

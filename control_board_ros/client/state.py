@@ -111,8 +111,8 @@ class State:
         """This state; raises InvalidAnswer where lengths of fields differ."""
         count = len(self.names)
         for field in (*FLOAT_FIELDS, *OTHER_FIELDS):
-            if (found := len(getattr(self, field))) != count:
-                raise InvalidAnswer(f"a state of {count} joints has {found} values of {field}")
+            if (size := len(getattr(self, field))) != count:
+                raise InvalidAnswer(f"a state of {count} joints has {size} values of {field}")
         return self
 
 

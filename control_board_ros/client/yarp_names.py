@@ -42,7 +42,7 @@ def name_here(name: str, known: Collection[str]) -> str | None:
     """The equivalent of a YARP method; None if there is none."""
     snake = snake_case(name)
     for word in (snake, snake.removesuffix("s")):
-        found = OTHER_WORDS.get(word, word)
-        if found in known and found != name:
-            return found
+        renamed = OTHER_WORDS.get(word, word)
+        if renamed in known and renamed != name:
+            return renamed
     return None

@@ -37,20 +37,20 @@ def sessions_meant(session: Session, joints: Sequence[str] = ()) -> Iterator[dic
         yield {session.options.board: session}
         return
     with ExitStack() as stack:
-        found = {
+        sessions = {
             board: stack.enter_context(session.beside(board)) for board in boards_meant(session)
         }
-        wholes = robots_among({board: one.names for board, one in found.items()})
+        wholes = robots_among({board: s.names for board, s in sessions.items()})
         refusals, kept = [], {}
-        for board, one in found.items():
+        for board, each in sessions.items():
             if board in wholes:
                 continue
             try:
-                one.joints(joints)
+                each.joints(joints)
             except Refused as refusal:
                 refusals.append(refusal)
             else:
-                kept[board] = one
+                kept[board] = each
         if not kept:
             raise refusals[0]
         yield kept
@@ -91,12 +91,12 @@ def boards_meant(session: Session) -> list[str]:
     pattern = node.resolve_topic_name("x").rpartition("/")[0] + "/" + asked
     pattern = asked if asked.startswith("/") else pattern
     deadline = time.monotonic() + session.options.timeout
-    found: list[str] = []
+    boards: list[str] = []
     while time.monotonic() < deadline:
         now = [name for name in boards_on(node) if fnmatchcase(name, pattern)]
-        if now and now == found:
-            return found
-        found = now
-        time.sleep(GATHERING if found else POLL)
+        if now and now == boards:
+            return boards
+        boards = now
+        time.sleep(GATHERING if boards else POLL)
     there = ", ".join(boards_on(node)) or "none"
     raise Refused(f"no board fits {pattern}; boards there are: {there}")

@@ -30,15 +30,15 @@ def only_board(node: Node, timeout: float) -> str:
 
     default = node.resolve_topic_name(DEFAULT)
     deadline, first = time.monotonic() + timeout, 0.0
-    found: list[str] = []
+    boards: list[str] = []
     while time.monotonic() < deadline:
-        found = boards_on(node)
-        if default in found:
+        boards = boards_on(node)
+        if default in boards:
             break
-        if found:
+        if boards:
             first = first or time.monotonic()
             if time.monotonic() - first >= GATHERING:
-                return alone_among(found) or DEFAULT
+                return alone_among(boards) or DEFAULT
         time.sleep(POLL)
     return DEFAULT
 

@@ -78,11 +78,11 @@ def read_state(session: Session, names: list[str]) -> Rows:
     state = session.client.get_state()
     modes = read_modes(session, names)
     faults = read_faults(session, names)
-    chosen = [state.names.index(name) for name in names]
-    shown = rows_of(names, {field: getattr(state, field)[chosen] for field in SHOWN})
+    columns = [state.names.index(name) for name in names]
+    rows = rows_of(names, {field: getattr(state, field)[columns] for field in SHOWN})
     return {
         name: modes[name]
-        | shown[name]
+        | rows[name]
         | {"fault": faults[name]["text"] if faults[name]["active"] else ""}
         for name in names
     }
@@ -120,15 +120,15 @@ def read_references(session: Session, names: list[str]) -> Rows:
 
 def read_impedance(session: Session, names: list[str]) -> Rows:
     """Impedance of each joint, and its limits."""
-    found = session.client.get_impedance_settings(names)
+    settings = session.client.get_impedance_settings(names)
     columns = ("stiffness", "damping", "max_stiffness", "max_damping", "torque_offset")
-    return rows_of(names, {field: getattr(found, field) for field in columns})
+    return rows_of(names, {field: getattr(settings, field) for field in columns})
 
 
 def read_brakes(session: Session, names: list[str]) -> Rows:
     """Brake mode of each joint (empty: no brake), and whether the brake is closed."""
     brakes = zip(names, session.client.get_brakes(names), strict=True)
-    return {name: {"mode": str(one.mode or ""), "closed": one.closed} for name, one in brakes}
+    return {name: {"mode": str(b.mode or ""), "closed": b.closed} for name, b in brakes}
 
 
 def read_joints(session: Session) -> Rows:

@@ -22,8 +22,8 @@ def read_boards(session: Session) -> list[Any]:
 
     parameters = []
     for board in boards_meant(session):
-        with session.beside(board) as one:
-            parameters.append(Parameters.read(one.client))
+        with session.beside(board) as each:
+            parameters.append(Parameters.read(each.client))
     return parameters
 
 
@@ -61,7 +61,7 @@ def recorded(session: Session, folder: Path) -> Iterator[Any]:
 
 def note_missing(session: Session, recordings: Sequence[Any]) -> list[str]:
     """Say what an unfinished or damaged recording lacks; returns the lines."""
-    missing = list(dict.fromkeys(line for one in recordings for line in one.missing))
+    missing = list(dict.fromkeys(line for recording in recordings for line in recording.missing))
     for line in missing:
         note(session, line)
     return missing

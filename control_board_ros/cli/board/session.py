@@ -26,7 +26,7 @@ RATES = {"position": "", "speed": "/s", "acceleration": "/s²"}
 
 def check_limits(
     what: str,
-    given: Mapping[str, Quantity],
+    quantities: Mapping[str, Quantity],
     limits: Mapping[str, JointLimits | None],
     kinds: Mapping[str, JointKind],
 ) -> None:
@@ -34,7 +34,7 @@ def check_limits(
 
     Args:
         what: position, speed, acceleration, torque, current or output.
-        given: by joint.
+        quantities: by joint.
         limits: by joint; None: not known, the board itself decides.
         kinds: of the joints.
 
@@ -42,7 +42,7 @@ def check_limits(
         Refused: the value in both units, and the allowed range.
     """
     wrong = []
-    for name, value in given.items():
+    for name, value in quantities.items():
         known, kind = limits.get(name), kinds.get(name, JointKind.REVOLUTE)
         if known is not None and not within(what, value.value, known, kind):
             wrong.append(f"{name}: {outside(what, value, known, kind)}")
@@ -57,21 +57,21 @@ def within(what: str, value: float, limits: JointLimits, kind: JointKind) -> boo
     return low - slack <= value <= high + slack
 
 
-def outside(what: str, given: Quantity, limits: JointLimits, kind: JointKind) -> str:
+def outside(what: str, quantity: Quantity, limits: JointLimits, kind: JointKind) -> str:
     """Why a value is refused, and the unit that may have been intended."""
     low, high = limits.range(what)
-    value = given.value
+    value = quantity.value
     if what not in RATES:
         unit = {"torque": kind.force_unit, "current": "A"}.get(what, "%")
         return f"{value:.4g} {unit} is beyond its limit, {high:.4g} {unit}"
     unit = kind.unit + RATES[what]
-    shown, least, most = (kind.position(q, RATES[what]) for q in (value, low, high))
+    shown, lowest, highest = (kind.position(q, RATES[what]) for q in (value, low, high))
     text = f"{value:.4g} {unit} = {shown} is "
     if what == "position":
-        text += f"outside its limits, {low:.4g} to {high:.4g} {unit} = {least} to {most}"
+        text += f"outside its limits, {low:.4g} to {high:.4g} {unit} = {lowest} to {highest}"
     else:
-        text += f"beyond its limit, {high:.4g} {unit} = {most}"
-    if not given.dimension and within(what, value / kind.shown_factor, limits, kind):
+        text += f"beyond its limit, {high:.4g} {unit} = {highest}"
+    if not quantity.dimension and within(what, value / kind.shown_factor, limits, kind):
         text += f"; did you mean {value:g}{kind.choose('deg', 'mm')}?"
     return text
 
@@ -180,9 +180,9 @@ class Session:
 
         board = self.client.board_name
         folder = board.rpartition("/")[0]
-        near = [one for one in boards_on(self.node) if one.rpartition("/")[0] == folder]
+        near = [other for other in boards_on(self.node) if other.rpartition("/")[0] == folder]
         services = {name for name, _ in self.node.get_service_names_and_types()}
-        managed = (one for one in (board, *near) if LIFECYCLE[0].of(one) in services)
+        managed = (other for other in (board, *near) if LIFECYCLE[0].of(other) in services)
         return next(managed, "")
 
     @property
@@ -212,17 +212,17 @@ class Session:
         """The joints that words select; none: all."""
         return find_joints(words or (), self.names)
 
-    def value(self, name: str, given: Quantity) -> float:
+    def value(self, name: str, quantity: Quantity) -> float:
         """A value in the board's unit.
 
         Raises:
             Refused: degrees for a sliding joint and the like.
         """
-        joint = self.robot.get(name) if given.dimension else None
-        if joint is not None and joint.dimension != given.dimension:
+        joint = self.robot.get(name) if quantity.dimension else None
+        if joint is not None and joint.dimension != quantity.dimension:
             unit = self.kind(name).choose("rad or deg", "m or mm")
             raise Refused(f"{name} is {joint.kind}; give its value in {unit}")
-        return given.value
+        return quantity.value
 
     def within_limits(self, words: Sequence[str], kind: str = "position") -> dict[str, float]:
         """Values by joint of ``JOINT=VALUE`` words, within the limits that the board has now.
@@ -231,10 +231,10 @@ class Session:
             UsageError: a word that is none.
             Refused: an unknown joint, a unit that does not fit it, or a value beyond its limits.
         """
-        given = assigned(assignments(words, kind), self.names)
-        values = {name: self.value(name, value) for name, value in given.items()}
+        quantities = assigned(assignments(words, kind), self.names)
+        values = {name: self.value(name, value) for name, value in quantities.items()}
         kinds = {name: self.kind(name) for name in values}
-        check_limits(kind, given, self.limits(list(values)), kinds)
+        check_limits(kind, quantities, self.limits(list(values)), kinds)
         return values
 
     def limits(self, names: Sequence[str]) -> dict[str, JointLimits | None]:
@@ -243,10 +243,10 @@ class Session:
         from control_board_ros.core.selection import RequestError
 
         try:
-            found = self.client.get_joint_limits(names)
+            limits = self.client.get_joint_limits(names)
         except (BoardError, RequestError):
             return dict.fromkeys(names)
-        return dict(zip(names, found, strict=True))
+        return dict(zip(names, limits, strict=True))
 
     def kind(self, name: str) -> JointKind:
         """The kind of a joint; REVOLUTE where the board's URDF has none."""

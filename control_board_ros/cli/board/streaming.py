@@ -32,10 +32,10 @@ def settle(session: Session, names: list[str]) -> None:
     """Wait until the velocity references have ramped down."""
     from control_board_ros.client import BoardTimeout
 
-    chosen = [session.names.index(name) for name in names]
+    columns = [session.names.index(name) for name in names]
     with contextlib.suppress(BoardTimeout):  # a very slow ramp: report the present
         session.client.wait_for_state(
-            lambda state: not state.velocity_reference[chosen].any(), RAMP_TIMEOUT
+            lambda state: not state.velocity_reference[columns].any(), RAMP_TIMEOUT
         )
 
 

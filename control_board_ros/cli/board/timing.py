@@ -28,14 +28,14 @@ def phases_of(statuses: Iterator[Any], board: str) -> Phases:
         statuses: of diagnostics.
         board: its absolute name.
     """
-    own = board.strip("/")
-    loops = {f"{name}: loop" for name in (own, own.rpartition("/")[0])}
-    found: Phases = {}
-    for pair in (pair for one in statuses if one.name in loops for pair in one.values):
+    board_name = board.strip("/")
+    loops = {f"{name}: loop" for name in (board_name, board_name.rpartition("/")[0])}
+    phases: Phases = {}
+    for pair in (pair for status in statuses if status.name in loops for pair in status.values):
         phase, _, figure = pair.key.removesuffix(" (µs)").partition(", ")
         if figure in FIGURES:
-            found.setdefault(phase, {})[figure] = float(pair.value)
-    return found
+            phases.setdefault(phase, {})[figure] = float(pair.value)
+    return phases
 
 
 @contextlib.contextmanager
@@ -72,9 +72,9 @@ def figures(session: Session) -> Iterator[Phases]:
         while time.monotonic() < last + SILENCE:
             executor.spin_once(timeout_sec=0.1)
             while arrays:
-                if found := phases_of(arrays.pop(0).status, board):
+                if phases := phases_of(arrays.pop(0).status, board):
                     last = time.monotonic()
-                    yield found
+                    yield phases
         raise Refused(f"no timing of {board} came on {topic} for {SILENCE:g} s")
     finally:
         executor.remove_node(node)

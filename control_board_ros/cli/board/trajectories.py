@@ -44,7 +44,7 @@ def approach(
     client = session.client
     reply = client.set_control_mode(names, ControlMode.POSITION)
     if reply:
-        reply = client.move(names, list(starts.values()), [APPROACH * one for one in speeds])
+        reply = client.move(names, list(starts.values()), [APPROACH * speed for speed in speeds])
     return client.set_control_mode(names, ControlMode.POSITION_DIRECT) if reply else reply
 
 

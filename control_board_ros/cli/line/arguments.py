@@ -88,16 +88,16 @@ def patterns(verb: Verb) -> Verb:
 
 
 def arguments_of(verb: Callable[..., Any]) -> tuple[Argument, ...]:
-    found: tuple[Argument, ...] = getattr(verb, "arguments", ())
-    return found
+    arguments: tuple[Argument, ...] = getattr(verb, "arguments", ())
+    return arguments
 
 
 def offered(verb: Callable[..., Any], typed: Typed) -> list[str]:
     """The words that may follow on the line of a verb; no options."""
     if typed.incomplete.startswith("-"):
         return []
-    found = [word for entry in arguments_of(verb) if entry.offers for word in entry.offers(typed)]
-    return [word for word in found if word.startswith(typed.incomplete)]
+    words = [word for entry in arguments_of(verb) if entry.offers for word in entry.offers(typed)]
+    return [word for word in words if word.startswith(typed.incomplete)]
 
 
 class Parser(argparse.ArgumentParser):

@@ -68,12 +68,12 @@ class Options:
     @property
     def address(self) -> str:
         """The options that select the same board, as typed; often none."""
-        found = [f"--board {self.board}"] if self.board_named else []
+        options = [f"--board {self.board}"] if self.board_named else []
         if self.namespace:
-            found.append(f"--namespace {self.namespace}")
+            options.append(f"--namespace {self.namespace}")
         if self.domain is not None:
-            found.append(f"--domain {self.domain}")
-        return " ".join(found)
+            options.append(f"--domain {self.domain}")
+        return " ".join(options)
 
 
 def read_options(words: Sequence[str], ros_arguments: list[str]) -> tuple[Options, bool]:

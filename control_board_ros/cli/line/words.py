@@ -63,15 +63,15 @@ def quantity(text: str, kind: str) -> Quantity:
         UsageError: no number, or a unit that this kind does not have.
     """
     units = UNITS[kind]
-    found = NUMBER.fullmatch(text.strip())
-    unit = found[2].strip() if found else ""
-    if found is None or not (unit == "" or unit in units):
+    match = NUMBER.fullmatch(text.strip())
+    unit = match[2].strip() if match else ""
+    if match is None or not (unit == "" or unit in units):
         shown = ", ".join(list(units)[:6])
         raise UsageError(
             f"{kind} {text[:40]!r} is not valid; write a number, with or without {shown}"
         )
     factor, dimension = units.get(unit, (1.0, ""))
-    return Quantity(float(found[1]) * factor, dimension)
+    return Quantity(float(match[1]) * factor, dimension)
 
 
 def assignments(words: Sequence[str], kind: str) -> list[tuple[str, Quantity]]:
@@ -121,11 +121,11 @@ def find_joint(word: str, names: Sequence[str]) -> list[str]:
             return [names[int(word)]]
         raise Refused(f"joint index {word} out of range; joints are 0 to {len(names) - 1}")
     for fits in (str.startswith, str.endswith, str.__contains__):
-        found = [name for name in names if word and fits(name, word)]
-        if len(found) == 1:
-            return found
-        if found:
-            raise Refused(f"joint {word!r} could be {', '.join(found)}; write more of its name")
+        matches = [name for name in names if word and fits(name, word)]
+        if len(matches) == 1:
+            return matches
+        if matches:
+            raise Refused(f"joint {word!r} could be {', '.join(matches)}; write more of its name")
     raise Refused(unknown_word("joint", word, names, "joints:", short_names(names).values()))
 
 
@@ -135,8 +135,8 @@ def find_joints(words: Sequence[str], names: Sequence[str]) -> list[str]:
     Raises:
         Refused: as find_joint.
     """
-    found = [name for word in words for name in find_joint(word, names)]
-    return list(dict.fromkeys(found)) if words else list(names)
+    matches = [name for word in words for name in find_joint(word, names)]
+    return list(dict.fromkeys(matches)) if words else list(names)
 
 
 def assigned(pairs: Sequence[tuple[str, Quantity]], names: Sequence[str]) -> dict[str, Quantity]:

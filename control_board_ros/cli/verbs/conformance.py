@@ -25,7 +25,7 @@ def sentence(text: str) -> str:
         for names, settings in CONFORMANCE
     )
 )
-def conformance(session: Session, **given: Any) -> int:
+def conformance(session: Session, **options: Any) -> int:
     """Test the rules of the specification on this board, and report each result.
 
     After a confirmation, one joint moves within a part of its limits and is unpowered at times;
@@ -35,7 +35,7 @@ def conformance(session: Session, **given: Any) -> int:
     from control_board_ros.conformance.app import chosen, try_board
     from control_board_ros.conformance.rules import NotTestable, OutOfTime
 
-    asked = Namespace(**given, json=session.options.json, timeout=session.options.timeout)
+    asked = Namespace(**options, json=session.options.json, timeout=session.options.timeout)
     try:
         rules = chosen(asked)
     except ValueError as error:

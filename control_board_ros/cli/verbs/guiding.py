@@ -203,7 +203,7 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
         note(session, f"the limits extend the motion to {way.stretched:.2g} times its duration")
     try:
         with followed(session, names), Bar(session, "replay") as bar:
-            reply = approach(session, names, starts, [one.velocity for one in known])
+            reply = approach(session, names, starts, [limit.velocity for limit in known])
             if reply:
                 reply = session.client.follow_trajectory(
                     names,

@@ -121,8 +121,8 @@ def identify(
     if data is not None:
         words += ["--robot", robot] if robot else []
         words += ["--columns", columns] if columns else []
-        words += [word for one in column for word in ("--column", one)]
-        words += [word for one in joints for word in ("--joint", one)]
+        words += [word for entry in column for word in ("--column", entry)]
+        words += [word for entry in joints for word in ("--joint", entry)]
         return run_program(session, PROGRAM, [*data, *words])
     shares = {"speed": speed, "acceleration": acceleration, "torque": torque}
     for name, share in shares.items():
@@ -134,7 +134,7 @@ def identify(
     bounds = bounds_now(session, session.joints(joints), reach, shares)
     motions = motions_of(bounds)
     seconds = sum(motion.duration for motion in motions)
-    ways = ", ".join(way(session, one) for one in bounds)
+    ways = ", ".join(way(session, entry) for entry in bounds)
     motion = f"for about {seconds / 60.0:.1f} min these joints move: {ways}"
     if not agreed(session, motion, yes):
         return fail("nothing was moved", REFUSED, as_json=session.options.json)
@@ -144,7 +144,7 @@ def identify(
         try:
             play(session, folder, bounds, motions)
         except KeyboardInterrupt:
-            return cancelled(session, "identify", [one.joint for one in bounds])
+            return cancelled(session, "identify", [entry.joint for entry in bounds])
         return run_program(session, PROGRAM, [str(folder), *words])
 
 
@@ -160,10 +160,10 @@ def bounds_now(
 
     limits, state = session.limits(names), session.client.get_state()
     size = None if reach is None else quantity(reach, "position")
-    found = []
+    bounds = []
     for name in names:
-        own, kind = limits[name], session.kind(name)
-        if own is None:
+        joint_limits, kind = limits[name], session.kind(name)
+        if joint_limits is None:
             raise Refused(f"the board does not report the limits of {name}: nothing is moved")
         column = session.names.index(name)
         place = float(state.position[column])
@@ -171,17 +171,17 @@ def bounds_now(
         if asked is not None and not asked > 0.0:
             raise UsageError(f"--range {reach} is not valid; give a size above 0")
         try:
-            found.append(bounds_of(name, kind, own, place, reach=asked, **shares))
+            bounds.append(bounds_of(name, kind, joint_limits, place, reach=asked, **shares))
         except NoRoomError as error:
             raise Refused(str(error)) from error
-    return found
+    return bounds
 
 
-def way(session: Session, one: Bounds) -> str:
+def way(session: Session, bounds: Bounds) -> str:
     """The range and speed of a joint as text."""
-    low, high = one.centre - one.reach, one.centre + one.reach
-    kind = session.kind(one.joint)
-    return f"{one.joint} {kind.travel(low, high)} at up to {kind.velocity(one.speed)}"
+    low, high = bounds.centre - bounds.reach, bounds.centre + bounds.reach
+    kind = session.kind(bounds.joint)
+    return f"{bounds.joint} {kind.travel(low, high)} at up to {kind.velocity(bounds.speed)}"
 
 
 def play(
@@ -192,7 +192,7 @@ def play(
     Raises:
         Refused: joints do not reach their centres, or the recording fails.
     """
-    names, left = [one.joint for one in bounds], {one.joint: one for one in bounds}
+    names, left = [entry.joint for entry in bounds], {entry.joint: entry for entry in bounds}
     rows: list[dict[str, Any]] = []
     whole = sum(motion.duration for motion in motions)
     with (
@@ -203,7 +203,7 @@ def play(
     ):
         await_states(session, recorder)
         speeds = [limit.velocity for limit in session.limits(names).values() if limit]
-        centres = {one.joint: one.centre for one in bounds}
+        centres = {entry.joint: entry.centre for entry in bounds}
         reply = approach(session, names, centres, speeds)
         if not reply:
             raise Refused(reply.message)

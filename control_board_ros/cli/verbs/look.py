@@ -37,9 +37,9 @@ HEIGHT = 6
 def frame_rows(frame: FreezeFrame) -> dict[str, Any]:
     from control_board_ros.client.freeze_frame import NUMBERS
 
-    found = {name: getattr(frame, name).tolist() for name in (*NUMBERS, "motion_done")}
+    columns = {name: getattr(frame, name).tolist() for name in (*NUMBERS, "motion_done")}
     fault = {"joint": frame.fault.name, "text": frame.fault.text, "stamp": frame.fault.stamp}
-    return {"fault": fault, "stamps": frame.stamps.tolist()} | found
+    return {"fault": fault, "stamps": frame.stamps.tolist()} | columns
 
 
 def frame_charts(session: Session, frame: FreezeFrame) -> Any:

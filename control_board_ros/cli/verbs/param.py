@@ -54,19 +54,19 @@ def gather(session: Session) -> Saved:
     Raises:
         BoardTimeout: the robot, or a part of it, does not answer.
     """
-    own, board = all_values(session), session.client.board_name
+    values, board = all_values(session), session.client.board_name
     folder, _, name = board.rpartition("/")
-    if any(key.startswith(PARTS) for key in own):
-        parts = [key.removeprefix(PARTS) for key in own if key.startswith(PARTS) and own[key]]
+    if any(key.startswith(PARTS) for key in values):
+        parts = [k.removeprefix(PARTS) for k in values if k.startswith(PARTS) and values[k]]
         with ExitStack() as stack:
             beside = {p: stack.enter_context(session.beside(f"{folder}/{p}")) for p in parts}
-            shown = {part: all_values(one) for part, one in beside.items()}
-        return of_robot(folder, own, shown)
-    if "robot" not in own:
+            part_values = {part: all_values(part_session) for part, part_session in beside.items()}
+        return of_robot(folder, values, part_values)
+    if "robot" not in values:
         with session.beside(f"{folder}/{ROBOT}") as whole:
-            return of_one_part(folder, own, all_values(whole))
+            return of_one_part(folder, values, all_values(whole))
     renaming = [f"-r __ns:={folder}"] * bool(folder) + [f"-r __node:={name}"] * (name != SECTION)
-    return Saved(board, own, renaming)
+    return Saved(board, values, renaming)
 
 
 def of_robot(folder: str, robot: Values, parts: Mapping[str, Values]) -> Saved:
@@ -84,12 +84,12 @@ def of_robot(folder: str, robot: Values, parts: Mapping[str, Values]) -> Saved:
     for name in sorted({name for part in parts.values() for name in part} - set(values)):
         if name == JOINTS or of_all(name):
             continue
-        found = {part: shown[name] for part, shown in parts.items() if name in shown}
-        first = next(iter(found.values()))
-        if all(value == first for value in found.values()):
+        part_values = {part: shown[name] for part, shown in parts.items() if name in shown}
+        first = next(iter(part_values.values()))
+        if all(value == first for value in part_values.values()):
             values[name] = first
         else:
-            each = ", ".join(f"{part} {value}" for part, value in found.items())
+            each = ", ".join(f"{part} {value}" for part, value in part_values.items())
             left_out.append(f"{name}, which has one value for all parts in a file: {each}")
     return Saved(SECTION, in_order(values, robot[JOINTS]), above(folder), left_out)
 
@@ -132,8 +132,8 @@ def of_all(name: str) -> bool:
 
 def above(folder: str) -> list[str]:
     """The argument for the namespace above a robot's name, if any."""
-    found = folder.rpartition("/")[0]
-    return [f"-r __ns:={found}"] * bool(found)
+    parent = folder.rpartition("/")[0]
+    return [f"-r __ns:={parent}"] * bool(parent)
 
 
 def all_values(session: Session) -> Values:
@@ -176,10 +176,8 @@ def param(session: Session, words: list[str]) -> int:
 def read_parameters(session: Session, parts: list[str]) -> dict[str, Any]:
     """Values by name of the parameters that contain one of the parts; none: all."""
     names = [n for n in session.client.list_parameters() if not n.startswith(OF_RCLPY)]
-    found = holding(parts, names, session.names)
-    return {
-        name: yaml_value(value) for name, value in session.client.get_parameters(found).items()
-    }
+    held = holding(parts, names, session.names)
+    return {name: yaml_value(value) for name, value in session.client.get_parameters(held).items()}
 
 
 def holding(parts: list[str], names: list[str], joints: tuple[str, ...]) -> list[str]:
@@ -189,14 +187,14 @@ def holding(parts: list[str], names: list[str], joints: tuple[str, ...]) -> list
         Refused: no such name.
     """
     wanted = [full_name(part, names, joints) for part in parts]
-    found = [n for n in names if not wanted or any(part in n for part in wanted)]
-    if not found:
+    matches = [n for n in names if not wanted or any(part in n for part in wanted)]
+    if not matches:
         words = {word for name in names for word in name.split(".")}
         hint = nearest(parts[0], words)
         raise Refused(
             f"no parameter contains {' or '.join(map(repr, parts))}{hint}; try: cbctl param show"
         )
-    return found
+    return matches
 
 
 def full_name(word: str, names: list[str], joints: tuple[str, ...]) -> str:
@@ -226,8 +224,8 @@ def assign(session: Session, words: list[str]) -> tuple[Any, str]:
 def save(session: Session, path: Path, parts: list[str]) -> int:
     """Write a parameter file that starts the same board, or the same robot of several parts."""
     saved = gather(session)
-    chosen = holding(parts, list(saved.values), session.names)
-    values = {n: v for n, v in saved.values.items() if n in chosen or n.startswith(IDENTITY)}
+    selected = holding(parts, list(saved.values), session.names)
+    values = {n: v for n, v in saved.values.items() if n in selected or n.startswith(IDENTITY)}
     node = {saved.section: {"ros__parameters": values}}
     try:
         path.write_text(yaml.safe_dump(node, sort_keys=False), encoding="utf-8")

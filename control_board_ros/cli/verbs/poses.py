@@ -37,13 +37,13 @@ def poses(session: Session) -> None:
 
 def read_poses(session: Session) -> Rows:
     client = session.client
-    found = [client.get_pose(name) for name in client.list_poses()]
+    poses = [client.get_pose(name) for name in client.list_poses()]
     return {
         pose.name: {
             "speed": pose.speed,
             "positions": dict(zip(pose.joints, pose.positions, strict=True)),
         }
-        for pose in found
+        for pose in poses
     }
 
 

@@ -128,7 +128,7 @@ def watch(session: Session, joints: list[str], once: bool, rate: float, timing: 
     if not 0.0 < rate <= 100.0:
         raise UsageError(f"--rate {rate:g} is not valid; give a rate above 0, up to 100 Hz")
     with sessions_meant(session, joints) as sessions:
-        views = [View(board, one, one.joints(joints)) for board, one in sessions.items()]
+        views = [View(board, s, s.joints(joints)) for board, s in sessions.items()]
         if once:
             frame(session, views)
             return
@@ -235,11 +235,11 @@ def on_screen(views: Sequence[View], width: int, height: int) -> Any:
 
     columns: dict[str, list[Text]] = {title: [] for title in TITLES if title != "fault"}
     for view in views:
-        found = view.columns()
+        by_title = view.columns()
         for title, cells in columns.items():
             if len(views) > 1:
                 cells.append(Text(view.board if title == "joint" else "", style="bold"))
-            cells.extend(found[title])
+            cells.extend(by_title[title])
     troubles = [trouble for view in views for trouble in view.faults()]
     notes = [
         Text(f"{name}: {fault}", style="red", no_wrap=True, overflow="ellipsis")

@@ -83,9 +83,9 @@ class ControlLoop:
         self.on_end = on_end
         self._wake = threading.Event()
         self._pacer = Pacer(0.0, self._wake, catches_up=isinstance(plant, Simulation))
-        own = getattr(plant, "keep_within", None)
+        keep_within = getattr(plant, "keep_within", None)
         self.standstill = Standstill(self._pacer)
-        self.hooks: list[Hook] = [] if own is None else [own]
+        self.hooks: list[Hook] = [] if keep_within is None else [keep_within]
         self.exclusive_hooks: list[Callable[[], None]] = []
         self._after_lock: Callable[[], None] = lambda: None
         self._when_shown: Callable[[Callable[[], None]], None] = lambda done: done()
@@ -107,7 +107,7 @@ class ControlLoop:
         self.main = Member(self, board)
         self.parts = {name: Member(self, group) for name, group in board.parts.items()}
         #: The main ones last: their ``on_change`` has those of all published.
-        self._snapshots = [one.snapshots for one in (*self.parts.values(), self.main)]
+        self._snapshots = [member.snapshots for member in (*self.parts.values(), self.main)]
 
     def observe(
         self,

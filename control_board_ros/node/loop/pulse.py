@@ -92,7 +92,7 @@ class ThreadWatch:
     """
 
     def __init__(self, threads: Mapping[str, tuple[threading.Thread, Pulse]]) -> None:
-        self._threads = {name: Watched(*one) for name, one in threads.items()}
+        self._threads = {name: Watched(*pair) for name, pair in threads.items()}
 
     def wait(self, ended: threading.Event) -> str:
         """Wait for the end; returns the reason if it is a thread, else an empty text."""

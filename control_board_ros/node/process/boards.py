@@ -363,9 +363,9 @@ def share_parameters(robot: BoardNode, parts: Collection[BoardNode]) -> None:
         changed: list[tuple[BoardNode, Settings, list[str]]] = []
         for part in parts:
             known = part.parameters.settings
-            own = {name: value for name, value in changes.items() if name in known.values}
-            if own:
-                changed.append((part, known.changed(own), list(own)))
+            part_values = {name: value for name, value in changes.items() if name in known.values}
+            if part_values:
+                changed.append((part, known.changed(part_values), list(part_values)))
         with robot.member.exclusive():
             try:
                 for part, settings, _ in changed:

@@ -129,9 +129,9 @@ def table(
     columns: dict[str, list[str]] = {
         **({"part": [owner[joint.name] for joint in joints]} if owner else {}),
         "joint": [joint.name for joint in joints],
-        "limits": [one.kind.travel(one.limits.lower, one.limits.upper) for one in joints],
-        "stops": [one.kind.travel(one.limits.hard_lower, one.limits.hard_upper) for one in joints],
-        "speed": [one.kind.velocity(one.limits.velocity) for one in joints],
+        "limits": [c.kind.travel(c.limits.lower, c.limits.upper) for c in joints],
+        "stops": [c.kind.travel(c.limits.hard_lower, c.limits.hard_upper) for c in joints],
+        "speed": [c.kind.velocity(c.limits.velocity) for c in joints],
         "modes": [" ".join(mode.code for mode in joint.control_modes) for joint in joints],
     }
     if columns["limits"] == columns["stops"]:

@@ -114,8 +114,8 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
 
         def held(kind: str) -> dict[int, Any]:
             """By the addresses of their handles."""
-            found = self._hold([e for node in nodes for e in getattr(node, kind)], HANDLE)
-            return {entity.handle.pointer: entity for entity in found}
+            gathered = self._hold([e for node in nodes for e in getattr(node, kind)], HANDLE)
+            return {entity.handle.pointer: entity for entity in gathered}
 
         self._by_kind = [
             ("service", held("services"), self._serve_service),
@@ -124,17 +124,17 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
             ("guard_condition", held("guards"), self._serve_guard),
             ("subscription", held("subscriptions"), self._serve_subscription),
         ]
-        own = [self._guard.handle, self._sigint_gc.handle]
-        for handle in own:
+        handles = [self._guard.handle, self._sigint_gc.handle]
+        for handle in handles:
             self._held.enter_context(handle)
-        self._waitables = self._hold([w for n in nodes for w in n.waitables], lambda one: one)
+        self._waitables = self._hold([w for n in nodes for w in n.waitables], lambda w: w)
         self._additions = [
             (f"add_{kind}", [entity.handle for entity in entities.values()])
             for kind, entities, _ in self._by_kind
         ]
-        self._additions.append(("add_guard_condition", own))
+        self._additions.append(("add_guard_condition", handles))
         services, timers, clients, guards, subscriptions = (len(e) for _, e, _ in self._by_kind)
-        size = NumberOfEntities(subscriptions, guards + len(own), timers, clients, services)
+        size = NumberOfEntities(subscriptions, guards + len(handles), timers, clients, services)
         for waitable in self._waitables:
             size += waitable.get_num_entities()
         self._held.enter_context(cast(Any, self._context.handle))

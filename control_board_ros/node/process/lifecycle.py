@@ -101,7 +101,7 @@ def answer_every_request(node: LifecycleNode, on_error: OnError) -> None:
     rclpy raises there, and the caller would wait forever.
     """
     log = node.get_logger()
-    services: dict[str, Any] = {one.srv_name.rpartition("/")[2]: one for one in node.services}
+    services: dict[str, Any] = {s.srv_name.rpartition("/")[2]: s for s in node.services}
     change = services["change_state"].callback
 
     def now(name: str, kind: Any) -> Any:
@@ -109,15 +109,16 @@ def answer_every_request(node: LifecycleNode, on_error: OnError) -> None:
 
     def change_state(request: Any, response: Any) -> Any:
         wanted = request.transition
-        found = now("get_available_transitions", GetAvailableTransitions).available_transitions
-        possible = [one.transition for one in found]
+        available = now("get_available_transitions", GetAvailableTransitions).available_transitions
+        possible = [each.transition for each in available]
         if not any(
-            wanted.label == one.label if wanted.label else wanted.id == one.id for one in possible
+            wanted.label == transition.label if wanted.label else wanted.id == transition.id
+            for transition in possible
         ):
             state = now("get_state", GetState).current_state.label
             log.warning(
                 f"transition {wanted.label or wanted.id} refused: the node is {state}; possible "
-                f"now: {', '.join(one.label for one in possible) or 'none'}"
+                f"now: {', '.join(transition.label for transition in possible) or 'none'}"
             )
             return ChangeState.Response(success=False)
         try:

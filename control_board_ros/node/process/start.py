@@ -63,9 +63,9 @@ def settings_from_arguments(argv: Sequence[str]) -> Start:
     Raises:
         SettingsError: one line: where, name, value, what is allowed, the next step.
     """
-    given, rest = _split(argv)
+    options, rest = _split(argv)
     remapped, namespace = NODE, "/"
-    for option, value in given:
+    for option, value in options:
         if option == "remap":
             target, mark, new = value.partition(":=")
             owner, _, what = target.rpartition(":")
@@ -75,7 +75,7 @@ def settings_from_arguments(argv: Sequence[str]) -> Start:
                 namespace = "/" + new.strip("/")
     full = f"{namespace.rstrip('/')}/{remapped}"
     layers = []
-    for option, value in given:
+    for option, value in options:
         if option == "params-file":
             layers.append(_read(Path(value), full, f"{namespace.rstrip('/')}/{NODE}"))
         elif option == "param":
@@ -112,7 +112,7 @@ def _split(argv: Sequence[str]) -> tuple[list[tuple[str, str]], list[str]]:
     """The ROS options read here, in order, and all arguments without parameters."""
     names = {"-p": "param", "--param": "param", "--params-file": "params-file"}
     names |= {"-r": "remap", "--remap": "remap"}
-    given: list[tuple[str, str]] = []
+    options: list[tuple[str, str]] = []
     rest: list[str] = []
     inside = False
     arguments = iter(argv)
@@ -128,10 +128,10 @@ def _split(argv: Sequence[str]) -> tuple[list[tuple[str, str]], list[str]]:
         value = next(arguments, None)
         if value is None:
             raise SettingsError(f"{argument}: has no value; see control_board --help")
-        given.append((option, value))
+        options.append((option, value))
         if option == "remap":
             rest += [argument, value]
-    return given, rest
+    return options, rest
 
 
 def _read(path: Path, full: str, before: str) -> Layer:
@@ -228,8 +228,8 @@ def runtime_folder() -> Path:
     Raises:
         OSError: it cannot be created, or belongs to another user.
     """
-    given = os.environ.get("XDG_RUNTIME_DIR")
-    base = Path(given) if given and os.access(given, os.W_OK) else temporary_folder()
+    xdg = os.environ.get("XDG_RUNTIME_DIR")
+    base = Path(xdg) if xdg and os.access(xdg, os.W_OK) else temporary_folder()
     folder = base / f"control_board_ros-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.stat().st_uid != os.getuid() or folder.is_symlink():

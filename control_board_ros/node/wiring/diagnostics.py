@@ -46,8 +46,8 @@ class Diagnostics:
         joints = self.joint_statuses()
         parts = self._loop.board.parts
         for name, group in parts.items():
-            own = joints[group.joints.start : group.joints.stop]
-            array.status.append(summary(f"{self._board}: {name}", own))
+            part_joints = joints[group.joints.start : group.joints.stop]
+            array.status.append(summary(f"{self._board}: {name}", part_joints))
         if not parts:
             array.status += joints
         return array
@@ -60,7 +60,7 @@ class Diagnostics:
             "lost answers": [drive.reported.lost for drive in self._loop.board.get_drives()],
             "dropped frames": self._loop.dropped_frames,
         }
-        found = [
+        statuses = [
             self._joint_status(
                 j,
                 state,
@@ -71,19 +71,19 @@ class Diagnostics:
             for j in range(len(self._names))
         ]
         self._rejected = state.rejected_commands.tolist()
-        return found
+        return statuses
 
     def loop_status(self) -> DiagnosticStatus:
         """One for the loop, of the time since the last call."""
-        found = self._loop.statistics()
+        statistics = self._loop.statistics()
         state = self._snapshots.latest.snapshot
         unknown = state.unknown_commands - self._unknown
         self._unknown = state.unknown_commands
-        late = found.overruns - self._overruns
-        skipped = found.skipped - self._skipped
-        self._overruns, self._skipped = found.overruns, found.skipped
+        late = statistics.overruns - self._overruns
+        skipped = statistics.skipped - self._skipped
+        self._overruns, self._skipped = statistics.overruns, statistics.skipped
         factor = self._loop.real_time_factor
-        level, text = DiagnosticStatus.OK, f"{found.rate:.0f} cycles per second"
+        level, text = DiagnosticStatus.OK, f"{statistics.rate:.0f} cycles per second"
         if self._loop.paused:
             text = "paused"
         elif late or skipped:
@@ -97,14 +97,14 @@ class Diagnostics:
         if stopped:
             level, text = DiagnosticStatus.ERROR, f"{stopped[0]}; {text}"
         values = {
-            "loop rate (Hz)": f"{found.rate:.1f}",
+            "loop rate (Hz)": f"{statistics.rate:.1f}",
             "nominal rate (Hz)": f"{self._nominal_rate * factor:.1f}" if factor else "unlimited",
-            "cycles": found.cycles,
-            "overruns": found.overruns,
-            "skipped cycles": found.skipped,
-            "worst latency (ms)": f"{found.worst * 1e3:.3f}",
-            "p99 latency (ms)": f"{found.p99 * 1e3:.3f}",
-            "median latency (ms)": f"{found.median * 1e3:.3f}",
+            "cycles": statistics.cycles,
+            "overruns": statistics.overruns,
+            "skipped cycles": statistics.skipped,
+            "worst latency (ms)": f"{statistics.worst * 1e3:.3f}",
+            "p99 latency (ms)": f"{statistics.p99 * 1e3:.3f}",
+            "median latency (ms)": f"{statistics.median * 1e3:.3f}",
             "rejected commands": int(state.rejected_commands.sum()) + state.unknown_commands,
             "commands for unknown joints": state.unknown_commands,
             "scheduling": scheduling(),

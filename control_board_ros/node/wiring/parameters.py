@@ -55,7 +55,7 @@ class Parameters:
         self.settings = settings
         self.reconfigure, self._changed, self._node = reconfigure, changed, node
         declarations = self._declarations(board_rows, joint_rows)
-        self._declared = {one.name for one in declarations}
+        self._declared = {row.name for row in declarations}
         declare(node, declarations)
         node.add_on_set_parameters_callback(self._on_set)
 
@@ -74,18 +74,18 @@ class Parameters:
         rows = {row.name: row for row in board_rows}
         for owner in (JOINT_DEFAULTS, *names):
             rows |= {f"{owner}.{row.name}": row for row in joint_rows}
-        found = []
+        declarations = []
         for name, value in self.settings.values.items():
             if (row := rows.get(name) or table_row(name, names)) is not None:
                 fixed = not row.run_time or name.startswith(f"{JOINT_DEFAULTS}.")
-                found.append(Declaration(name, value, row, fixed))
-        return found
+                declarations.append(Declaration(name, value, row, fixed))
+        return declarations
 
     def _refusal(self, parameters: list[RosParameter]) -> str:
         """The reason to refuse a change beyond the rules of the settings; or an empty text."""
         control_rate = self.settings.board.control_rate
-        for one in parameters:
-            name, value = one.name, one.value
+        for parameter in parameters:
+            name, value = parameter.name, parameter.value
             if name == "use_sim_time" and value != self._node.get_parameter(name).value:
                 return (
                     f"use_sim_time: {value} is not allowed now; the time base is chosen at the "
@@ -106,9 +106,9 @@ class Parameters:
             return SetParametersResult(successful=False, reason=refusal)
         values = self.settings.values
         changes = {
-            one.name: one.value
-            for one in parameters
-            if one.name in values and not same(one.value, values[one.name])
+            parameter.name: parameter.value
+            for parameter in parameters
+            if parameter.name in values and not same(parameter.value, values[parameter.name])
         }
         if not changes:
             return SetParametersResult(successful=True)
@@ -133,10 +133,10 @@ class Parameters:
                 self._node.get_logger().warning(clean(text))
 
 
-def same(one: Any, other: Any) -> bool:
+def same(value: Any, present: Any) -> bool:
     """Whether a parameter has this value already; arrays of ROS compare as lists."""
-    listed = isinstance(other, list) and isinstance(one, Sequence | array)
-    return bool(list(one) == other if listed else one == other)
+    listed = isinstance(present, list) and isinstance(value, Sequence | array)
+    return bool(list(value) == present if listed else value == present)
 
 
 _TYPES = {
@@ -195,7 +195,7 @@ def declare(node: Node, declarations: Sequence[Declaration]) -> None:
         getattr(node, name, None) for name in ("_parameters", "_descriptors")
     )
     if not isinstance(parameters, dict) or not isinstance(descriptors, dict):
-        triples: list[Any] = [(one.name, one.value, described[one.name]) for one in declarations]
+        triples: list[Any] = [(row.name, row.value, described[row.name]) for row in declarations]
         node.declare_parameters("", triples, ignore_override=True)
         return
     for name, value, row, _ in declarations:
@@ -206,10 +206,10 @@ def declare(node: Node, declarations: Sequence[Declaration]) -> None:
 def described_by(declarations: Sequence[Declaration]) -> dict[str, ParameterDescriptor]:
     """A descriptor of its own for each parameter, by name."""
     shared: dict[tuple[int, bool], ParameterDescriptor] = {}
-    found = {}
+    descriptors = {}
     for name, value, row, fixed in declarations:
         if (key := (id(row), fixed)) not in shared:
             shared[key] = descriptor(row, fixed=fixed)
-        found[name] = own = copy(shared[key])
-        own.name, own.type = name, type_of(row, value).value
-    return found
+        descriptors[name] = copied = copy(shared[key])
+        copied.name, copied.type = name, type_of(row, value).value
+    return descriptors

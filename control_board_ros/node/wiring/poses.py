@@ -109,9 +109,9 @@ class Poses:
         Raises:
             RequestError: the user's file is broken.
         """
-        own = {
+        saved = {
             name: part
             for name, pose in self._user.read().items()
             if name not in self._configured and (part := pose.of(self._names)) is not None
         }
-        return {**self._configured, **own}
+        return {**self._configured, **saved}

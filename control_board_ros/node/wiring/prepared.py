@@ -121,7 +121,7 @@ def changing(blank: list[bytes], marked: list[bytes]) -> np.ndarray[Any, Any]:
     if len(set(map(len, (*blank, *marked)))) > 1:
         raise UnknownLayout("the size of a message changes with its numbers")
     without, having = (
-        np.array([np.frombuffer(one, dtype=np.uint8) for one in looks])
+        np.array([np.frombuffer(look, dtype=np.uint8) for look in looks])
         for looks in (blank, marked)
     )
     zero, same = (without == 0).all(axis=0), (having == having[0]).all(axis=0)

@@ -79,7 +79,7 @@ class Reporter:
         ``requests`` notes the answers.
         """
         for service in SERVICES:
-            by = next(one for one in offered if hasattr(one, service.short))
+            by = next(provider for provider in offered if hasattr(provider, service.short))
             callback = self._answering(service, getattr(by, service.short), requests.answered)
             self._node.create_service(
                 service.load(), service.name, callback, qos_profile=service.qos.profile()

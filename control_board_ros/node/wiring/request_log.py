@@ -160,8 +160,8 @@ def left_out(service: Endpoint) -> bool:
 def names_in(request: Any) -> Iterable[str]:
     for field in NAMES:
         if hasattr(request, field):
-            found: Iterable[str] = getattr(request, field)
-            return found
+            names: Iterable[str] = getattr(request, field)
+            return names
     return getattr(getattr(request, "trajectory", None), "joint_names", ())
 
 
@@ -170,8 +170,8 @@ def as_json(message: Any, left: Collection[str], longest: int) -> str:
     if message is None:
         return "{}"
     fields = message.get_fields_and_field_types()
-    found = {name: plain(getattr(message, name), longest) for name in fields if name not in left}
-    return json.dumps(found, ensure_ascii=False)
+    values = {name: plain(getattr(message, name), longest) for name in fields if name not in left}
+    return json.dumps(values, ensure_ascii=False)
 
 
 def plain(value: Any, longest: int) -> Any:
@@ -185,14 +185,14 @@ def plain(value: Any, longest: int) -> Any:
     if hasattr(value, "get_fields_and_field_types"):
         fields = value.get_fields_and_field_types()
         return {name: plain(getattr(value, name), longest) for name in fields}
-    shown = [plain(one, longest) for one in list(value[:longest])]
-    return shown if len(value) <= longest else [*shown, f"… {len(value) - longest} more"]
+    items = [plain(item, longest) for item in list(value[:longest])]
+    return items if len(value) <= longest else [*items, f"… {len(value) - longest} more"]
 
 
 def cut(texts: Any, longest: int) -> list[str]:
     """The first texts of an array, and the number of the others."""
-    shown = [text(one) for one in texts[:longest]]
-    return shown if len(texts) <= longest else [*shown, f"… {len(texts) - longest} more"]
+    pieces = [text(item) for item in texts[:longest]]
+    return pieces if len(texts) <= longest else [*pieces, f"… {len(texts) - longest} more"]
 
 
 def text(value: str) -> str:

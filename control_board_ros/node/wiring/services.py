@@ -106,8 +106,8 @@ class Services:
             joints = requested(board, request)
             self._member.snapshots.note_changes()
             faults = self._member.snapshots.faults
-        found = faults.by_name()
-        response.faults = [joint_fault(*found[name]) for name in joints]
+        records = faults.by_name()
+        response.faults = [joint_fault(*records[name]) for name in joints]
         return succeeded(response)
 
     def emergency_stop(self, request: Any, response: Any) -> Any:

@@ -54,8 +54,8 @@ def references(member: Member, topic: Endpoint, send: Send, warn: Warn) -> Callb
     """The callback of a topic that has references of one kind, by its row of COMMANDS."""
     kind, has = topic.reference, topic.load().get_fields_and_field_types()
     assert kind is not None
-    field, own = COMMANDS[kind].field, COMMANDS[kind].along or ""
-    along = next((name for name in (own, YARPS.get(own, "")) if name in has), None)
+    field, along_field = COMMANDS[kind].field, COMMANDS[kind].along or ""
+    along = next((name for name in (along_field, YARPS.get(along_field, "")) if name in has), None)
 
     def on_message(message: Any) -> None:
         values = getattr(message, field)
@@ -107,12 +107,12 @@ class CommandTopics:
 
     def callbacks(self) -> dict[Endpoint, Callback]:
         """The receivers of each command topic."""
-        found = {
+        by_topic = {
             topic: references(self._member, topic, JointGroup.command, self._warn)
             for topic in COMMAND_TOPICS
             if topic.reference is not None and topic is not JOINT_TRAJECTORY
         }
-        return found | {
+        return by_topic | {
             FEEDFORWARD_COMMAND: self._feedforward,
             EXTERNAL_TORQUE: self._external_torque,
             JOINT_TRAJECTORY: self._joint_trajectory,
@@ -187,27 +187,28 @@ def joint_commands(board: JointGroup, message: Any) -> list[Reply]:
     """
     joints = bounded(message.name, board.count)
     try:
-        chosen = board.selector.select(joints)
-        values = {name: spread_short(board, chosen, name, message) for name in REFUSED}
+        selection = board.selector.select(joints)
+        values = {name: spread_short(board, selection, name, message) for name in REFUSED}
     except RequestError as error:
         return [board.reject(joints, f"refused, {error}")]
-    given = {field: ~np.isnan(numbers) for field, numbers in values.items()}
-    left = np.logical_or.reduce(list(given.values()))
+    present = {field: ~np.isnan(numbers) for field, numbers in values.items()}
+    left = np.logical_or.reduce(list(present.values()))
     rows = [
-        (K(kind), field, board.state.accepts[kind, chosen.joints]) for kind, field in KINDS.items()
+        (K(kind), field, board.state.accepts[kind, selection.joints])
+        for kind, field in KINDS.items()
     ]
     ignored = [(kind, field, np.True_) for field, kind in REFUSED.items()]
     replies = []
     for kind, field, accepting in (*rows, *ignored):
-        picked = left & given[field] & accepting
+        picked = left & present[field] & accepting
         if picked.any():
             left &= ~picked
-            names = [chosen.names[k] for k in np.flatnonzero(picked)]
+            names = [selection.names[k] for k in np.flatnonzero(picked)]
             replies.append(stream(board, kind, names, values[field][picked]))
     return replies
 
 
-def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any) -> Floats:
+def spread_short(board: JointGroup, selection: Selection, field: str, message: Any) -> Floats:
     """The values of a field, one for each named joint, shape (k,); NaN: no command.
 
     Fewer values than joints apply to the joints that accept them, in their order.
@@ -215,18 +216,18 @@ def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any)
     Raises:
         RequestError: their number is neither that of the joints nor of those that accept them.
     """
-    given: Floats = np.asarray(getattr(message, field)[: board.count + 1], dtype=float)
-    count = len(chosen.numbers)
-    if given.size == count:
-        return given
+    numbers: Floats = np.asarray(getattr(message, field)[: board.count + 1], dtype=float)
+    count = len(selection.numbers)
+    if numbers.size == count:
+        return numbers
     spread = np.full(count, np.nan)
-    if given.size:
+    if numbers.size:
         kinds = [kind for kind, name in KINDS.items() if name == field]
-        accepting = board.state.accepts[:, chosen.joints][kinds].any(axis=0)
-        if given.size != (some := np.count_nonzero(accepting)):
+        accepting = board.state.accepts[:, selection.joints][kinds].any(axis=0)
+        if numbers.size != (some := np.count_nonzero(accepting)):
             raise RequestError(
-                f"{given.size} numbers in {field} for {count} joints, of which {some} accept it "
+                f"{numbers.size} numbers in {field} for {count} joints, of which {some} accept it "
                 f"in their mode; send one per joint, NaN for no command"
             )
-        spread[accepting] = given
+        spread[accepting] = numbers
     return spread

@@ -180,7 +180,7 @@ def read_goal(request: Any) -> tuple[Points, Wishes]:
 
 
 def wishes_of(tolerances: Sequence[Any]) -> list[Wish]:
-    return [Wish(one.name, one.position, one.velocity) for one in tolerances]
+    return [Wish(t.name, t.position, t.velocity) for t in tolerances]
 
 
 def feedback(board: JointGroup, task: TrajectoryGoal) -> Any:

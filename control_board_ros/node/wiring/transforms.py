@@ -54,10 +54,10 @@ def prepared_frames(edges: Sequence[Edge], prefix: str = "") -> PreparedMessage:
     """The message of the same frames; ``of`` gets their poses, shape (len(edges), 7)."""
 
     def pieces(poses: Array, nanoseconds: int) -> list[bytes]:
-        found = 2 * len(edges) * [STAMP.pack(*split_time(nanoseconds))]
+        chunks = 2 * len(edges) * [STAMP.pack(*split_time(nanoseconds))]
         numbers = poses.tobytes()
-        found[1::2] = [numbers[k : k + 8 * POSE] for k in range(0, len(numbers), 8 * POSE)]
-        return found
+        chunks[1::2] = [numbers[k : k + 8 * POSE] for k in range(0, len(numbers), 8 * POSE)]
+        return chunks
 
     numbers = np.arange(float(len(edges) * POSE)).reshape(-1, POSE)
     return PreparedMessage(

@@ -112,14 +112,14 @@ def offer_yarp(
         return []
     board = node.get_fully_qualified_name()
     base = base_name(values["yarp_msgs_name"], board, node.get_name() if part else "")
-    own = {endpoint.of(board) for endpoint in ENDPOINTS}
+    board_names = {endpoint.of(board) for endpoint in ENDPOINTS}
     rows = [replace(row, name=row.of(base)) for row in YARP if row.kind != "topic"]
-    if taken := [row.name for row in rows if row.name in own]:
+    if taken := [row.name for row in rows if row.name in board_names]:
         reporter.log.warning(
             f"yarp_msgs_name {values['yarp_msgs_name']!r}: the board has {', '.join(taken)} "
             "already, which YARP's clients do not find then; use another name, such as ~/yarp"
         )
-    free = [row for row in rows if row.name not in own]
+    free = [row for row in rows if row.name not in board_names]
     for row in free:
         if row.kind == "service":
             answer = offered.answering(row)
@@ -201,13 +201,13 @@ class YarpInterface:
 
     def get_modes(self, request: Any, response: Any) -> str:
         with self._member.exclusive() as board:
-            modes = board.get_control_mode(chosen(board, request.names, NAMES_ERROR).names)
+            modes = board.get_control_mode(selected(board, request.names, NAMES_ERROR).names)
         response.modes = [NAMES[mode] for mode in modes]
         return ""
 
     def set_modes(self, request: Any, _response: Any) -> str:
         with self._member.exclusive() as board:
-            joints = chosen(board, request.names, INVALID)
+            joints = selected(board, request.names, INVALID)
             asked = wanted(request.modes, len(joints.names))
             reply = board.engine.requests.request(joints, asked, together=True)
         if not reply:
@@ -226,7 +226,7 @@ class YarpInterface:
         self, request: Any, method: Callable[[JointGroup], Callable[..., Floats]]
     ) -> array[float]:
         with self._member.exclusive() as board:
-            joints = chosen(board, request.names, NAMES_ERROR).names
+            joints = selected(board, request.names, NAMES_ERROR).names
             require_reading(board)
             return doubles(method(board)(joints))
 
@@ -252,7 +252,7 @@ class YarpInterface:
         return ""
 
 
-def chosen(board: JointGroup, names: Sequence[str], word: str) -> Selection:
+def selected(board: JointGroup, names: Sequence[str], word: str) -> Selection:
     """The joints that a request names, all for none; unknown ones are refused with a word."""
     try:
         return board.selector.select(bounded(names, board.count))
@@ -273,8 +273,8 @@ def stream_with(
     reply = stream(board, kind, names, values, along)
     if along is not None and (joints := joints_of(reply, Answer.ACCEPTED)):
         asked = board.selector.select(names).names
-        given = dict(zip(asked, along, strict=True))
-        lasting = {str(COMMANDS[kind].along): [given[name] for name in joints]}
+        requested = dict(zip(asked, along, strict=True))
+        lasting = {str(COMMANDS[kind].along): [requested[name] for name in joints]}
         board.set_reference_speed(joints, **lasting)
     return reply
 
