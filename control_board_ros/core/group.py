@@ -259,8 +259,8 @@ class JointGroup(ModeShortcuts):
             positions: targets, shape (k,).
             speeds: mean speeds requested, above 0, shape (k,).
         """
-        chosen = self.selector.select(joints).joints
-        return self.engine.commands.get_move_time(chosen, positions, speeds)
+        indices = self.selector.select(joints).joints
+        return self.engine.commands.get_move_time(indices, positions, speeds)
 
     # --- brakes -------------------------------------------------------------------------------
 
@@ -272,11 +272,11 @@ class JointGroup(ModeShortcuts):
             modes: ``automatic``, ``open``, ``closed``: one for all, or one each.
         """
         try:
-            chosen = self._braked(joints)
-            wanted = brake_modes(modes, len(chosen.names))
+            selection = self._braked(joints)
+            wanted = brake_modes(modes, len(selection.names))
         except ValueError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.requests.set_brakes(chosen, wanted)
+        return self.engine.requests.set_brakes(selection, wanted)
 
     def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
         """Brake modes; None where a joint has no brake."""
@@ -284,7 +284,7 @@ class JointGroup(ModeShortcuts):
 
     def is_joint_braked(self, joints: Joints = None) -> list[bool]:
         """Whether brakes are closed; false where a joint has none."""
-        closed: list[bool] = self.engine.brakes.closed[self._chosen(joints)].tolist()
+        closed: list[bool] = self.engine.brakes.closed[self._indices(joints)].tolist()
         return closed
 
     def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
@@ -305,11 +305,11 @@ class JointGroup(ModeShortcuts):
 
     def _braked(self, joints: Joints) -> Selection:
         """The selected joints; of all joints only those with a brake, if there are any."""
-        chosen, brakes = self.selector.select(joints), self.engine.brakes
-        if chosen is not self.selector.everyone or not brakes.there:
-            return chosen
+        selection, brakes = self.selector.select(joints), self.engine.brakes
+        if selection is not self.selector.everyone or not brakes.there:
+            return selection
         fitted = [k for k, j in enumerate(self.joints) if brakes.has(j)]
-        return self.selector.select(fitted) if fitted else chosen
+        return self.selector.select(fitted) if fitted else selection
 
     # --- settings -----------------------------------------------------------------------------
 
@@ -325,20 +325,20 @@ class JointGroup(ModeShortcuts):
         """
         limits = self.engine.limits
         try:
-            chosen = self.selector.select(joints)
-            spring = all_within(chosen, "stiffness", stiffness, limits.stiffness, zero=True)
+            selection = self.selector.select(joints)
+            spring = all_within(selection, "stiffness", stiffness, limits.stiffness, zero=True)
             damper = None
             if damping is not None:
-                damper = all_within(chosen, "damping", damping, limits.damping, zero=True)
+                damper = all_within(selection, "damping", damping, limits.damping, zero=True)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        self.engine.controller.set_impedance(chosen.joints, spring, damper)
-        return accepted(chosen.names)
+        self.engine.controller.set_impedance(selection.joints, spring, damper)
+        return accepted(selection.names)
 
     def get_max_impedance(self, joints: Joints = None) -> tuple[Array, Array]:
         """Maximum stiffness, N·m/rad, and damping, N·m·s/rad (or N/m, N·s/m); shape (k,) each."""
-        limits, chosen = self.engine.limits, self.selector.select(joints).joints
-        return limits.stiffness[chosen], limits.damping[chosen]
+        limits, indices = self.engine.limits, self.selector.select(joints).joints
+        return limits.stiffness[indices], limits.damping[indices]
 
     def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply:
         """Set the mean speed of later position moves, rad/s or m/s (P2)."""
@@ -356,10 +356,10 @@ class JointGroup(ModeShortcuts):
         try:
             if speeds is None and accelerations is None:
                 raise RequestError("neither speeds nor accelerations given; send one or both")
-            chosen = self.selector.select(joints)
-            given = [
-                (target, all_within(chosen, what, values, most))
-                for target, what, values, most in (
+            selection = self.selector.select(joints)
+            rows = [
+                (target, all_within(selection, what, values, highest))
+                for target, what, values, highest in (
                     (references.speed, "speed", speeds, limits.velocity),
                     (references.acceleration, "acceleration", accelerations, limits.acceleration),
                 )
@@ -367,9 +367,9 @@ class JointGroup(ModeShortcuts):
             ]
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        for target, checked in given:
-            target[chosen.joints] = checked
-        return accepted(chosen.names)
+        for target, checked in rows:
+            target[selection.joints] = checked
+        return accepted(selection.names)
 
     # --- motors and loops ---------------------------------------------------------------------
 
@@ -395,12 +395,12 @@ class JointGroup(ModeShortcuts):
             terms: constants and friction, by the names in ``terms.motors.TERMS``.
         """
         try:
-            chosen, motors = self.selector.select(joints), self.engine.motors
+            selection, motors = self.selector.select(joints), self.engine.motors
             caps = {"max_currents": max_currents, "output_limits": output_limits}
-            given = motors.check(chosen, caps | terms)
+            checked = motors.check(selection, caps | terms)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return motors.set(chosen, given)
+        return motors.set(selection, checked)
 
     def get_pids(self, loop: str, joints: Joints = None) -> Pids:
         """One control loop of joints: ``position``, ``velocity``, ``torque``, ``current`` (Y5)."""
@@ -423,15 +423,15 @@ class JointGroup(ModeShortcuts):
             offsets: u_ff, PWM percent; None: as it is.
         """
         try:
-            kind, chosen = loop_of(loop), self.selector.select(joints)
+            kind, selection = loop_of(loop), self.selector.select(joints)
             if not reset and offsets is None:
                 raise RequestError("neither reset nor offsets given; send one or both")
             added = None
             if offsets is not None:
-                added = finite(spread(offsets, len(chosen.names), "offsets"), "offsets")
+                added = finite(spread(offsets, len(selection.names), "offsets"), "offsets")
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.motors.set_pids(chosen, kind, reset=reset, offsets=added)
+        return self.engine.motors.set_pids(selection, kind, reset=reset, offsets=added)
 
     def set_encoders(
         self, joints: Joints = None, positions: Values = 0.0, *, motor: bool = False
@@ -444,22 +444,24 @@ class JointGroup(ModeShortcuts):
             motor: of the motors' shafts; else of the joints, which must have no power.
         """
         try:
-            chosen = self.selector.select(joints)
-            angles = finite(spread(positions, len(chosen.names), "positions"), "positions")
+            selection = self.selector.select(joints)
+            angles = finite(spread(positions, len(selection.names), "positions"), "positions")
         except RequestError as error:
             return self.selector.refuse(joints, error)
         motors = self.engine.motors
-        return (motors.set_motor_encoders if motor else motors.set_encoders)(chosen, angles)
+        return (motors.set_motor_encoders if motor else motors.set_encoders)(selection, angles)
 
     def update_torque_sensor(self, joints: Joints, torques: Values) -> Reply:
         """Set the measured torques of joints with an external sensor, N·m (Y5)."""
         try:
-            chosen = self.selector.select(joints)
-            values = spread(torques, len(chosen.names), "torques")
+            selection = self.selector.select(joints)
+            values = spread(torques, len(selection.names), "torques")
         except RequestError as error:
             return self.reject(joints, f"external torque ignored: {error}")
         answers = []
-        for name, j, torque in zip(chosen.names, chosen.numbers, values.tolist(), strict=True):
+        for name, j, torque in zip(
+            selection.names, selection.numbers, values.tolist(), strict=True
+        ):
             if j not in self.engine.torques.joints:
                 why = Reason.UNSUPPORTED, "its torque_sensor is not external"
             elif not math.isfinite(torque):
@@ -471,7 +473,7 @@ class JointGroup(ModeShortcuts):
             self.state.rejected[j] += np.uint64(1)
             text = f"external torque for {name} ignored: {why[1]}"
             answers.append(JointAnswer(Answer.IGNORED, text, why[0]))
-        return decided(chosen.names, answers)
+        return decided(selection.names, answers)
 
     # --- modes and faults, read ---------------------------------------------------------------
 
@@ -484,15 +486,15 @@ class JointGroup(ModeShortcuts):
         self, joints: Joints = None
     ) -> list[tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]]:
         """Control modes and interaction modes that each joint implements."""
-        found = [self.engine.machine.joint(j) for j in self._numbers(joints)]
-        return [(one.control_modes, one.interaction_modes) for one in found]
+        configs = [self.engine.machine.joint(j) for j in self._numbers(joints)]
+        return [(config.control_modes, config.interaction_modes) for config in configs]
 
     def get_drives(self, joints: Joints = None) -> list[DriveUse]:
         """Which set-points the drives accept, which loop runs where (S1), and what they report."""
         numbers, reports = self._numbers(joints), self.engine.drives
         return [
-            one.drive_use._replace(reported=reports[j] if reports else DriveReport())
-            for j, one in zip(numbers, self.get_config(joints), strict=True)
+            config.drive_use._replace(reported=reports[j] if reports else DriveReport())
+            for j, config in zip(numbers, self.get_config(joints), strict=True)
         ]
 
     def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
@@ -517,25 +519,25 @@ class JointGroup(ModeShortcuts):
 
     def get_encoder(self, joints: Joints = None) -> Array:
         """Measured positions, rad or m, shape (k,)."""
-        return self.state.position[self._chosen(joints)]
+        return self.state.position[self._indices(joints)]
 
     def get_encoder_speed(self, joints: Joints = None) -> Array:
         """Measured velocities, rad/s or m/s, shape (k,)."""
-        return self.state.velocity[self._chosen(joints)]
+        return self.state.velocity[self._indices(joints)]
 
     def get_torque(self, joints: Joints = None) -> Array:
         """Measured torques, N·m or N, shape (k,); NaN without a torque sensor."""
-        chosen = self._chosen(joints)
-        return np.where(self.engine.torque_sensor[chosen], self.state.torque[chosen], np.nan)
+        indices = self._indices(joints)
+        return np.where(self.engine.torque_sensor[indices], self.state.torque[indices], np.nan)
 
     def get_current(self, joints: Joints = None) -> Array:
         """Measured motor currents, A, shape (k,)."""
-        return self.state.current[self._chosen(joints)]
+        return self.state.current[self._indices(joints)]
 
     def get_current_range(self, joints: Joints = None) -> tuple[Array, Array]:
         """Minimum and maximum current reference, A, shape (k,) each (Y2)."""
-        most = self.engine.limits.current[self._chosen(joints)]
-        return -most, most.copy()
+        highest = self.engine.limits.current[self._indices(joints)]
+        return -highest, highest.copy()
 
     # --- references, read ---------------------------------------------------------------------
 
@@ -578,31 +580,31 @@ class JointGroup(ModeShortcuts):
 
     def check_motion_done(self, joints: Joints = None) -> MotionDone:
         """False from the cycle that accepts a move until its profile ends (P3); see MotionDone."""
-        return MotionDone(self.state.done[self._chosen(joints)].tolist())
+        return MotionDone(self.state.done[self._indices(joints)].tolist())
 
     def get_remaining_time(self, joints: Joints = None) -> Array:
         """Time until the position moves end, s, shape (k,)."""
-        return self.engine.references.remaining(self._chosen(joints))
+        return self.engine.references.remaining(self._indices(joints))
 
     # --- settings, read -----------------------------------------------------------------------
 
     def get_impedance(self, joints: Joints = None) -> tuple[Array, Array]:
         """Stiffness, N·m/rad, and damping, N·m·s/rad (or N/m, N·s/m); shape (k,) each."""
-        own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
-        return np.array([j.stiffness for j in own]), np.array([j.damping for j in own])
+        laws = [self.engine.controller.joints[j] for j in self._numbers(joints)]
+        return np.array([j.stiffness for j in laws]), np.array([j.damping for j in laws])
 
     def get_torque_offset(self, joints: Joints = None) -> Array:
         """τ_ff of the impedance law, N·m or N, shape (k,): as set, else the load at COMPLIANT."""
-        own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
-        return np.array([j.torque_offset if j.offset_given else j.load_taken for j in own])
+        laws = [self.engine.controller.joints[j] for j in self._numbers(joints)]
+        return np.array([j.torque_offset if j.offset_given else j.load_taken for j in laws])
 
     def get_ref_speed(self, joints: Joints = None) -> Array:
         """Mean speeds of position moves, rad/s or m/s, shape (k,)."""
-        return self.engine.references.speed[self._chosen(joints)]
+        return self.engine.references.speed[self._indices(joints)]
 
     def get_ref_acceleration(self, joints: Joints = None) -> Array:
         """Accelerations of velocity references, rad/s² or m/s², shape (k,)."""
-        return self.engine.references.acceleration[self._chosen(joints)]
+        return self.engine.references.acceleration[self._indices(joints)]
 
     # YARP 4's names
     set_traj_speed, get_traj_speed = set_ref_speed, get_ref_speed
@@ -741,12 +743,12 @@ class JointGroup(ModeShortcuts):
 
     # --- helpers --------------------------------------------------------------------------------
 
-    def _chosen(self, joints: Joints) -> NDArray[np.intp]:
+    def _indices(self, joints: Joints) -> NDArray[np.intp]:
         return self.selector.select(joints).joints
 
     def _numbers(self, joints: Joints) -> list[int]:
         return self.selector.select(joints).numbers
 
     def _last(self, kind: CommandKind, joints: Joints) -> Array:
-        values: Array = self.engine.references.last[kind, self._chosen(joints)]
+        values: Array = self.engine.references.last[kind, self._indices(joints)]
         return values

@@ -29,8 +29,8 @@ from control_board_ros.core.goals.trajectory_goal import (
     TrajectoryGoal,
     Wish,
     Wishes,
-    chosen,
     configured,
+    goal_tolerances,
 )
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode
@@ -394,7 +394,7 @@ def test_one_of_two_that_arrives_is_no_success(still: Rig) -> None:
 def test_a_wish_of_zero_leaves_the_default_of_its_own_quantity() -> None:
     """0 for the position leaves its 0.1 rad, whatever is wished and set for the velocity."""
     rows = np.array([[0.1], [0.2]])
-    made = chosen(
+    made = goal_tolerances(
         Tolerances(path=rows, goal=rows, goal_time=1.0),
         ("a",),
         ("a",),

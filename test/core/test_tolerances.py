@@ -13,9 +13,9 @@ from control_board_ros.core.goals.trajectory_goal import (
     Tolerances,
     Wish,
     Wishes,
-    chosen,
     excess,
     explain,
+    goal_tolerances,
     resolve,
 )
 from control_board_ros.core.selection import RequestError
@@ -40,7 +40,7 @@ def test_zero_leaves_the_default_and_a_negative_number_removes_it(
 
 def test_a_goal_names_tolerances_in_any_order() -> None:
     """Those of joints outside the goal are passed over; what is not named is as configured."""
-    made = chosen(
+    made = goal_tolerances(
         DEFAULTS,
         ("b", "a"),
         ("a", "b", "c"),
@@ -66,7 +66,7 @@ def test_a_goal_names_tolerances_in_any_order() -> None:
 )
 def test_invalid_tolerances_are_refused(wish: Wish, text: str) -> None:
     with pytest.raises(RequestError, match=text):
-        chosen(DEFAULTS, ("a", "b"), ("a", "b"), Wishes(goal=[wish]))
+        goal_tolerances(DEFAULTS, ("a", "b"), ("a", "b"), Wishes(goal=[wish]))
 
 
 def test_the_farthest_beyond_is_found() -> None:

@@ -94,7 +94,7 @@ def test_requests_at_another_panel_wait_for_the_operator(domain: Domain) -> None
     assert "asked" in domain["b"].lease.ask(1, domain.now)
     domain.run(0.2)
     assert domain["a"].lease.asking == "b"
-    assert domain["a"].panels.who("b") == "b"
+    assert domain["a"].peers.who("b") == "b"
     assert domain["a"].lease.answer(1, yes=True) == "b"
     for _ in range(10):  # at no time do two operate
         domain.run(TICK)
@@ -107,7 +107,7 @@ def test_a_wish_is_refused_and_may_be_repeated(domain: Domain) -> None:
         domain["b"].lease.ask(1, domain.now)
         domain.run(0.2)
         assert domain["a"].lease.answer(1, yes=False) == "b"
-        domain["a"].panels.refuse("b")
+        domain["a"].peers.refuse("b")
         domain.run(0.2)
         assert domain["b"].refused == [1] * count
         assert domain["b"].lease.asking is None
@@ -191,7 +191,7 @@ def test_a_refusal_counts_until_it_has_arrived() -> None:
     domain.run(0.2)
     domain["b"].alive = False  # slow, for a second
     domain["a"].lease.answer(1, yes=False)
-    domain["a"].panels.refuse("b")
+    domain["a"].peers.refuse("b")
     domain.run(1.0)
     assert domain["a"].lease.asking is None
 
@@ -256,6 +256,6 @@ def test_invalid_beats(text: str) -> None:
 
 def test_its_own_beats_mean_nothing() -> None:
     domain = Domain("a")
-    domain["a"].panels.receive(replace(Beat(panel="a"), holder="a", term=9), 0.0)
+    domain["a"].peers.receive(replace(Beat(panel="a"), holder="a", term=9), 0.0)
     domain.run(0.2)
     assert domain["a"].lease.holder is None

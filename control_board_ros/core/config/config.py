@@ -375,8 +375,8 @@ class JointConfig:
         """The set-point of each control law."""
 
         def code(law: Law) -> str | None:
-            found = set_point_of(law, self.set_points)
-            return None if found is None else found.code
+            set_point = set_point_of(law, self.set_points)
+            return None if set_point is None else set_point.code
 
         return DriveUse(
             set_points=tuple(kind.code for kind in self.set_points),
@@ -575,5 +575,5 @@ class BoardConfig:
 
 
 def _one_of(choices: tuple[str, ...]) -> str:
-    *most, last = choices
-    return f"{', '.join(most)} or {last}"
+    *others, last = choices
+    return f"{', '.join(others)} or {last}"

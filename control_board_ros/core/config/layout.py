@@ -89,15 +89,15 @@ class BoardLimits:
             zone.config.out_of_range == REFUSE for zone in config.zones() for _ in zone.joints
         ]
         return cls(
-            lower=frozen(one.lower for one in limits),
-            upper=frozen(one.upper for one in limits),
-            velocity=frozen(one.velocity for one in limits),
-            acceleration=frozen(one.acceleration for one in limits),
-            torque=frozen(one.torque for one in limits),
-            output=frozen(one.output for one in limits),
-            current=frozen(one.peak_current for one in limits),
-            stiffness=frozen(one.max_stiffness for one in impedances),
-            damping=frozen(one.max_damping for one in impedances),
+            lower=frozen(row.lower for row in limits),
+            upper=frozen(row.upper for row in limits),
+            velocity=frozen(row.velocity for row in limits),
+            acceleration=frozen(row.acceleration for row in limits),
+            torque=frozen(row.torque for row in limits),
+            output=frozen(row.output for row in limits),
+            current=frozen(row.peak_current for row in limits),
+            stiffness=frozen(row.max_stiffness for row in impedances),
+            damping=frozen(row.max_damping for row in impedances),
             refused=frozen(refused).astype(np.bool_),
         )
 

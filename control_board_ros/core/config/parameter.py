@@ -141,15 +141,15 @@ class Part:
 
 def range_text(noun: str, low: Bound, high: Bound, above: Bound | None) -> str:
     """A range in words; bounds of HUGE and more are none."""
-    least = None if not isinstance(low, str) and low <= -HUGE else _shown(low)
-    most = None if not isinstance(high, str) and high >= HUGE else _shown(high)
+    lowest = None if not isinstance(low, str) and low <= -HUGE else _shown(low)
+    highest = None if not isinstance(high, str) and high >= HUGE else _shown(high)
     if above is not None:
-        return f"{noun} above {_shown(above)}" + (f" and up to {most}" if most else "")
-    if least and most:
-        return f"{noun} from {least} to {most}"
-    if most:
-        return f"{noun} of at most {most}"
-    return f"{noun} of at least {least}" if least else noun
+        return f"{noun} above {_shown(above)}" + (f" and up to {highest}" if highest else "")
+    if lowest and highest:
+        return f"{noun} from {lowest} to {highest}"
+    if highest:
+        return f"{noun} of at most {highest}"
+    return f"{noun} of at least {lowest}" if lowest else noun
 
 
 def _shown(bound: Bound) -> str:
@@ -215,19 +215,19 @@ def _or_none(default: Any) -> Any:
 @dataclass_transform(
     frozen_default=True, kw_only_default=True, field_specifiers=(parameter, part, field)
 )
-def configuration(made: type[T]) -> type[T]:
+def configuration(cls: type[T]) -> type[T]:
     """A dataclass that is frozen and slotted, made by keywords: a configuration."""
-    made = dataclass(frozen=True, slots=True, kw_only=True)(made)
-    types = get_type_hints(made, localns={made.__name__: made})  # a field may be of its own kind
+    cls = dataclass(frozen=True, slots=True, kw_only=True)(cls)
+    types = get_type_hints(cls, localns={cls.__name__: cls})  # a field may be of its own kind
     parameters, parts = [], []
-    for item in fields(made):  # type: ignore[arg-type]  # it is a dataclass
+    for item in fields(cls):  # type: ignore[arg-type]  # it is a dataclass
         if (known := item.metadata.get("parameter")) is not None:
             kind, length = _kind(types[item.name])
             parameters.append(Parameter(name=item.name, kind=kind, length=length, **known))
         elif (known := item.metadata.get("part")) is not None:
             parts.append(Part(name=item.name, made=_given(types[item.name]), **known))
-    _PARAMETERS[made], _PARTS[made] = tuple(parameters), tuple(parts)
-    return made
+    _PARAMETERS[cls], _PARTS[cls] = tuple(parameters), tuple(parts)
+    return cls
 
 
 _PARAMETERS: dict[type, tuple[Parameter, ...]] = {}
@@ -257,7 +257,7 @@ def _kind(hint: Any) -> tuple[Kind, int | None]:
 
 def _given(hint: Any) -> type:
     """The class of a part, None left out."""
-    made: type = next((one for one in get_args(hint) if one is not NoneType), hint)
+    made: type = next((option for option in get_args(hint) if option is not NoneType), hint)
     return made
 
 
@@ -298,8 +298,8 @@ def check_parameters(key: str, config: Any, joint: Any = None) -> None:
     joint = config if joint is None else joint
     made: type = type(config)
     for part in parts_of(made):
-        if (one := getattr(config, part.name)) is not None:
-            check_parameters(f"{key}{part.name}.", one, joint)
+        if (settings := getattr(config, part.name)) is not None:
+            check_parameters(f"{key}{part.name}.", settings, joint)
     plain, others = _numbers(made)
     for name, low, high, above in plain:
         value = getattr(config, name)
@@ -327,8 +327,8 @@ def _numbers(made: type) -> tuple[_Ranges, _Ranges]:
     others: _Ranges = []
     for row in parameters_of(made):
         if row.length is not None or str in map(type, (row.low, row.high, row.above)):
-            given = zip((row.low, row.high), row.bounds, strict=True)
-            low, high = (bound if isinstance(bound, str) else end for bound, end in given)
+            ranges = zip((row.low, row.high), row.bounds, strict=True)
+            low, high = (bound if isinstance(bound, str) else end for bound, end in ranges)
             others.append((row.name, low, high, row.above, row.length))
         elif row.kind in (Kind.DOUBLE, Kind.INTEGER):
             plain.append((row.name, *row.bounds, row.above))

@@ -132,9 +132,9 @@ class Follower:
 
     def end(self, joints: Joints, why: str) -> None:
         """End the paths of joints; ``why`` goes to the log."""
-        chosen = self.board.selector.select(joints).joints
+        indices = self.board.selector.select(joints).joints
         for run in list(self._runs):
-            self._drop(run, np.isin(run.joints, chosen), why)
+            self._drop(run, np.isin(run.joints, indices), why)
 
     def stop(self, group: JointGroup, joints: Joints) -> Reply:
         """Stop joints of a group (P3), and end their paths."""
@@ -146,9 +146,9 @@ class Follower:
     def hold(self, joints: Joints, why: str) -> None:
         """End the paths of joints, and hold their present references at rest."""
         board = self.board
-        chosen = board.selector.select(joints).joints
+        indices = board.selector.select(joints).joints
         followed = {int(j) for run in self._runs if run.spline is not None for j in run.joints}
-        moving = [j for j in chosen.tolist() if j in followed]
+        moving = [j for j in indices.tolist() if j in followed]
         self.end(joints, why)
         if moving:
             zeros = np.zeros(len(moving))
@@ -186,7 +186,7 @@ class Follower:
     def _begin_due(self, time: float) -> None:
         """Begin the paths whose time has come, the earliest first."""
         due = [r for r in self._runs if r.spline is None and time >= r.start - SAME_TIME]
-        for run in sorted(due, key=lambda one: one.start):
+        for run in sorted(due, key=lambda waiting: waiting.start):
             self._begin(run)
 
     def _check_modes(self, run: Run) -> None:
@@ -218,11 +218,11 @@ class Follower:
 
     def _accelerations(self) -> Array:
         """Accelerations of the last references, shape (n,), rad/s²; 0 without a path."""
-        found = np.zeros(self.board.count)
+        accelerations = np.zeros(self.board.count)
         for run in self._runs:
             if run.last is not None:
-                found[run.joints] = run.last.accelerations
-        return found
+                accelerations[run.joints] = run.last.accelerations
+        return accelerations
 
     def _send(self, run: Run, time: float) -> None:
         assert run.spline is not None

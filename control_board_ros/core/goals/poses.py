@@ -158,13 +158,13 @@ def pose_now(board: JointGroup, name: str, joints: Sequence[str], speed: float =
     Raises:
         RequestError: a joint has no reading, or is outside its software limits.
     """
-    chosen = board.selector.select(joints)
-    positions = board.get_encoder(chosen.names).tolist()
-    for k, joint in enumerate(board.get_config(chosen.names)):
+    selection = board.selector.select(joints)
+    positions = board.get_encoder(selection.names).tolist()
+    for k, joint in enumerate(board.get_config(selection.names)):
         low, high, slack = joint.limits.lower, joint.limits.upper, tolerance(joint.kind)
         if low - slack <= positions[k] <= high + slack:  # a joint held at a limit is within
             positions[k] = min(max(positions[k], low), high)
-    return made_pose(board, name, chosen.names, positions, speed)
+    return made_pose(board, name, selection.names, positions, speed)
 
 
 def made_pose(
@@ -181,25 +181,25 @@ def made_pose(
     """
     if not NAME.fullmatch(name):
         raise RequestError(f"pose {name[:80]!r}: is no name; up to 64 letters, digits and _ are")
-    chosen = board.selector.select(joints)
-    if len(positions) != len(chosen.names):
+    selection = board.selector.select(joints)
+    if len(positions) != len(selection.names):
         raise RequestError(
-            f"pose {name!r}: {len(positions)} positions for {len(chosen.names)} joints; give each "
-            "joint one, or none for as measured"
+            f"pose {name!r}: {len(positions)} positions for {len(selection.names)} joints; give "
+            "each joint one, or none for as measured"
         )
     if not 0.0 <= speed < LARGEST:
         raise RequestError(
             f"pose {name!r}: speed {speed:g} is not valid; above 0 and below {LARGEST:g}, or 0 "
             "for the reference speeds"
         )
-    for joint, position in zip(board.get_config(chosen.names), positions, strict=True):
+    for joint, position in zip(board.get_config(selection.names), positions, strict=True):
         low, high = joint.limits.lower, joint.limits.upper
         if not low <= position <= high:
             unit = joint.kind.unit
-            shown, least, most = map(joint.kind.position, (position, low, high))
+            shown, lowest, highest = map(joint.kind.position, (position, low, high))
             raise RequestError(
                 f"pose {name!r}: {joint.name} at {shown} ({position:.6g} {unit}) is outside its "
-                f"limits, {least} to {most} ({low:.6g} to {high:.6g} {unit})"
+                f"limits, {lowest} to {highest} ({low:.6g} to {high:.6g} {unit})"
             )
     # -0.0 + 0.0 is 0.0
-    return Pose(name, chosen.names, tuple(float(q) + 0.0 for q in positions), float(speed))
+    return Pose(name, selection.names, tuple(float(q) + 0.0 for q in positions), float(speed))

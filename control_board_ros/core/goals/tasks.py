@@ -153,19 +153,19 @@ class JointMove:
             return Standing.DROPPED
         return Standing.SETTLING if since < SETTLING else Standing.AWAY
 
-    def ending(self, found: Standing, now: JointNow) -> str:
-        """One line when the move has ended, ``found`` not SETTLING; empty where it has arrived."""
+    def ending(self, standing: Standing, now: JointNow) -> str:
+        """One line when the move has ended (not SETTLING); empty where the joint has arrived."""
         kind = self.kind
         where, wanted = (
             f"{self.name} is at {kind.position(now.position)}",
             kind.position(self.target),
         )
         away = abs(now.position - self.target)
-        if found is Standing.ARRIVED:
+        if standing is Standing.ARRIVED:
             if not now.compliant or away <= tolerance(kind):
                 return ""
             return f"{where}, its reference at {wanted}: it is COMPLIANT and yields to its load"
-        if found is Standing.DROPPED:
+        if standing is Standing.DROPPED:
             return (
                 f"{where}, not at its target {wanted}: {self._cause(now)} during the move; "
                 "send it again"
@@ -286,13 +286,13 @@ class MoveTask:
     def _dropped(self) -> Outcome | None:
         """While some joints move: has the move of another one been dropped?"""
         done = self._board.check_motion_done(self.names)
-        found = [
-            one if ended else Standing.ARRIVED
-            for one, ended in zip(self._standings(since=0.0), done, strict=True)
+        standings = [
+            standing if ended else Standing.ARRIVED
+            for standing, ended in zip(self._standings(since=0.0), done, strict=True)
         ]
-        if Standing.DROPPED not in found:
+        if Standing.DROPPED not in standings:
             return None
-        message = self._message(found)
+        message = self._message(standings)
         self._stop()
         return Outcome(False, message)
 
@@ -301,10 +301,10 @@ class MoveTask:
         now = self._board.time
         if self._ended is None:
             self._ended = now
-        found = self._standings(since=now - self._ended)
-        if Standing.DROPPED not in found and Standing.SETTLING in found:
+        standings = self._standings(since=now - self._ended)
+        if Standing.DROPPED not in standings and Standing.SETTLING in standings:
             return None
-        return Outcome(all(one is Standing.ARRIVED for one in found), self._message(found))
+        return Outcome(all(s is Standing.ARRIVED for s in standings), self._message(standings))
 
     def _now(self) -> list[JointNow]:
         board, names = self._board, self.names
@@ -325,13 +325,13 @@ class MoveTask:
         both = zip(self._joints, self._now(), strict=True)
         return [joint.standing(now, since) for joint, now in both]
 
-    def _message(self, found: list[Standing]) -> str:
+    def _message(self, standings: list[Standing]) -> str:
         """The remarks at the end: what was bounded at the start, and of each joint."""
-        texts = [self._note] if all(one is Standing.ARRIVED for one in found) else []
+        texts = [self._note] if all(standing is Standing.ARRIVED for standing in standings) else []
         texts += [
-            joint.ending(one, now)
-            for joint, one, now in zip(self._joints, found, self._now(), strict=True)
-            if one is not Standing.SETTLING
+            joint.ending(standing, now)
+            for joint, standing, now in zip(self._joints, standings, self._now(), strict=True)
+            if standing is not Standing.SETTLING
         ]
         return summary(texts)
 

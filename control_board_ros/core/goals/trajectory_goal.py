@@ -80,7 +80,7 @@ def resolve(default: float, wish: float) -> float:
     return default if wish == 0.0 else max(wish, 0.0)
 
 
-def chosen(
+def goal_tolerances(
     defaults: Tolerances, names: Sequence[str], known: Sequence[str], wishes: Wishes
 ) -> Tolerances:
     """The tolerances of a goal.
@@ -138,13 +138,13 @@ def excess(errors: Array, tolerances: Array) -> Excess | None:
     return Excess(column, QUANTITIES[row], error, tolerance)
 
 
-def explain(found: Excess, name: str, kind: JointKind, which: str) -> str:
+def explain(excess: Excess, name: str, kind: JointKind, which: str) -> str:
     """What is beyond which tolerance, ``path`` or ``goal``, and by how much."""
-    rate = "/s" if found.quantity == "velocity" else ""
+    rate = "/s" if excess.quantity == "velocity" else ""
     units = kind.unit + rate
     return (
-        f"{name} is {found.error:.4g} {units} away from the {found.quantity} it should have; "
-        f"its {which} tolerance is {found.tolerance:.4g} {units}"
+        f"{name} is {excess.error:.4g} {units} away from the {excess.quantity} it should have; "
+        f"its {which} tolerance is {excess.tolerance:.4g} {units}"
     )
 
 
@@ -209,7 +209,7 @@ def start_goal(
     try:
         path = make_path(selection.names, *points)
         defaults = configured(follower.board, selection)
-        tolerances = chosen(defaults, selection.names, group.names, wishes)
+        tolerances = goal_tolerances(defaults, selection.names, group.names, wishes)
     except RequestError as error:
         raise GoalError(Code.INVALID_GOAL, str(error)) from error
     path = at_nearest_turn(follower.board, selection, path)
@@ -231,17 +231,20 @@ def configured(board: JointGroup, selection: Selection) -> Tolerances:
 
     Of joints of several parts, the first that has waited long enough after the last point ends it.
     """
-    own = [
+    parts = [
         (board.config.joints[j].constraints, zone.config.constraints)
         for j in selection.joints.tolist()
         for zone in board.config.zones()
         if j in zone.joints
     ]
-    times = [part.goal_time for _, part in own if part.goal_time > 0.0]
+    times = [part.goal_time for _, part in parts if part.goal_time > 0.0]
     return Tolerances(
-        path=np.array([[one.trajectory for one, _ in own], [0.0] * len(own)]),
+        path=np.array([[joint.trajectory for joint, _ in parts], [0.0] * len(parts)]),
         goal=np.array(
-            [[one.goal for one, _ in own], [part.stopped_velocity_tolerance for _, part in own]]
+            [
+                [joint.goal for joint, _ in parts],
+                [part.stopped_velocity_tolerance for _, part in parts],
+            ]
         ),
         goal_time=min(times, default=0.0),
     )
@@ -331,16 +334,16 @@ class TrajectoryGoal:
         late = self.elapsed - self._duration
         on_the_way = late < 0.0 or not self._begun  # one point alone is judged as a way, too
         self._begun = True
-        if on_the_way and (found := excess(errors, limits.path)):
-            text = f"{self._explain(found, 'path')}, {self.elapsed:.3g} s after the start"
+        if on_the_way and (miss := excess(errors, limits.path)):
+            text = f"{self._explain(miss, 'path')}, {self.elapsed:.3g} s after the start"
             self._miss(Code.PATH_TOLERANCE_VIOLATED, text, errors, limits.path)
         elif late >= 0.0:
-            found = excess(errors, limits.goal) or self._astray(errors)
-            if found is None:
+            miss = excess(errors, limits.goal) or self._astray(errors)
+            if miss is None:
                 self._end(Code.SUCCESSFUL, summary([REACHED, *self.notes]), NOBODY)
                 self._follower.leave(self._run)
             elif 0.0 < limits.goal_time < late:
-                text = f"{self._explain(found, 'goal')}, {late:.3g} s after the last point"
+                text = f"{self._explain(miss, 'goal')}, {late:.3g} s after the last point"
                 self._miss(Code.GOAL_TOLERANCE_VIOLATED, text, errors, limits.goal)
 
     def _astray(self, errors: Array) -> Excess | None:
@@ -351,9 +354,9 @@ class TrajectoryGoal:
                 return Excess(k, QUANTITIES[0], away, 0.5 * TURN)
         return None
 
-    def _explain(self, found: Excess, which: str) -> str:
-        kind = self._board.config.joints[int(self.joints[found.column])].kind
-        return explain(found, self.names[found.column], kind, which)
+    def _explain(self, excess: Excess, which: str) -> str:
+        kind = self._board.config.joints[int(self.joints[excess.column])].kind
+        return explain(excess, self.names[excess.column], kind, which)
 
     def _miss(self, code: Code, text: str, errors: Array, tolerances: Array) -> None:
         """End it: joints beyond a tolerance stop where they are, others at their references."""

@@ -165,16 +165,16 @@ class Commands:
                 never refused.
         """
         extra = self._standing(kind, selection) if along is None else along
-        chosen = selection.joints
-        good = self._state.accepts[kind, chosen] & np.isfinite(asked)
+        indices = selection.joints
+        good = self._state.accepts[kind, indices] & np.isfinite(asked)
         if along is not None:
-            good &= self._fits(kind, chosen, along)
+            good &= self._fits(kind, indices, along)
         stale = None
         if not sampled:
             if self._refused is not None:
-                good &= self.within(kind, chosen, asked)
-            stale = self._machine.streams.judge(kind, chosen, asked, good)
-            self._machine.streams.note(chosen)
+                good &= self.within(kind, indices, asked)
+            stale = self._machine.streams.judge(kind, indices, asked, good)
+            self._machine.streams.note(indices)
         if stale is not None:
             good &= ~stale
         answers: list[JointAnswer] = []
@@ -182,26 +182,26 @@ class Commands:
             answers = self._judged(kind, selection, asked, along, stale)
             if together:
                 return decided(selection.names, all_or_none(answers))
-            chosen, asked = chosen[good], asked[good]
+            indices, asked = indices[good], asked[good]
             extra = None if extra is None else extra[good]
         taken, notes = asked, Notes()
-        if chosen.size:
-            taken, notes = self._start(kind, chosen, asked, extra, time, valid_for)
+        if indices.size:
+            taken, notes = self._start(kind, indices, asked, extra, time, valid_for)
         if not (answers or notes):
             given = (Answer.ACCEPTED,) * len(selection.names)
             return Reply(selection.names, given, values=tuple(taken.tolist()))
-        started = dict(zip(chosen.tolist(), taken.tolist(), strict=True))
+        started = dict(zip(indices.tolist(), taken.tolist(), strict=True))
         answers = answers or [JointAnswer()] * len(selection.names)
         return reply_of(selection, answers, started, notes)
 
-    def get_move_time(self, chosen: Indices, positions: Array, speeds: Array) -> Array:
+    def get_move_time(self, indices: Indices, positions: Array, speeds: Array) -> Array:
         """The duration of position moves that start now (P1), s, shape (k,)."""
-        taken = self._taken(chosen, positions)
-        return np.array(self._references.plan_moves(chosen, taken, speeds).times)
+        taken = self._taken(indices, positions)
+        return np.array(self._references.plan_moves(indices, taken, speeds).times)
 
-    def _taken(self, chosen: Indices, positions: Array) -> Array:
+    def _taken(self, indices: Indices, positions: Array) -> Array:
         """Targets within the software limits (P9)."""
-        return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
+        return np.clip(positions, self._low[K.POSITION][indices], self._high[K.POSITION][indices])
 
     def _standing(self, kind: CommandKind, selection: Selection) -> Array | None:
         """The stored accompanying values, one per joint; None: the kind has none."""
@@ -210,16 +210,16 @@ class Commands:
         standing: Array = getattr(self._references, name)
         return standing[selection.joints]
 
-    def _fits(self, kind: CommandKind, chosen: Indices, extra: Array) -> NDArray[np.bool_]:
+    def _fits(self, kind: CommandKind, indices: Indices, extra: Array) -> NDArray[np.bool_]:
         """Whether accompanying values are in range: above 0 up to the most, or finite."""
         if COMMANDS[kind].standing is None:
             return np.isfinite(extra)
-        return (extra > 0.0) & (extra <= self._most[kind][chosen])
+        return (extra > 0.0) & (extra <= self._most[kind][indices])
 
     def _start(
         self,
         kind: CommandKind,
-        chosen: Indices,
+        indices: Indices,
         asked: Array,
         extra: Array | None,
         time: float | None,
@@ -231,43 +231,45 @@ class Commands:
             The references in force, and the effects of limits.
         """
         row, references = COMMANDS[kind], self._references
-        taken = np.minimum(np.maximum(asked, self._low[kind][chosen]), self._high[kind][chosen])
-        starts = self._state.position_reference[chosen]
+        taken = np.minimum(np.maximum(asked, self._low[kind][indices]), self._high[kind][indices])
+        starts = self._state.position_reference[indices]
         notes: Notes = {}
         if time is not None:
             ways = np.abs(taken - starts)
-            moves = references.move_within(chosen, taken, time)
-            notes = self._slower(chosen, ways, ways / time if time > 0.0 else ways, moves)
+            moves = references.move_within(indices, taken, time)
+            notes = self._slower(indices, ways, ways / time if time > 0.0 else ways, moves)
         else:
-            moves = row.start(references, chosen, taken, extra)
+            moves = row.start(references, indices, taken, extra)
             if moves is not None and extra is not None:
-                notes = self._slower(chosen, np.abs(taken - starts), extra, moves)
+                notes = self._slower(indices, np.abs(taken - starts), extra, moves)
         if not same(asked, taken):
-            notes |= self._bounded(kind, chosen, asked, taken)
-        references.last[kind, chosen] = taken
+            notes |= self._bounded(kind, indices, asked, taken)
+        references.last[kind, indices] = taken
         if row.timeout is not None:
             period = self._machine.config.period
-            own = in_cycles(valid_for, period) if valid_for else None
-            self._machine.timeouts.renew(kind, chosen, self._state.clock + 1.0, own)
+            timeout = in_cycles(valid_for, period) if valid_for else None
+            self._machine.timeouts.renew(kind, indices, self._state.clock + 1.0, timeout)
         return taken, notes
 
-    def _bounded(self, kind: CommandKind, chosen: Indices, asked: Array, taken: Array) -> Notes:
+    def _bounded(self, kind: CommandKind, indices: Indices, asked: Array, taken: Array) -> Notes:
         """Effect of limits on references (P1, P9, P14)."""
         joints = self._machine.config.joints
         return {
-            j: explain_bound(joints[j], kind, one, other)
-            for j, one, other in zip(chosen.tolist(), asked.tolist(), taken.tolist(), strict=True)
-            if one != other
+            j: explain_bound(joints[j], kind, sent, bound)
+            for j, sent, bound in zip(
+                indices.tolist(), asked.tolist(), taken.tolist(), strict=True
+            )
+            if sent != bound
         }
 
-    def _slower(self, chosen: Indices, ways: Array, speeds: Array, moves: Moves) -> Notes:
+    def _slower(self, indices: Indices, ways: Array, speeds: Array, moves: Moves) -> Notes:
         """Where limits make a move slower than requested (P1)."""
         notes = {}
         joints = self._machine.config.joints
         started = dict(
             zip(moves.joints, zip(moves.times, moves.factors, strict=True), strict=True)
         )
-        for j, way, speed in zip(chosen.tolist(), ways.tolist(), speeds.tolist(), strict=True):
+        for j, way, speed in zip(indices.tolist(), ways.tolist(), speeds.tolist(), strict=True):
             if j not in started:  # it was under way
                 continue
             time, factor = started[j]
@@ -275,13 +277,13 @@ class Commands:
                 notes[j] = text
         return notes
 
-    def within(self, kind: CommandKind, chosen: Indices, asked: Array) -> NDArray[np.bool_]:
+    def within(self, kind: CommandKind, indices: Indices, asked: Array) -> NDArray[np.bool_]:
         """Whether references lie within the limits, or are bounded where they do not."""
         if self._refused is None:
             return np.ones(asked.shape, dtype=np.bool_)
-        low, high = self._low[kind][chosen], self._high[kind][chosen]
+        low, high = self._low[kind][indices], self._high[kind][indices]
         inside = (low - ROUNDING <= asked) & (asked <= high + ROUNDING)
-        return inside | ~self._refused[chosen]
+        return inside | ~self._refused[indices]
 
     def _judged(
         self,
@@ -355,6 +357,6 @@ def check_valid_for(kind: CommandKind, valid_for: float) -> None:
         raise RequestError(f"a {kind} reference does not expire; send it with valid_for 0")
 
 
-def same(one: Array, other: Array) -> bool:
+def same(a: Array, b: Array) -> bool:
     """Whether two arrays of numbers are equal to the bit; a tenth of the time of numpy's ==."""
-    return one.tobytes() == other.tobytes()
+    return a.tobytes() == b.tobytes()

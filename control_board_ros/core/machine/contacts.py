@@ -72,8 +72,8 @@ class Contacts:
                 for j in part
                 if InteractionMode.COMPLIANT in self._machine.joint(j).interaction_modes
             ]
-            chosen = Selection.of(able, [joints[j].name for j in able])
-            self._requests.request(chosen, [InteractionMode.COMPLIANT] * len(able))
+            selection = Selection.of(able, [joints[j].name for j in able])
+            self._requests.request(selection, [InteractionMode.COMPLIANT] * len(able))
 
 
 #: What each reaction does, for the log.

@@ -50,19 +50,19 @@ class Feedforward:
             (j, [None if term is None else float(term[k]) for term in terms])
             for k, j in enumerate(selection.numbers)
         ]
-        judged = [self._judge(j, given) for j, given in parts]
-        answers = all_or_none(judged) if together else judged
+        verdicts = [self._judge(j, values) for j, values in parts]
+        answers = all_or_none(verdicts) if together else verdicts
         taken = []
-        for (j, given), own, answer in zip(parts, judged, answers, strict=True):
-            machine.state.rejected[j] += np.uint64(bool(own.code))
+        for (j, values), verdict, answer in zip(parts, verdicts, answers, strict=True):
+            machine.state.rejected[j] += np.uint64(bool(verdict.code))
             joint = machine.controller.joints[j]
-            taken.append(math.nan if answer.code else feed(joint, *given))
+            taken.append(math.nan if answer.code else feed(joint, *values))
         return replace(decided(selection.names, answers), values=tuple(taken))
 
-    def _judge(self, j: int, given: Sequence[float | None]) -> JointAnswer:
+    def _judge(self, j: int, terms: Sequence[float | None]) -> JointAnswer:
         """What becomes of the terms of a joint."""
         facts = self._machine.facts(j)
-        values = tuple(value for value in given if value is not None)
+        values = tuple(value for value in terms if value is not None)
         verdict = decide_feedforward(facts, values)
         text = explain_feedforward(verdict.reason, facts, values)
         return JointAnswer(verdict.answer, text, verdict.reason)
@@ -131,8 +131,8 @@ class MotorAccess:
     def motors(self, joints: list[int]) -> Motors:
         """Motors and amplifiers as they are now."""
         machine, state = self._machine, self._machine.state
-        own = [machine.config.joints[j] for j in joints]
-        ratios = np.array([one.motor.gear_ratio for one in own])
+        configs = [machine.config.joints[j] for j in joints]
+        ratios = np.array([c.motor.gear_ratio for c in configs])
         shafts = shaft_readings(state)[:, joints]
         accelerations = np.array([joint.acceleration for joint in machine.controller.joints])
         if self._mix is not None:
@@ -146,15 +146,15 @@ class MotorAccess:
             velocities=shafts[Motor.VELOCITY],
             accelerations=accelerations,
             currents=state.current[joints],
-            nominal_currents=np.array([one.limits.nominal_current for one in own]),
-            peak_currents=np.array([one.limits.peak_current for one in own]),
+            nominal_currents=np.array([c.limits.nominal_current for c in configs]),
+            peak_currents=np.array([c.limits.peak_current for c in configs]),
             max_currents=caps[0].copy(),
             outputs=state.applied[joints],
             output_limits=caps[1].copy(),
             supply_voltages=shafts[Motor.SUPPLY],
             temperatures=state.temperature[joints],
-            temperature_limits=np.array([one.limits.temperature for one in own]),
-            torque_limits=np.array([one.limits.torque for one in own]),
+            temperature_limits=np.array([c.limits.temperature for c in configs]),
+            torque_limits=np.array([c.limits.torque for c in configs]),
             **self._terms(joints),
         )
 
@@ -163,47 +163,51 @@ class MotorAccess:
         columns = np.array(rows).reshape(len(joints), len(Term)).T
         return {name: columns[row].copy() for name, row in TERMS.items()}
 
-    def check(self, chosen: Selection, given: Mapping[str, Values | None]) -> dict[str, Array]:
+    def check(
+        self, selection: Selection, requested: Mapping[str, Values | None]
+    ) -> dict[str, Array]:
         """Values to be set, one per joint, by their names: caps, and those of TERMS.
 
         Raises:
             RequestError: there is none, or one is not within what is configured.
         """
-        found = {}
-        for name in given:
+        checked = {}
+        for name in requested:
             if name not in SETTABLE:
                 text = unknown_word("value of motors", name, SETTABLE)
                 raise RequestError(text)
-        for name, values in given.items():
+        for name, values in requested.items():
             if values is not None:
-                what, most, zero = self._bounds(name)
-                found[name] = all_within(chosen, what, values, most, zero=zero)
-        if not found:
-            raise RequestError(f"none of {', '.join(given)} given; send one or more")
-        own = [self._machine.config.joints[j] for j in chosen.numbers]
+                what, highest, zero = self._bounds(name)
+                checked[name] = all_within(selection, what, values, highest, zero=zero)
+        if not checked:
+            raise RequestError(f"none of {', '.join(requested)} given; send one or more")
+        configs = [self._machine.config.joints[j] for j in selection.numbers]
         least = {
-            "torque_constants": [one.motor.torque_constant / FAR_OFF for one in own],
-            "max_currents": [LEAST_CAP * one.limits.peak_current for one in own],
+            "torque_constants": [c.motor.torque_constant / FAR_OFF for c in configs],
+            "max_currents": [LEAST_CAP * c.limits.peak_current for c in configs],
         }
-        for name in least.keys() & found.keys():
+        for name in least.keys() & checked.keys():
             for joint, low, value in zip(
-                chosen.names, least[name], found[name].tolist(), strict=True
+                selection.names, least[name], checked[name].tolist(), strict=True
             ):
                 if value < low:
-                    what, most, _ = self._bounds(name)
-                    high = float(most[self._machine.config.names.index(joint)])
+                    what, highest, _ = self._bounds(name)
+                    high = float(highest[self._machine.config.names.index(joint)])
                     raise RequestError(
                         f"{what} {value:g} of {joint} is not allowed; "
                         f"send a number from {low:.6g} to {high:.6g}",
                         Reason.OUT_OF_RANGE,
                     )
-        return found
+        return checked
 
     def _bounds(self, name: str) -> tuple[str, Array, bool]:
         """Description of a bound, maximum of each joint of the board, whether 0 is allowed."""
         limits = self.limits
-        constants = np.array([one.motor.torque_constant for one in self._machine.config.joints])
-        found: dict[str, tuple[Array, bool]] = {
+        constants = np.array(
+            [joint.motor.torque_constant for joint in self._machine.config.joints]
+        )
+        bounds: dict[str, tuple[Array, bool]] = {
             "max_currents": (limits.current, False),
             "output_limits": (limits.output, True),
             "torque_constants": (FAR_OFF * constants, False),
@@ -214,17 +218,19 @@ class MotorAccess:
             "coulomb_negative": (limits.torque, True),
             "velocity_thresholds": (limits.velocity, False),
         }
-        return name.removesuffix("s"), *found[name]
+        return name.removesuffix("s"), *bounds[name]
 
-    def set(self, chosen: Selection, given: Mapping[str, Array]) -> Reply:
+    def set(self, selection: Selection, checked: Mapping[str, Array]) -> Reply:
         """Set what ``check`` found to be allowed."""
         controller = self._machine.controller
-        controller.set_caps(chosen.joints, given.get("max_currents"), given.get("output_limits"))
-        terms = {TERMS[name]: values for name, values in given.items() if name in TERMS}
+        controller.set_caps(
+            selection.joints, checked.get("max_currents"), checked.get("output_limits")
+        )
+        terms = {TERMS[name]: values for name, values in checked.items() if name in TERMS}
         if terms:
-            controller.set_terms(chosen.joints, terms)
+            controller.set_terms(selection.joints, terms)
             self.retune()
-        return accepted(chosen.names)
+        return accepted(selection.names)
 
     def retune(self) -> None:
         """Lead coupled motors by the constants that the laws use."""
@@ -239,12 +245,12 @@ class MotorAccess:
         return Pids(rows[:, 0], rows[:, 0] - rows[:, 1], rows[:, 2], offsets)
 
     def set_pids(
-        self, chosen: Selection, loop: Loop, *, reset: bool, offsets: Array | None
+        self, selection: Selection, loop: Loop, *, reset: bool, offsets: Array | None
     ) -> Reply:
         """Drop what a loop has integrated, set what is added to its output (percent), or both."""
         machine, answers = self._machine, []
-        for k, j in enumerate(chosen.numbers):
-            name, mode = chosen.names[k], machine.state.control_modes[j]
+        for k, j in enumerate(selection.numbers):
+            name, mode = selection.names[k], machine.state.control_modes[j]
             if mode in CALIBRATES:
                 text = f"{name} is {mode.name}: its calibrator has the loop; wait until it is done"
                 answers.append(JointAnswer(Answer.REFUSED, text, Reason.CALIBRATING))
@@ -259,13 +265,13 @@ class MotorAccess:
             if reset:
                 pid_of(joint, loop).reset(0.0)
             answers.append(JointAnswer())
-        return decided(chosen.names, answers)
+        return decided(selection.names, answers)
 
-    def set_motor_encoders(self, chosen: Selection, positions: Array) -> Reply:
+    def set_motor_encoders(self, selection: Selection, positions: Array) -> Reply:
         """Set the readings of motor encoders, rad."""
         state, answers = self._machine.state, []
         for name, j, position in zip(
-            chosen.names, chosen.numbers, positions.tolist(), strict=True
+            selection.names, selection.numbers, positions.tolist(), strict=True
         ):
             if np.isnan(reading := float(state.motors[Motor.POSITION, j])):
                 text = f"{name} has no encoder at its motor"
@@ -273,17 +279,17 @@ class MotorAccess:
                 continue
             state.motor_offset[j] = reading - position
             answers.append(JointAnswer())
-        return decided(chosen.names, answers)
+        return decided(selection.names, answers)
 
-    def set_encoders(self, chosen: Selection, positions: Array) -> Reply:
+    def set_encoders(self, selection: Selection, positions: Array) -> Reply:
         """Set the present angles of joints without power, rad; limits apply to these angles."""
         answers = [
             self._take_angle(j, name, position)
             for j, name, position in zip(
-                chosen.numbers, chosen.names, positions.tolist(), strict=True
+                selection.numbers, selection.names, positions.tolist(), strict=True
             )
         ]
-        return decided(chosen.names, answers)
+        return decided(selection.names, answers)
 
     def _take_angle(self, j: int, name: str, position: float) -> JointAnswer:
         machine, state = self._machine, self._machine.state
@@ -314,15 +320,18 @@ def mix_of(config: BoardConfig, joints: Sequence[Joint]) -> MotorMix | None:
 
 def constants_of(joints: Sequence[Joint]) -> Array:
     """Torque per ampere, resistance, back-EMF, percent per volt of the motors that laws lead."""
-    rows = [(one.torque_per_ampere, one.ohms, one.emf, one.percent_per_volt) for one in joints]
+    rows = [
+        (joint.torque_per_ampere, joint.ohms, joint.emf, joint.percent_per_volt)
+        for joint in joints
+    ]
     return np.array(rows).T
 
 
 def shaft_readings(state: StateArrays) -> Array:
     """Rows of Motor of all joints, as last set, shape (rows, n)."""
-    found: Array = state.motors.copy()
-    found[Motor.POSITION] -= state.motor_offset
-    return found
+    readings: Array = state.motors.copy()
+    readings[Motor.POSITION] -= state.motor_offset
+    return readings
 
 
 def pid_of(joint: Joint, loop: Loop) -> Gains:

@@ -173,8 +173,8 @@ class Requests:
                 self._machine.calibrations.start(j)
             elif effect is not None:
                 self._machine.force_idle(j)
-        for mode, chosen in entering.items():
-            self._machine.enter(chosen, mode)
+        for mode, entered in entering.items():
+            self._machine.enter(entered, mode)
 
     def _store_interaction(self, j: int, wanted: InteractionMode) -> None:
         """Store an interaction mode; where the law changes with it the joint stops (I3, I4)."""

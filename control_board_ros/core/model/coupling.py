@@ -59,8 +59,8 @@ class FourBar:
     def slope(self, x: Array) -> Array:
         """dψ/dθ."""
         above, below, *_ = self._rates(x)
-        found: Array = above / below
-        return found
+        ratio: Array = above / below
+        return ratio
 
     def bend(self, x: Array) -> Array:
         """d²ψ/dθ²."""
@@ -70,8 +70,8 @@ class FourBar:
         moved = turned_arm * slope - turned_tip
         above_rate = _dot(moved, turned_tip) - _dot(path, tip)
         below_rate = _dot(moved, turned_arm) - _dot(path, arm) * slope
-        found: Array = (above_rate - slope * below_rate) / below
-        return found
+        rate: Array = (above_rate - slope * below_rate) / below
+        return rate
 
     def _rates(self, x: Array) -> tuple[Array, Array, Array, Array, Array]:
         """P·A' and P·C' of the coupler P, with P, the crank A and the rocker C, shape (2, …)."""
@@ -90,8 +90,8 @@ class FourBar:
         reach = np.hypot(across, down)
         cosine = (self.coupler**2 - reach**2 - self.rocker**2) / (2.0 * reach * self.rocker)
         with np.errstate(invalid="ignore"):
-            found: Array = np.arctan2(down, across) + np.arccos(cosine)
-        return found
+            angle: Array = np.arctan2(down, across) + np.arccos(cosine)
+        return angle
 
 
 def _quarter(vectors: Array) -> Array:
@@ -100,8 +100,8 @@ def _quarter(vectors: Array) -> Array:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    found: Array = a[0] * b[0] + a[1] * b[1]
-    return found
+    product: Array = a[0] * b[0] + a[1] * b[1]
+    return product
 
 
 #: The functions of couplings, by name.
@@ -154,8 +154,8 @@ class Coupling:
 
     def __post_init__(self) -> None:
         n, m = len(self.axes), len(self.physical_joints)
-        given = {len(row) for row in self.rows}
-        if len(self.rows) != m or not given <= {n}:
+        widths = {len(row) for row in self.rows}
+        if len(self.rows) != m or not widths <= {n}:
             numbers = sum(len(row) for row in self.rows)
             raise ValueError(
                 f"{m * n} numbers: {m} rows of {n}, one for each axis; it has {numbers}"
@@ -194,7 +194,7 @@ class Coupling:
     @cached_property
     def curved(self) -> dict[int, FourBar]:
         """The functions, by row."""
-        return {i: one for i, one in enumerate(self.functions) if one is not None}
+        return {i: function for i, function in enumerate(self.functions) if function is not None}
 
     @cached_property
     def _plain(self) -> list[int]:
@@ -214,59 +214,59 @@ class Coupling:
 
     def positions(self, axes: Array) -> Array:
         """Positions of the physical joints, shape (m,), for those of the axes, shape (n,)."""
-        found: Array = self.matrix @ axes + self.offset
+        joints: Array = self.matrix @ axes + self.offset
         for i, function in self.curved.items():
-            found[i] = function.value(found[i : i + 1])[0]
-        return found
+            joints[i] = function.value(joints[i : i + 1])[0]
+        return joints
 
     def velocities(self, axes: Array, at: Array | None = None) -> Array:
         """Velocities of the physical joints for those of the axes, at their positions."""
-        found: Array = self.jacobian(at) @ axes
-        return found
+        joints: Array = self.jacobian(at) @ axes
+        return joints
 
     def accelerations(
         self, axes: Array, rates: Array | None = None, at: Array | None = None
     ) -> Array:
         """Accelerations of the physical joints for those of the axes at their rates and places."""
-        found: Array = self.jacobian(at) @ axes + self._bending(rates, at)
-        return found
+        joints: Array = self.jacobian(at) @ axes + self._bending(rates, at)
+        return joints
 
     def torques(self, axes: Array, at: Array | None = None) -> Array:
         """The smallest torques of the physical joints, shape (m,), that make those of the axes."""
-        found: Array = self._back(at).T @ axes
-        return found
+        joints: Array = self._back(at).T @ axes
+        return joints
 
     def axis_positions(self, joints: Array) -> Array:
         """Positions of the axes, shape (n,), for those of the physical joints, shape (m,)."""
         back, offset = self._straight
-        found: Array = back @ joints - offset
-        return found
+        axes: Array = back @ joints - offset
+        return axes
 
     def axis_velocities(self, joints: Array, at: Array | None = None) -> Array:
         """Velocities of the axes for those of the physical joints, at positions of the axes."""
-        found: Array = self._back(at) @ joints
-        return found
+        axes: Array = self._back(at) @ joints
+        return axes
 
     def axis_accelerations(
         self, joints: Array, rates: Array | None = None, at: Array | None = None
     ) -> Array:
         """Accelerations of the axes for those of the physical joints, at rates of the axes."""
-        found: Array = self._back(at) @ (joints - self._bending(rates, at))
-        return found
+        axes: Array = self._back(at) @ (joints - self._bending(rates, at))
+        return axes
 
     def axis_torques(self, joints: Array, at: Array | None = None) -> Array:
         """Torques of the axes for those of the physical joints: τ_axes = Jᵀ τ_joints."""
-        found: Array = self.jacobian(at).T @ joints
-        return found
+        axes: Array = self.jacobian(at).T @ joints
+        return axes
 
     @cached_property
     def leads(self) -> tuple[int, ...]:
         """N rows without a function that determine the axes, the first ones."""
-        found: list[int] = []
+        independent: list[int] = []
         for i in self._plain:
-            if np.linalg.matrix_rank(self.matrix[[*found, i]], tol=1e-9) > len(found):
-                found.append(i)
-        return tuple(found)
+            if np.linalg.matrix_rank(self.matrix[[*independent, i]], tol=1e-9) > len(independent):
+                independent.append(i)
+        return tuple(independent)
 
     @cached_property
     def lead_inverse(self) -> Array:
@@ -280,7 +280,7 @@ class Coupling:
         Raises:
             ValueError: a joint follows several leads; one line.
         """
-        found, leads, names = [], list(self.leads), self.physical_joints
+        gears, leads, names = [], list(self.leads), self.physical_joints
         shares = self.matrix @ self.lead_inverse
         for i, name in enumerate(names):
             if i in leads:
@@ -292,8 +292,8 @@ class Coupling:
             leader = leads[by[0]] if by else leads[0]  # a row of zeros does not move
             ratio = float(shares[i, leads.index(leader)])
             offset = float(self.offset[i] - ratio * self.offset[leader])
-            found.append(Gear(name, names[leader], ratio, offset, self.curved.get(i)))
-        return tuple(found)
+            gears.append(Gear(name, names[leader], ratio, offset, self.curved.get(i)))
+        return tuple(gears)
 
     def _back(self, at: Array | None) -> Array:
         """The pseudo-inverse of J, shape (n, m)."""
@@ -303,24 +303,24 @@ class Coupling:
 
     def _inputs(self, at: Array | None) -> Array:
         """x, shape (m,)."""
-        found: Array = self.offset if at is None else self.matrix @ at + self.offset
-        return found
+        inputs: Array = self.offset if at is None else self.matrix @ at + self.offset
+        return inputs
 
     def _slopes(self, at: Array | None) -> Array:
         """f'(x), shape (m,)."""
-        x, found = self._inputs(at), np.ones(len(self.physical_joints))
+        x, slopes = self._inputs(at), np.ones(len(self.physical_joints))
         for i, function in self.curved.items():
-            found[i] = function.slope(x[i : i + 1])[0]
-        return found
+            slopes[i] = function.slope(x[i : i + 1])[0]
+        return slopes
 
     def _bending(self, rates: Array | None, at: Array | None) -> Array:
         """f''(x) (R dq)², shape (m,)."""
-        found = np.zeros(len(self.physical_joints))
+        accelerations = np.zeros(len(self.physical_joints))
         if rates is not None and self.curved:
             x, speeds = self._inputs(at), self.matrix @ rates
             for i, function in self.curved.items():
-                found[i] = function.bend(x[i : i + 1])[0] * speeds[i] ** 2
-        return found
+                accelerations[i] = function.bend(x[i : i + 1])[0] * speeds[i] ** 2
+        return accelerations
 
 
 class MotorMix:
@@ -380,7 +380,7 @@ class MotorMix:
         self._needs = np.abs(sharing) > 1e-12
         self._switched = b""
 
-    def drive(self, output: Array, velocity: Array, powered: Array, most: Array) -> None:
+    def drive(self, output: Array, velocity: Array, powered: Array, caps: Array) -> None:
         """Turn the outputs of axes (percent) into those of motors, each within its limit.
 
         An axis without power requests no torque; its motors serve the other axes. Where a motor
@@ -392,9 +392,9 @@ class MotorMix:
         output.take(shared, out=asked[:count], mode="clip")
         velocity.take(shared, out=asked[count:], mode="clip")
         wanted: Array = self._lead @ asked
-        bound = most.take(shared, mode="clip")
-        if (np.abs(wanted) > bound).any():
-            wanted = np.maximum(np.minimum(wanted, bound), -bound)
+        cap = caps.take(shared, mode="clip")
+        if (np.abs(wanted) > cap).any():
+            wanted = np.maximum(np.minimum(wanted, cap), -cap)
             speed = asked[count:]
             acting = self._together @ (wanted - self._motor_emf @ speed) + self._axis_emf * speed
             output[shared] = np.where(self._on, acting, asked[:count])
@@ -423,19 +423,19 @@ class MotorMix:
 
 def rotors_of_motors(motors: Coupling, rotors: Array) -> Array:
     """Inertia of rotors for each axis alone, the diagonal of Mᵀ diag(rotors) M, shape (n,)."""
-    found: Array = (motors.matrix**2).T @ rotors
-    return found
+    seen: Array = (motors.matrix**2).T @ rotors
+    return seen
 
 
 def side_by_side(couplings: Sequence[Coupling]) -> Coupling:
     """The coupling of several independent parts."""
-    axes = tuple(name for one in couplings for name in one.axes)
+    axes = tuple(name for c in couplings for name in c.axes)
     before, rows = 0, []
-    for one in couplings:
-        after = len(axes) - before - len(one.axes)
-        rows += [(0.0,) * before + row + (0.0,) * after for row in one.rows]
-        before += len(one.axes)
-    joints = tuple(name for one in couplings for name in one.physical_joints)
-    offsets = tuple(value for one in couplings for value in one.offset.tolist())
-    functions = tuple(one.curved.get(i) for one in couplings for i in range(len(one.rows)))
+    for c in couplings:
+        after = len(axes) - before - len(c.axes)
+        rows += [(0.0,) * before + row + (0.0,) * after for row in c.rows]
+        before += len(c.axes)
+    joints = tuple(name for c in couplings for name in c.physical_joints)
+    offsets = tuple(value for c in couplings for value in c.offset.tolist())
+    functions = tuple(c.curved.get(i) for c in couplings for i in range(len(c.rows)))
     return Coupling(axes, joints, tuple(rows), offsets, functions if any(functions) else ())
