@@ -29,7 +29,7 @@ allowed values (exit code 2).
 together: all are applied, or none. Other parameters are read-only. `ros2 param describe` and the
 page *All about the parameters* of the [site](install.md) have types and allowed values, too.
 
-In brackets: the default with its unit, or what it is computed "from". A unit after "or" is that of
+In brackets: the default with its unit, or what it is computed from; its unit. A unit after "or" is that of
 sliding joints; their torques are forces in N.
 """
 
@@ -126,7 +126,7 @@ def named(found: Parameter) -> str:
 def default_of(found: Parameter) -> str:
     """The default with its unit, or what it is derived from."""
     if found.default is None:
-        return f"from {found.derived}" + (f", in {found.unit}" if found.unit else "")
+        return found.derived + (f"; {found.unit}" if found.unit else "")
     value = shown(found.default)
     return f"`{value}` {found.unit}".strip() if value else ""
 

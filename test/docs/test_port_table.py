@@ -13,16 +13,21 @@ from control_board_ros.cli.verbs import VERBS
 from control_board_ros.client import ControlBoardClient
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "port_icub_script.md"
+METHODS = PAGE.read_text().partition("## Every method")[2]
+#: Methods that have YARP's name in snake case.
+SAME = re.findall(
+    r"`([a-z]+[A-Z]\w+)", METHODS.partition("Snake case")[2].partition("All others")[0]
+)
 ROWS = [
     [cell.strip() for cell in line.strip("|").split("|")]
-    for line in PAGE.read_text().partition("## Every method")[2].splitlines()
+    for line in METHODS.splitlines()
     if line.startswith("| ") and not line.startswith(("| Interface", "|---"))
 ]
 
 
 def test_the_table_is_there() -> None:
     """Y5: from modes to calibrators; each row has three cells."""
-    assert len(ROWS) > 60
+    assert len(ROWS) + len(SAME) > 75
     assert {len(row) for row in ROWS} == {3}
 
 
@@ -36,3 +41,10 @@ def test_each_method_exists(row: list[str]) -> None:
     verbs = re.findall(r"`cbctl (\w+)`", row[2])
     assert set(verbs) <= VERBS.keys()
     assert row[1]
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_each_method_of_the_same_name_exists(name: str) -> None:
+    """A, Y5: YARP's name in snake case is a method of the client."""
+    here = re.sub(r"(?<!^)([A-Z])", r"_\1", name).lower()
+    assert callable(getattr(ControlBoardClient, here, None)), here
