@@ -29,8 +29,8 @@ allowed values (exit code 2).
 together: all are applied, or none. Other parameters are read-only. `ros2 param describe` and the
 page *All about the parameters* of the [site](install.md) have types and allowed values, too.
 
-In brackets: the default with its unit, or what it is computed from; its unit. A unit after "or" is that of
-sliding joints; their torques are forces in N.
+In brackets: the default with its unit, or what it is computed from; its unit. A unit after "or" is
+that of sliding joints; their torques are forces in N.
 """
 
 FULL = """\
