@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A CAN bus as drivers use it, over a scripted bus of python-can."""
+
+from __future__ import annotations
+
+import errno
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+can = pytest.importorskip("can")
+
+from control_board_ros.plants.drives import can_line  # noqa: E402
+from control_board_ros.plants.drives.can_drives import CanDrives  # noqa: E402
+from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, CanLine  # noqa: E402
+from control_board_ros.plants.drives.clock import ManualClock  # noqa: E402
+from control_board_ros.plants.drives.interview import Question  # noqa: E402
+
+
+def frame(number: int, data: bytes = b"", *, error: bool = False) -> Any:
+    return SimpleNamespace(arbitration_id=number, data=data, is_error_frame=error)
+
+
+class Bus:
+    """A bus that gives what is queued, each after its time, and passes time where nothing is.
+
+    Attributes: queue (seconds from the last one, frame or error), sent, waits (timeouts, s), fails
+        (raised by the next sends), shut.
+    """
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+        self.queue: list[tuple[float, Any]] = []
+        self.sent: list[Any] = []
+        self.waits: list[float] = []
+        self.fails: list[Exception] = []
+        self.shut = 0
+
+    def send(self, message: Any) -> None:
+        self.sent.append(message)
+        if self.fails:
+            raise self.fails.pop(0)
+
+    def recv(self, timeout: float) -> Any:
+        self.waits.append(timeout)
+        if not self.queue or self.queue[0][0] > timeout:
+            self._clock.pass_by(timeout)
+            if self.queue:
+                self.queue[0] = (self.queue[0][0] - timeout, self.queue[0][1])
+            return None
+        seconds, found = self.queue.pop(0)
+        self._clock.pass_by(seconds)
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def shutdown(self) -> None:
+        self.shut += 1
+
+
+@pytest.fixture
+def line() -> Any:
+    """A line that is open; its ``bus`` is scripted."""
+    made = CanLine("socketcan:can0")
+    made.clock = ManualClock()
+    bus = Bus(made.clock)
+    made.connect = lambda *_, **__: bus
+    made.open()
+    return made
+
+
+def by_id(message: Any) -> int | None:
+    return int(message.arbitration_id) if message.arbitration_id < 9 else None
+
+
+def test_how_it_is_opened() -> None:
+    asked: list[Any] = []
+    made = CanLine("virtual:x", fd=True, bitrate=500_000)
+    made.connect = lambda text, **more: asked.append((text, more))
+    made.open()
+    assert asked == [("virtual:x", {"fd": True, "bitrate": 500_000})]
+    plain = CanLine("virtual:x")
+    plain.connect = lambda text, **more: asked.append((text, more))
+    plain.open()
+    assert asked[1] == ("virtual:x", {"fd": False, "bitrate": 0})
+    with pytest.raises(ConnectionError, match="not open"):
+        _ = CanLine("virtual:x").bus
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "made"),
+    [
+        ("virtual:x", {}, {"interface": "virtual", "channel": "x"}),
+        ("virtual", {}, {"interface": "virtual", "channel": None}),
+        ("pcan:USB1", {"fd": True, "bitrate": 5},
+         {"interface": "pcan", "channel": "USB1", "fd": True, "bitrate": 5}),
+        ("virtual:x", {"fd": True},
+         {"interface": "virtual", "channel": "x", "protocol": can.CanProtocol.CAN_FD}),
+        ("udp_multicast:239.0.0.1:4321", {},
+         {"interface": "udp_multicast", "channel": "239.0.0.1", "port": 4321}),
+        ("udp_multicast:239.0.0.1", {}, {"interface": "udp_multicast", "channel": "239.0.0.1"}),
+        ("udp_multicast:ff15::1", {}, {"interface": "udp_multicast", "channel": "ff15::1"}),
+    ],
+)  # fmt: skip
+def test_what_python_can_is_asked_for(
+    text: str, options: dict[str, Any], made: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(can, "Bus", lambda **given: given)
+    assert can_line.open_bus(text, **options) == made
+
+
+@pytest.mark.parametrize(
+    "error", [can.CanError("gone"), OSError(errno.ENODEV, "gone"), ValueError("gone")]
+)
+def test_a_bus_that_does_not_open_is_an_error_of_one_line(error: Exception) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    made = CanLine("socketcan:can0")
+    made.connect = fail
+    with pytest.raises(OSError, match="bus socketcan:can0"):
+        made.open()
+
+
+def test_a_full_queue_is_counted_and_any_other_error_ends_it(line: Any) -> None:
+    line.send(0x123, b"\1")
+    assert (line.bus.sent[0].arbitration_id, bytes(line.bus.sent[0].data)) == (0x123, b"\1")
+    assert not line.bus.sent[0].is_fd
+    line.bus.fails = [can.CanOperationError("full", errno.ENOBUFS), OSError(errno.ENOBUFS, "full")]
+    for _ in range(3):
+        line.send(1, b"")
+    assert line.dropped == 2
+    line.bus.fails = [OSError(errno.ENETDOWN, "down")]
+    with pytest.raises(OSError, match="it is down"):
+        line.send(1, b"")
+
+
+@pytest.mark.parametrize("error", [can.CanError("gone"), OSError("gone")])
+def test_a_bus_that_is_gone_is_an_error(line: Any, error: Exception) -> None:
+    line.bus.queue = [(0.0, error)]
+    with pytest.raises(OSError, match="gone"):
+        line.drain(by_id)
+
+
+def test_a_bus_that_is_off_is_said_and_other_error_frames_are_left_aside(line: Any) -> None:
+    line.bus.queue = [(0.0, frame(1, error=True)), (0.0, frame(2))]
+    taken: list[Any] = []
+    line.drain(lambda found: taken.append(found.arbitration_id))
+    assert taken == [2]
+    line.bus.queue = [(0.0, frame(BUS_OFF | 1, error=True))]
+    with pytest.raises(OSError, match="is off"):
+        line.drain(by_id)
+    line.bus.queue = [(0.0, frame(BUS_OFF))]  # no error frame
+    line.drain(by_id)
+
+
+def test_it_gathers_until_all_have_answered(line: Any) -> None:
+    line.bus.queue = [(1e-3, frame(n)) for n in (1, 40, 1, 2, 3)]
+    line.gather(by_id, [1, 2], 0.01)
+    assert [found.arbitration_id for _, found in line.bus.queue] == [3]
+    assert line.bus.waits == pytest.approx([0.010, 0.009, 0.008, 0.007])
+
+
+def test_it_gathers_until_the_time_is_up(line: Any) -> None:
+    line.bus.queue = [(1e-3, frame(1)), (1.0, frame(2))]
+    begin = line.clock.now()
+    line.gather(by_id, [1, 2], 0.01)
+    assert line.clock.now() - begin == pytest.approx(0.01)
+    line.gather(by_id, [], 0.01)
+    assert len(line.bus.waits) == 2
+
+
+@pytest.mark.parametrize("error", [False, True])
+def test_a_flood_does_not_block_it(line: Any, error: bool) -> None:
+    line.bus.queue = [(0.0, frame(40, error=error))] * 100
+    line.gather(by_id, [1, 2], 0.01)
+    assert 100 - len(line.bus.queue) == 3 * FLOOD == 24
+
+
+def test_an_exchange_reads_what_is_late_first(line: Any) -> None:
+    line.bus.queue = [(0.0, frame(1)), (1e-3, frame(2))]
+    seen: list[Any] = []
+
+    def take(found: Any) -> int | None:
+        seen.append((found.arbitration_id, len(line.bus.sent)))
+        return by_id(found)
+
+    line.exchange([(7, b""), (8, b"")], take, [2], 0.01)
+    assert seen == [(1, 0), (2, 2)]
+
+
+def test_a_drain_ends(line: Any) -> None:
+    line.bus.queue = [(0.0, frame(1))] * 100
+    line.drain(by_id)
+    assert len(line.bus.queue) == 36
+
+
+def test_it_collects_for_a_time(line: Any) -> None:
+    line.bus.queue = [(0.02, frame(1)), (0.01, frame(2, error=True)), (0.015, frame(3)), (1.0, 4)]
+    begin = line.clock.now()
+    assert [found.arbitration_id for found in line.collect(0.05)] == [1, 3]
+    assert line.clock.now() - begin == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("several", "answers"), [(False, [b"a"]), (True, [b"a", b"b"])])
+def test_it_asks_a_question(line: Any, several: bool, answers: list[bytes]) -> None:
+    line.bus.queue = [(0.0, frame(1, b"late"))]
+
+    def send(message: Any) -> None:
+        line.bus.sent.append(message)
+        line.bus.queue = [
+            (1e-3, frame(2, b"other")), (1e-3, frame(1, b"?")), (1e-3, frame(1, b"a")),
+            (1e-3, frame(1, b"b")),
+        ]  # fmt: skip
+
+    line.bus.send = send
+    question = Question([(5, b"")], lambda data: data if data != b"?" else None, several)
+
+    def said(found: Any) -> Any:
+        return (found.data,) if found.arbitration_id == 1 else None
+
+    begin = line.clock.now()
+    assert line.ask(question, said) == answers
+    assert len(line.bus.sent) == 1
+    assert line.clock.now() - begin == pytest.approx(0.01 if several else 0.003)
+
+
+def test_it_is_closed_with_last_frames_and_twice(line: Any) -> None:
+    bus = line.bus
+    bus.fails = [OSError("down")]
+    line.close([(1, b""), (2, b"")])
+    assert [message.arbitration_id for message in bus.sent] == [1, 2]
+    line.close([(3, b"")])
+    assert (bus.shut, len(bus.sent)) == (1, 2)
+    with pytest.raises(ConnectionError):
+        line.send(1, b"")
+
+
+def test_an_exchange_may_wait_for_three_fifths_of_a_period() -> None:
+    assert can_line.budget(0.005) == pytest.approx(0.003)
+
+
+def test_laws_of_drives_on_can_come_with_their_goals() -> None:
+    assert CanDrives.live
+    with pytest.raises(NotImplementedError):
+        CanDrives.set_law(None, 0, 1)  # type: ignore[arg-type]
