@@ -49,7 +49,7 @@ class Lagging:
 
 
 def bus_of(late: set[int], library: serial_line.Library) -> ServoBus:
-    bus = ServoBus(library, "")
+    bus = ServoBus(library, "", 1_000_000)
     bus.protocol = Lagging(late, library)
     bus._port = SimpleNamespace(wait=0.0, setPacketTimeout=lambda _: None, clearPort=lambda: None)
     return bus

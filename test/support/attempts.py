@@ -83,8 +83,8 @@ CORE = Tree(
     ("test_conformance_table", "test_reach", "test_exchange"),
 )
 #: What all makes of drives share, by tests without real time.
-QUICK = "axes bring_up drive_reports drives_plant interview moteus_frames reconcile serial_line"
-QUICK += " set_id supply turns words"
+QUICK = "axes bring_up can_line drive_reports drives_plant interview moteus_frames reconcile"
+QUICK += " serial_line servo_bus set_id supply turns words"
 DRIVES = Tree("plants/drives", tuple(f"test/plants/test_{name}.py" for name in QUICK.split()))
 TREES = {"core": CORE, "drives": DRIVES}
 

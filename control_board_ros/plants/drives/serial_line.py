@@ -174,7 +174,7 @@ class ServoBus:
     Attributes: protocol (of the library); clock; connect (opens the port as ``open_port`` does).
     """
 
-    def __init__(self, library: Library, device: str, baudrate: int = 1_000_000) -> None:
+    def __init__(self, library: Library, device: str, baudrate: int) -> None:
         self._library, self._device, self._baudrate = library, device, baudrate
         self.clock = Clock()
         self.connect: Callable[..., Any] = open_port

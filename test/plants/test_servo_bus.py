@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The line of servos over a scripted packet handler: what is sent, and which answers are taken."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from control_board_ros.plants.drives import serial_line
+from control_board_ros.plants.drives.interview import ATTEMPTS, Interview, Question, converse
+from control_board_ros.plants.drives.serial_line import Item, Reply, Request, ServoBus, put
+from control_board_ros.plants.dynamixel import table as dynamixel
+from control_board_ros.plants.feetech import table as feetech
+
+LIBRARIES = [feetech.LIBRARY, dynamixel.LIBRARY]
+PLACE = Item(20, 2)
+
+
+class Handler:
+    """A maker's packet handler, and its port.
+
+    Attributes: replies (to the next questions, several each), pending (what is received next; None
+        is a broken one), sent, waits (timeouts of the port as they were set, s).
+    """
+
+    def __init__(self, library: serial_line.Library) -> None:
+        self._library = library
+        self.replies = deque[list[Any]]()
+        self.pending = deque[Any]()
+        self.sent: list[tuple[Any, ...]] = []
+        self.waits: list[float] = []
+        self.wait, self.is_using, self.open, self.polls = 0.0, True, True, 0
+
+    def packet(self, drive: int, data: bytes, error: int = 0) -> list[int]:
+        head = [0] * self._library.head
+        head[self._library.place], head[-1] = drive, error
+        return [*head, *data, *[0] * self._library.tail]
+
+    def _ask(self, *words: Any) -> None:
+        self.sent.append(words)
+        if self.replies:
+            self.pending.extend(self.replies.popleft())
+
+    def readTx(self, _port: Any, *words: Any) -> None:
+        self._ask("read", *words)
+
+    def writeTxOnly(self, _port: Any, *words: Any) -> None:
+        self._ask("write", *words)
+
+    def writeTxRx(self, _port: Any, *words: Any) -> None:
+        self._ask("write, answered", *words)
+
+    def syncWriteTxOnly(self, _port: Any, *words: Any) -> None:
+        self._ask("sync write", *words)
+
+    def syncReadTx(self, _port: Any, *words: Any) -> None:
+        self._ask("sync read", *words)
+
+    def rxPacket(self, _port: Any, *_receive: bool) -> tuple[list[int], int]:
+        if not self.pending:
+            return [], -6
+        found = self.pending.popleft()
+        return ([], -7) if found is None else (found, 0)
+
+    def setPacketTimeout(self, _length: int) -> None:
+        self.waits.append(self.wait)
+
+    def setPacketTimeoutMillis(self, milliseconds: float) -> None:
+        self.waits.append(1e-3 * milliseconds)
+
+    def isPacketTimeout(self) -> bool:
+        self.polls += 1
+        return not self.pending
+
+    def getBytesAvailable(self) -> int:
+        return len(self.pending[0] or range(20)) if self.pending else 0
+
+    def clearPort(self) -> None:
+        self.pending.clear()
+
+    def closePort(self) -> None:
+        self.open = False
+
+
+@pytest.fixture(params=LIBRARIES, ids=["feetech", "dynamixel"])
+def bus(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> ServoBus:
+    slept: list[float] = []
+    monkeypatch.setattr(serial_line.time, "sleep", slept.append)
+    made = ServoBus(request.param, "/dev/ttyX", 1_000_000)
+    made._port = made.protocol = Handler(request.param)
+    made.slept = slept  # type: ignore[attr-defined]
+    return made
+
+
+def test_numbers_have_their_lowest_byte_first_and_never_wrap() -> None:
+    two = Item(0, 2)
+    packed = [two.pack(value) for value in (0x1234, -1, 1 << 16)]
+    assert packed == [b"\x34\x12", b"\0\0", b"\xff\xff"]
+    signed = [two.pack(value, signed=True) for value in (-2, 40000, -40000)]
+    assert signed == [b"\xfe\xff", b"\xff\x7f", b"\x00\x80"]
+    assert Request(Item(0, 1)).parse([0xFF], 3) == Reply(255, 3)
+    assert Request(Item(0, 1), None, signed=True).parse([0xFF], 0) == Reply(-1, 0)
+
+
+def test_a_closed_port_is_said() -> None:
+    with pytest.raises(ConnectionError, match="not open"):
+        _ = ServoBus(feetech.LIBRARY, "", 1_000_000).port
+
+
+def test_a_value_is_read_of_the_right_servo(bus: Any) -> None:
+    far = bus.protocol
+    far.replies.append([far.packet(2, b"\1\1"), far.packet(1, b"\1"), far.packet(1, b"\xfe\xff")])
+    assert bus.get(1, PLACE) == 0xFFFE
+    assert far.sent == [("read", 1, 20, 2)]
+    assert not far.is_using
+    far.replies.append([far.packet(1, b"\xfe\xff")])
+    assert bus.get(1, PLACE, signed=True) == -2
+    assert bus.slept == []
+
+
+def test_a_servo_that_does_not_answer_is_asked_again(bus: Any) -> None:
+    far = bus.protocol
+    with pytest.raises(ConnectionError, match="id 1 does not answer"):
+        bus.get(1, PLACE)
+    assert bus.slept == [serial_line.PATIENCE] * (ATTEMPTS - 1)
+    assert len(far.sent) == ATTEMPTS  # the first, and markers
+    assert [words[2:] for words in far.sent[1:4]] == [tuple(m) for m in bus._library.markers[:3]]
+
+
+def test_what_is_written(bus: Any) -> None:
+    bus.put(1, PLACE, 0x1234)
+    bus.sync(PLACE, {1: b"\1\2", 2: b"\3\4"})
+    bus.sync(PLACE, {})
+    assert bus.protocol.sent == [
+        ("write, answered", 1, 20, 2, [0x34, 0x12]),
+        ("sync write", 20, 2, [1, 1, 2, 2, 3, 4], 6),
+    ]
+
+
+@pytest.mark.parametrize(("error", "refused"), [(0, False), (0x80, False), (0x84, True)])
+def test_a_write_that_is_refused_is_said(error: int, refused: bool) -> None:
+    def written() -> Any:
+        return converse(put(3, PLACE, 5, 0x7F), lambda _: [Reply(5, error)])
+
+    if not refused:
+        written()
+        return
+    with pytest.raises(ConnectionError, match=r"id 3: 5 is refused at address 20 \(error 4\)"):
+        written()
+
+
+def asked(request: Request | tuple[()], **changes: Any) -> Interview[Any]:
+    def questions() -> Any:
+        question = Question(request, lambda reply: reply, patience=0.03)
+        return (yield replace(question, **changes))
+
+    return Interview(questions(), 0.0)
+
+
+def heard(held: Interview[Any]) -> list[Any]:
+    return [(reply.value, reply.error) for reply in held._answers]
+
+
+def test_the_question_of_an_interview_is_asked_once(bus: Any) -> None:
+    far = bus.protocol
+    bus.hold(1, None, 0.01)
+    bus.hold(1, asked(()), 0.01)
+    done = asked(Request(PLACE))
+    done.asks = False
+    bus.hold(1, done, 0.01)
+    assert far.sent == []
+    far.replies.append([far.packet(1, b"\1"), far.packet(1, b"\5\0", 2), far.packet(1, b"\6\0")])
+    held = asked(Request(PLACE))
+    bus.hold(1, held, 0.01)
+    assert heard(held) == [(5, 2)]
+    assert far.waits[-1] == 0.01
+    far.pending.clear()
+    bus.hold(1, asked(Request(PLACE)), 0.0)
+    assert far.waits[-1] == 0.03
+
+
+def test_a_write_of_an_interview_is_heard_by_its_empty_answer(bus: Any) -> None:
+    far = bus.protocol
+    far.replies.append([far.packet(1, b"\5\0"), far.packet(1, b"", 4)])
+    held = asked(Request(PLACE, 7))
+    bus.hold(1, held, 0.01)
+    assert heard(held) == [(7, 4)]
+    held = asked(Request(PLACE, -2))
+    bus.hold(1, held, 0.01)
+    assert [words[-1] for words in far.sent] == [[7, 0], [0xFE, 0xFF]]
+    assert heard(held) == []
+
+
+def test_a_second_servo_is_heard_where_several_may_answer(bus: Any) -> None:
+    far = bus.protocol
+    answers = [far.packet(1, b"\1\0"), far.packet(1, b"\2"), far.packet(1, b"\3\0")]
+    for several, found in ((True, [1, 3]), (False, [1])):
+        far.pending.clear()
+        far.replies.append([*answers, far.packet(1, b"\4\0")])
+        held = asked(Request(PLACE), several=several)
+        bus.hold(1, held, 0.01)
+        assert [value for value, _ in heard(held)] == found
+
+
+def test_after_an_answer_that_did_not_come_a_marker_is_read(bus: Any) -> None:
+    far = bus.protocol
+    bus.hold(1, asked(Request(PLACE)), 0.01)
+    held = asked(Request(PLACE))
+    bus.hold(1, held, 0.01)
+    first, second = (tuple(marker) for marker in bus._library.markers[:2])
+    assert [words[2:] for words in far.sent] == [(20, 2), first]
+    far.replies.extend([[far.packet(1, bytes(second[1]))], [far.packet(1, b"\1\0")]])
+    bus.hold(1, held, 0.01)
+    assert [words[2:] for words in far.sent[2:]] == [second, (20, 2)]
+    assert heard(held) == [(1, 0)]
+    far.replies.append([far.packet(1, b"\1\0")])
+    bus.hold(1, asked(Request(PLACE)), 0.01)
+    assert len(far.sent) == 5  # it is in step
+
+
+def test_it_reads_several_together(bus: Any) -> None:
+    far, found = bus.protocol, dict[int, bytes]()
+    far.replies.append([far.packet(2, b"\2"), None, far.packet(1, b"\1"), far.packet(3, b"\3")])
+    bus.read(PLACE, [1, 2], found.__setitem__, 0.01)
+    assert found == {2: b"\2", 1: b"\1"}
+    assert far.sent == [("sync read", 20, 2, [1, 2], 2, *bus._library.receive)]
+    assert (far.waits, len(far.pending), far.polls, far.is_using) == ([0.01], 1, 1, False)
+    bus.read(PLACE, [3, 4], found.__setitem__, 0.01)
+    assert found[3] == b"\3"
+    assert far.polls == 2
+
+
+def test_what_is_pending_is_drained(bus: Any) -> None:
+    far, found = bus.protocol, list[Any]()
+    far.pending += [far.packet(1, b"\1\2"), far.packet(2, b""), None, far.packet(3, b"")]
+    bus.drain(lambda drive, data: found.append((drive, data)))
+    assert found == [(1, b"\1\2"), (2, b"")]
+    assert far.waits == [0.0]
+    far.pending = deque([[0] * (bus._library.head + bus._library.tail - 1)])
+    bus.drain(lambda *_: found.append("short"))
+    assert len(found) == 2
+
+
+def test_models_are_counted(bus: Any) -> None:
+    far = bus.protocol
+    one = far.packet(1, b"\x09\x03")
+    assert bus.models(1, attempts=2) == []
+    assert bus.slept == [0.0, serial_line.PATIENCE]
+    far.pending.append(one)  # a late one is dropped
+    far.replies.append([far.packet(1, b"\1"), one])
+    assert bus.models(1) == [777]
+    far.replies.extend([[one, one, one]] * 2)
+    assert bus.models(1, attempts=2) == [777, 777]
+    far.replies.extend([[one, one], [one]])
+    assert bus.models(1, attempts=3) == [777]
+    far.replies.extend([[one, one], []])
+    assert bus.models(1, attempts=2) == [777, 777]
+
+
+def test_it_ends_without_torque_and_twice(bus: Any) -> None:
+    far = bus.protocol
+    far.axes = [type("Axis", (), {"id": number}) for number in (4, 5)]
+    bus.close(far.axes)
+    torque = bus._library.torque
+    assert far.sent == [("sync write", *torque, [4, 0, 5, 0], 4)]
+    assert not far.open
+    bus.close(far.axes)
+    assert len(far.sent) == 1
+    broken = ServoBus(feetech.LIBRARY, "", 1_000_000)
+    broken._port, broken.protocol = far, None
+    far.open = True
+    with pytest.raises(AttributeError):
+        broken.close(far.axes)
+    assert not far.open
