@@ -15,6 +15,13 @@ from control_board_ros.core.terms.vocabs import ControlMode
 
 #: Worst measured speed on a wire: of a drive of positions each late set-point is a step.
 SPEED = {"position": 1.1}
+#: A current loop of the board, as quick as it can be without a wire.
+CURRENT_LOOP = {
+    "output": "current",
+    "joint_defaults.control_modes": ["pos", "torq", "icur", "idl"],
+    "joint_defaults.current_pid.kp": 2.0,
+    "joint_defaults.current_pid.ki": 900.0,
+}
 MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl"]
 
 
@@ -143,6 +150,30 @@ def test_random_modes_on_a_bad_wire_raise_no_fault(row: str, count: int) -> None
         bench.board.position_move(joint, float(bench.position.mean()) + rng.uniform(-0.3, 0.3))
         bench.board.velocity_move(joint, rng.uniform(-0.3, 0.3))
         bench.run(rng.randrange(10, 60))
+    assert not bench.faults
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_a_current_loop_of_the_board_is_calm_on_a_bad_wire(wire: str) -> None:
+    """B7, P10, Y2: with gains that suit readings without age; the current is that asked for."""
+    bench = BadWire("pwm", WIRES[wire], **CURRENT_LOOP)
+    bench.run(100)
+    for mode in ("icur", "pos"):
+        bench.enter(mode)
+        if mode == "icur":
+            asked = 0.5 * bench.board.snapshot().current + 0.02
+            assert bench.board.set_ref_current(None, asked.tolist())
+            bench.run(500)
+            shown = []
+            for _ in range(200):
+                bench.run(1)
+                shown.append(bench.board.snapshot().current)
+            assert np.mean(shown, axis=0) == pytest.approx(asked, rel=0.05)
+            assert np.std(shown, axis=0) == pytest.approx(0.0, abs=0.1 * asked.min())
+        else:
+            target = move(bench, [1.0, -1.0])
+            bench.run(2000)
+            assert bench.position == pytest.approx(target, abs=5e-3)
     assert not bench.faults
 
 

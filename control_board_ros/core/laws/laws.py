@@ -895,6 +895,7 @@ class Joint:
     # ∫a_ref dt of the last FED cycles, rad/s: what the feed-forward has accelerated
     fed = cython.declare(cython.double[::1], visibility="public")
     fed_now = cython.declare(cython.int, visibility="public")  # the place of the last one
+    drawn = cython.declare(cython.double[::1], visibility="public")  # current references then, A
     blind = cython.declare(cython.bint, visibility="public")  # for more than GAP periods
     coasts = cython.declare(cython.bint, visibility="public")  # and by the board's loop
     calm = cython.declare(cython.double, visibility="public")  # bandwidth that the age leaves, 0…1
@@ -952,6 +953,7 @@ class Joint:
         self.stream = Stream()
         self.plan, self.stepping = memoryview(array("d", [0.0])), False
         self.fed, self.fed_now = memoryview(array("d", [0.0] * FED)), 0
+        self.drawn = memoryview(array("d", [0.0] * FED))
         self.smooth, self.max_jerk, self.moved_acceleration = False, 0.0, 0.0
         self.kind = AS_PWM
         self.set_current = self.set_torque = self.set_velocity = 0.0
@@ -1333,19 +1335,27 @@ def observe(
 @cython.cfunc
 @cython.inline
 def note_feed(j: Joint) -> cython.void:
-    """Keep what the feed-forward has accelerated with the last set-point, on a wire."""
+    """Keep what the last set-point fed forward, and which current it was for, on a wire."""
     fed: cython.double = j.fed[j.fed_now]
     if j.active and (j.law == POSITION or j.settling):
         fed += j.followed_acceleration * j.elapsed
     j.fed_now = (j.fed_now + 1) & (FED - 1)
     j.fed[j.fed_now] = fed
+    j.drawn[j.fed_now] = j.current_pid.reference
 
 
 @cython.cfunc
 def fed_since(j: Joint, age: cython.double) -> cython.double:
     """What the feed-forward has accelerated over an age, rad/s."""
+    return j.fed[j.fed_now] - j.fed[place_of(j, age)]
+
+
+@cython.cfunc
+@cython.inline
+def place_of(j: Joint, age: cython.double) -> cython.int:
+    """Where what was so an age ago is kept, as far back as it is."""
     cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FED - 1.0))
-    return j.fed[j.fed_now] - j.fed[(j.fed_now - cycles) & (FED - 1)]
+    return (j.fed_now - cycles) & (FED - 1)
 
 
 @cython.cfunc
@@ -2183,8 +2193,13 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
     p: Pid = j.current_pid
     before: cython.double = p.reference
     reached: cython.double = before if j.law == CURRENT else reference
+    feedback: cython.double = (
+        late_feedback(j, reference)
+        if j.wire > 0.0
+        else pid_step(p, reference, reached - j.current, 0.0)
+    )
     wanted: cython.double = j.percent_per_volt * (
-        pid_step(p, reference, reached - j.current, 0.0)
+        feedback
         + j.ohms * (reference + j.lead * (reference - before))
         + j.emf * j.velocity
     )
@@ -2192,6 +2207,26 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
     if given != wanted:
         unwind(p, wanted - given)
     return given
+
+
+@cython.cfunc
+def late_feedback(j: Joint, reference: cython.double) -> cython.double:
+    """The PI of the current on a wire: a reading is compared with the reference of its time (B7).
+
+    Its gains are as configured where kp/R + age·ki/R is within WIRE_PHASE, and less beyond, as
+    those of the position loop; the same reading is not integrated twice.
+    """
+    p: Pid = j.current_pid
+    error: cython.double = 0.0
+    gain: cython.double = p.kp + p.ki_period / j.period * j.wire
+    calm: cython.double = 1.0
+    if j.missed == 0.0:
+        error = j.drawn[place_of(j, j.age)] - j.current
+    if gain > WIRE_PHASE * j.ohms:
+        calm = WIRE_PHASE * j.ohms / gain
+    pid_step(p, reference, error, 0.0)
+    p.integral -= (1.0 - calm) * (p.integral - p.previous)
+    return p.kp * calm * error + p.integral
 
 
 # --- 4. protect -----------------------------------------------------------------------------
