@@ -188,8 +188,8 @@ def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
         rest = Trace("measured − model", traced.time, traced.measured - traced.model, "error")
         share = f"{100.0 * traces[name].unexplained:.2g} %"
         found.append(Chart(f"{title}: residual, {share}", unit, [rest]))
-    if (rubbing := traces.get(FRICTION)) is not None:
-        found.insert(0, friction_chart(rubbing, kind))
+    if FRICTION in traces:
+        found = [*friction_charts(traces[FRICTION], kind), *found]
     return found
 
 
@@ -202,12 +202,14 @@ def parted(traced: Traced, pause: float) -> Traced:
     return Traced(np.insert(time, breaks, time[breaks] - 0.5 * GAP), *rows)
 
 
-def friction_chart(traced: Traced, kind: JointKind) -> Chart:
-    """Friction over speed, mean of the samples of each speed."""
+def friction_charts(traced: Traced, kind: JointKind) -> list[Chart]:
+    """Friction over speed, mean of the samples of each speed; none where all have too few."""
     speed = traced.time
     edges = np.linspace(speed.min(), speed.max() + 1e-9, SPEEDS + 1)
     rows = np.digitize(speed, edges) - 1
     bins = [k for k in range(SPEEDS) if (rows == k).sum() > 2]
+    if not bins:
+        return []
     x, y, z = (
         np.array([values[rows == k].mean() for k in bins])
         for values in (speed, traced.measured, traced.model)
@@ -215,9 +217,6 @@ def friction_chart(traced: Traced, kind: JointKind) -> Chart:
     way = np.flatnonzero(np.diff(np.sign(x)) != 0.0) + 1  # undefined at rest
     x, y, z = np.insert(x, way, 0.0), np.insert(y, way, np.nan), np.insert(z, way, np.nan)
     factor = kind.shown_factor
-    return Chart(
-        "Friction over speed",
-        kind.force_unit,
-        [Trace("measured", factor * x, y), Trace("model", factor * x, z, "reference")],
-        x_unit=f"{kind.shown_unit}/s",
-    )
+    traces = [Trace("measured", factor * x, y), Trace("model", factor * x, z, "reference")]
+    unit = f"{kind.shown_unit}/s"
+    return [Chart("Friction over speed", kind.force_unit, traces, x_unit=unit)]
