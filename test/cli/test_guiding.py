@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,6 +39,7 @@ def test_a_guided_way_is_replayed(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path
     guiding = cbctl.start("guide", "--for", "60s", "--record", str(way), "--json")
     until(lambda: {row["interaction_mode"] for row in ask("modes").values()} == {"comp"})
     until(lambda: as_set(ask)[1] != before[1])
+    until(lambda: list(Path(tempfile.gettempdir()).glob("cbctl*/way/*")))  # it records
     time.sleep(1.0)  # the load is taken over: a push before that would be load
     hand.push(4.0)
     until(lambda: hand.position() > 0.3)
