@@ -24,6 +24,9 @@ ARRIVED = 0.02
 #: Time within this tolerance, s.
 SETTLED = 0.05
 
+#: The phase of the way there.
+TO_START = "moving to the start position"
+
 
 class CalibrationError(Exception):
     """A calibration that cannot continue; the text is the reason (K4)."""
@@ -126,7 +129,7 @@ class Calibrator:
             hand.hold()
             self._distance = max(abs(calibration.start - hand.position), 1e-9)
             hand.move(calibration.start, calibration.speed)
-            self.progress.phase = "moving to the start position"
+            self.progress.phase = TO_START
         off = abs(calibration.start - hand.position)
         self.progress.fraction = max(
             self.progress.fraction, 0.5 + 0.5 * (1 - off / self._distance)
@@ -204,6 +207,7 @@ class HardStop(Calibrator):
         second = yield from self._meet("approaching the stop again", 0.3)
         self._check_place(first, second)
         yield from self._push(second)
+        yield from self._let_go(TO_START, 0.5)
         hand.set_offset(second - calibration.stop)
         arrived = self.go_to_start(True)
         while not arrived:
@@ -230,12 +234,19 @@ class HardStop(Calibrator):
         self._check_current(calibration.output, current)
         return hand.reading
 
+    def _let_go(self, phase: str, fraction: float) -> Generator[str, None, None]:
+        """Press no longer, for ``stall_time``: a position law would hold the press as a load."""
+        self.progress.phase, self.progress.fraction = phase, fraction
+        self.hand.drive(0.0)
+        for _ in range(round(self.calibration.stall_time / self.period)):
+            yield phase
+
     def _back_off(self) -> Generator[str, None, None]:
         """Move back from the stop: the joint must be able to move in the other direction."""
         hand, phase = self.hand, "backing off the stop"
-        self.progress.phase, self.progress.fraction = phase, 0.25
-        hand.hold()
         place = hand.position
+        yield from self._let_go(phase, 0.25)
+        hand.hold()
         hand.move(place - self._way * self._back, self.calibration.speed)
         late = 0
         while hand.moving() or self._way * (place - hand.position) < 0.5 * self._back:
