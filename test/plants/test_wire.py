@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import random
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -307,3 +310,18 @@ def test_a_heartbeat_is_missed_after_its_seconds_where_cycles_are_lost() -> None
     took = until_so(bench, lambda: bool(bench.faults), 1.0)
     assert took == pytest.approx(0.3, abs=0.01)
     assert "heartbeat" in str(bench.faults)
+
+
+# --- all the rules -----------------------------------------------------------------------------
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("wire", WIRES)
+def test_the_tests_of_the_rules_pass_behind_a_wire(wire: str) -> None:
+    """B7, P1, M9, I4, F1: all but those that say why they need fresh readings."""
+    root = Path(__file__).resolve().parents[2]
+    options = ["--wire", wire, "-m", "not soak", "-q", "-p", "no:cacheprovider"]
+    command = [sys.executable, "-m", "pytest", "test/spec", *options]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-5000:]

@@ -103,6 +103,7 @@ def test_two_boards_do_not_touch(seed: int) -> None:
         assert all(same(a, b) for a, b in zip(one, two, strict=True))
 
 
+@pytest.mark.fresh("each wire has its own chance")
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("order", [(3, 2, 1, 0), (1, 3, 0, 2)], ids=str)
 def test_the_order_of_the_joints_does_not_matter(seed: int, order: tuple[int, ...]) -> None:
@@ -201,6 +202,7 @@ def test_new_gains_without_a_jump() -> None:
     assert rig.modes() == [M.POSITION]
 
 
+@pytest.mark.fresh("a plant without a wire")
 def test_a_board_needs_nothing_but_a_plant() -> None:
     """A: two lines make a board run: read and tick, write."""
     config = board_config()

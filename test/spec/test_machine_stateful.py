@@ -11,6 +11,7 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.internal.cache import LRUCache
@@ -432,6 +433,7 @@ class TestBoard(BoardMachine.TestCase):
         assert len(set(WATCHED)) >= 4
 
 
+TestBoard.pytestmark = [pytest.mark.fresh("its model has no wire")]
 TestBoard.settings = settings(
     max_examples=400 if LONG else 120,
     stateful_step_count=100 if LONG else 40,

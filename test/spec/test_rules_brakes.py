@@ -42,6 +42,7 @@ def power(rig: Rig) -> tuple[bool, bool]:
 # --- the order of things -----------------------------------------------------------------------
 
 
+@pytest.mark.fresh("0.4 mrad before the first set-point arrives")
 @pytest.mark.parametrize("mode", sorted(POWERED, key=lambda mode: mode.code))
 def test_the_brake_is_open_before_power_acts_and_nothing_sags(mode: ControlMode) -> None:
     """Y4, M9: the mode is entered at once, power acts when the brake is open, the load stays."""
@@ -133,6 +134,7 @@ def test_a_torque_asked_for_while_the_brake_opens_acts_when_it_is_open() -> None
     assert rig.board.state.torque_reference[0] == pytest.approx(3.0, abs=0.5)
 
 
+@pytest.mark.fresh("within 20 ms")
 def test_a_current_asked_for_while_the_brake_opens_acts_when_it_is_open() -> None:
     """Y4, Y2: the reference is kept, and drives nothing before."""
     rig = braked()

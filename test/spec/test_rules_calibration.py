@@ -24,7 +24,6 @@ from rig import (
 )
 
 from control_board_ros.core.config.config import Calibration
-from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode
 
 SENSOR = Calibration(type=12, zero=0.7)
@@ -41,12 +40,13 @@ def calibrating(calibration: Calibration, **changes: Any) -> Rig:
     return Rig(board_config(one), home=[0.5], zero=[0.7])
 
 
+@pytest.mark.fresh("its first answer is one of a joint that moves")
 @pytest.mark.parametrize("calibration", ALL, ids=NAMES)
 def test_calibrators_find_the_zero(calibration: Calibration) -> None:
     """K5, K1, K3, N2: requested at start-up; the angle is wrong until the zero is known."""
     rig = calibrating(calibration)
     assert rig.modes() == [M.NOT_CONFIGURED]
-    assert rig.plant.read().values[Row.POSITION, 0] == pytest.approx(1.2)
+    assert truth(rig) == 0.5
     known = calibration.type != 5  # from the first reading on
     assert rig.tick().position[0] == pytest.approx(0.5 if known else 1.2, abs=1e-3)
     if calibration.type != 12:  # which is instant
@@ -317,6 +317,7 @@ def test_joints_without_required_calibration_recover_angle_and_limits(
     assert rig.board.snapshot().position_reference[0] == pytest.approx(2.0)
 
 
+@pytest.mark.fresh("counted from the first reading")
 def test_timeout() -> None:
     """K4: a calibration that does not end in time: HW_FAULT with the reason."""
     rig = calibrating(replace(OFFSET, speed=0.05, timeout=0.5))
@@ -347,6 +348,7 @@ def test_a_fault_while_calibrating() -> None:
     assert rig.board.snapshot().output[0] == 0.0
 
 
+@pytest.mark.fresh("the current of that instant")
 def test_a_joint_at_rest_with_a_running_motor_has_not_stalled() -> None:
     """K5, K4: nor where no travel of the motor is known (K6): the drive is not at its torque."""
     near = replace(STOP, stop=-1.9, start=-1.895, timeout=0.7)
@@ -372,6 +374,7 @@ def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
     assert not rig.board.get_calibration("left")[0].done
 
 
+@pytest.mark.fresh("the phases of that cycle")
 def test_groups_calibrate_one_after_the_other() -> None:
     """K1, K5: joints of a group together, group after group; waiting joints are at rest."""
     joints = [joint(n, calibration=replace(OFFSET, start=0.2)) for n in ("a", "b", "c")]
@@ -517,6 +520,7 @@ def test_required_calibration_and_the_command() -> None:
     assert rig.modes() == [M.POSITION, M.IDLE]
 
 
+@pytest.mark.fresh("configured after the first answer")
 @pytest.mark.parametrize("calibration", [None, *ALL], ids=["none", *NAMES])
 @pytest.mark.parametrize("first", ["configure", "cycle and configure"])
 def test_configured_before_a_reading(calibration: Calibration | None, first: str) -> None:

@@ -54,6 +54,7 @@ def test_the_causes_are_all() -> None:
     assert {*CAUSES, *IN_MOTION} == {*KINDS}
 
 
+@pytest.mark.fresh("the drive gets it later")
 @pytest.mark.parametrize("mode", STANDARD, ids=str)
 def test_a_fault_removes_power_in_its_cycle(mode: ControlMode) -> None:
     """F1, M2: from every mode; in the very cycle that shows it bridge and PWM are off."""
@@ -86,6 +87,7 @@ def faulted_by(cause: str) -> tuple[Rig, int]:
     return rig, cycles
 
 
+@pytest.mark.fresh("within one cycle")
 @pytest.mark.parametrize("cause", [*CAUSES, *IN_MOTION])
 def test_causes(cause: str) -> None:
     """F1, F5: the causes the hardware can have, each found in its time, with code and text."""
@@ -119,6 +121,7 @@ def test_an_encoder_that_lies_is_found_again_when_the_motor_runs(cause: str) -> 
     assert rig.board.get_faults("left")[0].code == 14
 
 
+@pytest.mark.fresh("before the next answer")
 @pytest.mark.parametrize("cause", [cause for cause in CAUSES if cause != "diverged"])
 def test_a_cause_present_at_power_on_prevents_power(cause: str) -> None:
     """F1, N1, N2: found in the cycle that configures the joint; afterwards it is as before."""
@@ -140,6 +143,7 @@ def test_a_cause_present_at_power_on_prevents_power(cause: str) -> None:
     assert abs(rig.board.get_encoder()[0]) < 1e-3
 
 
+@pytest.mark.fresh("before the next answer")
 def test_a_joint_configured_on_non_finite_readings() -> None:
     """F1: no other fault follows from it."""
     rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
@@ -152,6 +156,7 @@ def test_a_joint_configured_on_non_finite_readings() -> None:
     assert rig.modes() == [M.POSITION]
 
 
+@pytest.mark.fresh("the next answer is another's")
 @pytest.mark.parametrize("cycles", range(1, 10))
 def test_a_wrong_current_leaves_no_wrong_encoder_behind(cycles: int) -> None:
     """F3: an overcurrent reading is no travel of the motor; FORCE_IDLE clears it at once."""
@@ -166,6 +171,7 @@ def test_a_wrong_current_leaves_no_wrong_encoder_behind(cycles: int) -> None:
     assert reply, reply.message
 
 
+@pytest.mark.fresh("before the next answer")
 def test_the_first_reading_after_those_that_are_none_is_no_spike() -> None:
     """F2: how far the joint went meanwhile is unknown; FORCE_IDLE clears the fault at once."""
     rig = ready(board_config(joint("left")))
@@ -297,6 +303,7 @@ def test_a_joint_without_power_heats_nothing() -> None:
     assert rig.board.snapshot().overload[0] == 0.0
 
 
+@pytest.mark.fresh("before the next answer")
 def test_an_injected_overcurrent_cleared_at_once_is_clearable_at_once() -> None:
     """F6, F3: no seconds of I²t come from a sensor that lied while the bridge was open."""
     rig = ready(board_config(joint("left")))
@@ -337,6 +344,7 @@ def test_frozen_encoder_in_a_moving_joint_only(rig: Rig) -> None:
         assert rig.modes() == [M.POSITION] * 3
 
 
+@pytest.mark.fresh("before the next answer")
 @pytest.mark.parametrize("cause", list(CAUSES))
 def test_a_cause_that_persists(cause: str) -> None:
     """F3: FORCE_IDLE reports it; the joint is in HW_FAULT again by the next cycle."""
@@ -366,6 +374,7 @@ def test_a_cause_that_persists(cause: str) -> None:
     assert rig.modes() == [M.POSITION]
 
 
+@pytest.mark.fresh("before the next answer")
 def test_the_first_cause_is_kept(rig: Rig) -> None:
     """F5: of many causes the first is shown; after FORCE_IDLE a new one is a new fault."""
     rig.plant.inject("left", "external")

@@ -122,7 +122,11 @@ def test_an_elastic_stop_is_one() -> None:
         (lambda _, q, dq: -20.0 * np.sin(q) - 5.0 * dq, "then moved by"),  # a pendulum, lifted
         (lambda _, q, dq: -100.0 * (q + 0.5) - 20.0 * dq, "then moved by"),  # a spring
         (held_by(12.0, at=-1.0), "then moved by"),  # a tight spot
-        (held_by(20.0, at=3.0), "on the second approach"),  # friction
+        pytest.param(
+            held_by(20.0, at=3.0),
+            "on the second approach",
+            marks=pytest.mark.fresh("a slower loop does not come back: another reason"),
+        ),  # friction
         (lambda _, q, dq: 30.0 - 20.0 * dq, "against the output of -4 %"),  # pulled away
     ],
     ids=["pendulum", "spring", "tight spot", "friction", "load"],
@@ -210,6 +214,7 @@ def test_a_sliding_joint_finds_its_stop() -> None:
     assert truth(rig) == pytest.approx(0.03, abs=1e-3)
 
 
+@pytest.mark.fresh("a slower loop does not come back from friction: another reason")
 def test_a_sliding_joint_held_in_mid_air() -> None:
     """K6, K4: 5 mm are far for a sliding joint, however little they are in rad."""
     text = calibrate(finger(lambda _, q, dq: -5000.0 * (q - 0.015) - 60.0 * dq))
@@ -217,6 +222,7 @@ def test_a_sliding_joint_held_in_mid_air() -> None:
     assert " m at -6 %" in text
 
 
+@pytest.mark.fresh("a slower loop does not come back from friction: another reason")
 @pytest.mark.parametrize("kind", [3, 5])
 def test_a_sliding_joint_blocked_before_its_start(kind: int) -> None:
     """K4, K5: 10 mm away from the start position is not there."""

@@ -137,6 +137,7 @@ def test_calibration_is_stiff_whatever_is_stored() -> None:
     assert compliant.modes() == [M.CALIBRATING]
 
 
+@pytest.mark.fresh("the way from that reading")
 @pytest.mark.parametrize("mode", POSITION_MODES, ids=str)
 @pytest.mark.parametrize("first", [STIFF, COMPLIANT], ids=str)
 def test_a_change_drops_the_trajectory(mode: ControlMode, first: Any) -> None:

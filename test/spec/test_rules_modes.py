@@ -277,6 +277,7 @@ def test_references_on_entering_a_mode(
     assert later.output[0] == pytest.approx(then.output[0], abs=1e-9)
 
 
+@pytest.mark.fresh("0.79 of 0.9 of the speed is left")
 def test_a_torque_ends_the_stop_of_entering_torque() -> None:
     """M9: the reference stays where a torque took over; nothing stops a joint that follows one."""
     rig = in_mode(M.POSITION_DIRECT, STIFF)

@@ -178,6 +178,7 @@ def test_both_speeds_or_none() -> None:
     assert rig.board.get_ref_acceleration().tolist() == [1.0, 2.0, 3.0]
 
 
+@pytest.mark.fresh("the way from that reading")
 @pytest.mark.parametrize("mode", ["pos", "posd", "vel", "mix"])
 def test_stop_in_each_mode(mode: str) -> None:
     """P3: stop drops what runs; the joint brakes, and is held where it comes to rest."""
@@ -232,6 +233,7 @@ def test_direct_position_is_the_step_itself() -> None:
         assert shown.motion_done[0]
 
 
+@pytest.mark.fresh("cycle by cycle")
 @pytest.mark.parametrize("gap", [0.005, 0.02, 0.04, 0.051])
 @pytest.mark.parametrize("step", [0.002, 0.01, 0.03])
 def test_two_steps_are_no_motion(gap: float, step: float) -> None:
@@ -463,6 +465,7 @@ def test_current_output() -> None:
     assert rigs["current"].tick().output[0] == pytest.approx(1.0 / 48.0 * 100.0)
 
 
+@pytest.mark.fresh("within 0.1 s")
 @pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
 def test_current_output_moves_the_joint(interaction: Any) -> None:
     """P10: with an inner current loop the joint tracks as with a PWM."""

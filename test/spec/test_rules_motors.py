@@ -24,6 +24,7 @@ def rig() -> Rig:
     return made
 
 
+@pytest.mark.fresh("the reading of that instant")
 def test_a_motor_turns_with_its_joint(rig: Rig) -> None:
     """Y5: by the gear ratio, in the state and by request."""
     rig.board.position_move("left", 0.5, 1.0)
@@ -148,6 +149,7 @@ def test_friction_that_is_set_is_fed_forward(speed: float, friction: float) -> N
     assert (left - right) / per_torque == pytest.approx(friction)
 
 
+@pytest.mark.fresh("the reading of that instant")
 def test_a_motor_encoder_reads_its_set_value(rig: Rig) -> None:
     """Y5: and goes on from there; the joint's angle is another thing."""
     rig.board.position_move("left", 0.2, 1.0)
@@ -183,6 +185,7 @@ def test_the_angle_of_a_joint_without_power_can_be_set(rig: Rig) -> None:
     assert rig.tick().position.tolist() == pytest.approx([0.0] * 3, abs=1e-3)
 
 
+@pytest.mark.fresh("the reading of that instant")
 def test_loops_report_their_references(rig: Rig) -> None:
     """Y5: reference, error and output of each loop."""
     rig.plant.push("left", 8.0)
@@ -201,6 +204,7 @@ def test_loops_report_their_references(rig: Rig) -> None:
         rig.board.get_pids("pwm")
 
 
+@pytest.mark.fresh("the reading of that instant")
 def test_a_loop_is_reset_and_given_an_offset(rig: Rig) -> None:
     """Y5: what it has integrated is gone; an offset is u_ff."""
     rig.plant.push("left", 8.0)

@@ -16,6 +16,8 @@ from control_board_ros.core.terms.measurement import ROWS, Actuation, Intake, Me
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.sim.plant import SimulatedPlant
 
+pytestmark = pytest.mark.fresh("answers lie that a wire would keep")
+
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 #: Finite, and so far from any sensor that a product of two of them is not.
 ABSURD = 1e300

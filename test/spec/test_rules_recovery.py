@@ -225,6 +225,7 @@ def test_the_input_of_a_plant_is_a_stop() -> None:
     assert rig.board.recover().modes == (M.POSITION,) * 2
 
 
+@pytest.mark.fresh("from the first cycle on")
 def test_the_silence_of_the_heartbeat_is_a_stop() -> None:
     """E2: from the first reading on; when it is received again, the fault can be cleared."""
     rig = Rig(board_config(heartbeat_timeout=0.1))
@@ -293,6 +294,7 @@ def around_a_fault(rig: Rig) -> float:
     return stamp
 
 
+@pytest.mark.fresh("position of that cycle")
 def test_a_fault_keeps_a_freeze_frame(rig: Rig) -> None:
     """E3: two seconds of what was measured and followed, around it; also once it is cleared."""
     assert rig.board.get_freeze_frame("left") is None

@@ -49,6 +49,7 @@ def test_a_joint_implements_them_where_it_lists_them(mode: M) -> None:
     assert mode in made.board.get_available_modes("left")[0][0]
 
 
+@pytest.mark.fresh("at once")
 def test_a_direct_velocity_acts_at_once() -> None:
     """Y1: the reference is there in the next cycle, the joint as soon as its limits let it."""
     made = rig()
@@ -125,6 +126,7 @@ def test_entering_in_motion_brings_a_joint_to_rest(mode: M, output: str) -> None
     assert made.modes()[0] is mode
 
 
+@pytest.mark.fresh("within 20 ms")
 @pytest.mark.parametrize("output", ["pwm", "current"])
 @pytest.mark.parametrize("name", ["left", "bare"])
 def test_a_current_reference_is_the_motor_s_current(output: str, name: str) -> None:
@@ -195,6 +197,7 @@ def test_a_feed_forward_adds_to_a_current() -> None:
     assert more - alone > 0.9 * 100.0 * 0.04 * PEAK * MOTOR.resistance / MOTOR.supply_voltage
 
 
+@pytest.mark.fresh("at once")
 @pytest.mark.parametrize("mode", [DIRECT, CURRENT], ids=str)
 def test_stop_and_leaving(mode: M) -> None:
     """P3, M9: stop holds where a position is followed; the next mode holds in either case."""

@@ -26,6 +26,7 @@ from control_board_ros.core.state import Reference, Snapshot, StateArrays
 from control_board_ros.core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
+    DriveModel,
     Encoder,
     JointSimulation,
     MotorModel,
@@ -56,6 +57,11 @@ LIMITS = Limits(
 MOTOR = Motor(
     resistance=1.0, inductance=1e-3, torque_constant=0.1, gear_ratio=50.0, supply_voltage=48.0
 )
+#: What the wire between the boards of ``Rig`` and their drives does: fields of ``DriveModel``,
+#: none by default; ``pytest --wire NAME`` sets those of ``bad_wire.WIRES``.
+WIRE: dict[str, float] = {}
+#: What comes late is no fault within this time, s, and has come after these cycles.
+PATIENCE, FIRST_ANSWERS = 0.1, 50
 #: PWM percent for one N·m: 100/48 V of 1 ohm over 5 N·m/A.
 PER_TORQUE = 100.0 / 48.0 / 5.0
 
@@ -112,11 +118,23 @@ def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> Simu
                 home=home,
                 motor=MotorModel(coulomb=0.2, viscous=0.5),
                 encoder=Encoder(zero=zero),
+                drive_model=DriveModel(**WIRE),
             )
             for name, home, zero in zip(config.names, homes, zeros, strict=True)
         ),
         physics_rate=config.control_rate,
     )
+
+
+def patient(config: BoardConfig) -> BoardConfig:
+    """A board whose sensors may be silent as long as a bad wire makes them."""
+    joints = []
+    for one in config.joints:
+        encoder = max(one.timeouts.encoder, PATIENCE)
+        torque_sensor = max(one.timeouts.torque_sensor, PATIENCE)
+        timeouts = replace(one.timeouts, encoder=encoder, torque_sensor=torque_sensor)
+        joints.append(replace(one, timeouts=timeouts))
+    return replace(config, joints=tuple(joints))
 
 
 class Held:
@@ -147,14 +165,18 @@ class Rig:
         levels: Sequence[Sequence[str]] = (),
         **per_joint: Any,
     ) -> None:
+        self._waits = 0
+        if WIRE and isinstance(plant, SimulatedPlant | None):
+            config, self._waits = patient(config), FIRST_ANSWERS
         self.config = config
         self.board = Board(config, levels)
         self.plant: Any = plant or SimulatedPlant(config, simulation_config(config, **per_joint))
         self.period = config.period
 
     def tick(self, cycles: int = 1) -> Snapshot:
-        """Some control cycles; what the board shows after the last."""
-        for _ in range(cycles):
+        """Some control cycles, before the first those of a wire; what the board shows at last."""
+        waits, self._waits = self._waits, 0
+        for _ in range(cycles + waits):
             self.plant.write(self.board.tick(self.plant.read()))
         return self.board.snapshot()
 
