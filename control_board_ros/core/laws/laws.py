@@ -2199,9 +2199,7 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
         else pid_step(p, reference, reached - j.current, 0.0)
     )
     wanted: cython.double = j.percent_per_volt * (
-        feedback
-        + j.ohms * (reference + j.lead * (reference - before))
-        + j.emf * j.velocity
+        feedback + j.ohms * (reference + j.lead * (reference - before)) + j.emf * j.velocity
     )
     given: cython.double = clamp(wanted, -j.max_output, j.max_output)
     if given != wanted:
