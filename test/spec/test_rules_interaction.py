@@ -277,6 +277,7 @@ def test_old_impedance_modes(rig: Rig, old: str, mode: ControlMode) -> None:
     assert rig.modes()[2] is M.HW_FAULT
 
 
+@pytest.mark.fresh("within that time")
 def test_the_load_is_kept_on_entering_compliant() -> None:
     """I5, M9: without a τ_ff of the user, the load carried on entry becomes the torque offset."""
     rig = ready(board_config(joint("left")))

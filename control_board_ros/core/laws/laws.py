@@ -2272,9 +2272,12 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
     torque: cython.double = way * j.current * j.torque_per_ampere
     grown: cython.double = torque - way * j.current_before * j.torque_per_ampere
     gain: cython.double = 1.0 + j.lag * j.period / span
-    if j.wire > 0.0 and j.law != POSITION and not j.settling:
-        speed += way * j.acceleration * (j.age - j.missed)
-    spare: cython.double = (top - speed) / span - gain * way * j.acceleration
+    gained: cython.double = way * j.acceleration
+    if j.wire > 0.0:  # more than the motor gives is an impact, which does not last
+        gained = clamp(gained, -j.max_torque / j.inertia_min, j.max_torque / j.inertia_min)
+        if j.law != POSITION and not j.settling:
+            speed += gained * (j.age - j.missed)
+    spare: cython.double = (top - speed) / span - gain * gained
     inertia: cython.double = LIGHT * j.inertia_min
     if spare < 0.0:
         inertia = min(HEAVY * j.inertia, WIDE * inertia)
