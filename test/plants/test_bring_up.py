@@ -11,12 +11,15 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES, PERIOD, TIMEOUT, Bench
 
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.core.terms.measurement import SetPoints, Value
 from control_board_ros.plants.__main__ import main, report
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.bring_up import (
@@ -25,9 +28,16 @@ from control_board_ros.plants.drives.bring_up import (
     corrections,
     write,
 )
+from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.remedies import bus_error
 from control_board_ros.plants.errors import PlantSettingsError
-from control_board_ros.plants.interface import DriveLimits
+from control_board_ros.plants.interface import (
+    Description,
+    DriveLimits,
+    JointDescription,
+    Readings,
+    Setup,
+)
 from control_board_ros.testing.plant_contract import board_for
 
 pytest.importorskip("moteus")
@@ -141,6 +151,107 @@ def test_a_short_way_is_moved_in_part_and_never_beyond_a_limit(bench: Bench, sig
     narrow = replace(has[1], limits=DriveLimits(lower=0.0, upper=0.006))
     tried.description = replace(tried.description, joints=(has[0], narrow))
     assert abs(tried.move(1).commanded) == pytest.approx(0.0015)
+
+
+class Follower:
+    """A plant whose joints are where they are told to be, at once.
+
+    Attributes: wanted (set-points so far), fault (of the second joint, once it moves), blind (it
+        reads no velocity).
+    """
+
+    def __init__(self, kinds: tuple[SetPoint, ...], start: float, lower: float = -2.0) -> None:
+        limits = DriveLimits(lower=lower, upper=2.0)
+        self.joints = tuple(
+            JointDescription(name=name, set_points=kinds, limits=limits) for name in "ab"
+        )
+        self.place = np.array([0.1, start])
+        self.wanted: list[SetPoints] = []
+        self.fault: str | None = None
+        self.blind = False
+
+    def describe(self) -> Description:
+        return Description(joints=self.joints)
+
+    def connect(self, setup: Setup) -> None:
+        self.setup = setup
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        self.wanted.append(wanted)
+        moves = wanted.kinds != SetPoint.OFF
+        self.place = np.where(moves, wanted.values[Value.POSITION], self.place)
+        speed = np.where(moves, wanted.values[Value.VELOCITY], 0.0)
+        faults = [None, self.fault if moves[1] else None]
+        return Readings(position=self.place, velocity=None if self.blind else speed, faults=faults)
+
+
+def followed(plant: Any, **limits: float) -> Trial:
+    """A trial of it, in a time that passes with its pauses only."""
+    joints = board_for(plant.describe()).joints
+    bounds = {"lower": -2.0, "upper": 2.0, "velocity": 1.0, "torque": 5.0} | limits
+    joints = tuple(replace(one, limits=replace(one.limits, **bounds)) for one in joints)
+    clock = ManualClock()
+    return Trial(plant, joints, 0.01, 0.1, clock.pass_by, clock.now)
+
+
+def test_a_move_is_told_in_full() -> None:
+    """From where it is, as a polynomial of the fifth degree, in its time, and then held."""
+    plant = Follower((SetPoint.TORQUE, SetPoint.VELOCITY, SetPoint.POSITION), start=-0.5)
+    tried = followed(plant, velocity=0.4)
+    assert (plant.setup.period, plant.setup.timeout) == (0.01, 0.1)
+    moved = tried.move(1)
+    way = math.radians(2.0)
+    assert (moved.joint, moved.commanded) == ("b", pytest.approx(way))
+    assert moved.read == pytest.approx(way)
+    assert moved.summed == pytest.approx(way, rel=1e-3)
+    duration = 1.875 * way / 0.04
+    moving = plant.wanted[1:-1]
+    assert len(moving) == round((duration + 0.3) / 0.01) == 194
+    for wanted in moving:
+        assert wanted.kinds.tolist() == [SetPoint.OFF, SetPoint.POSITION]
+    s = 50 * 0.01 / duration
+    half = moving[49].values[:, 1]
+    assert half[Value.POSITION] == pytest.approx(-0.5 + way * (10 * s**3 - 15 * s**4 + 6 * s**5))
+    assert half[Value.VELOCITY] == pytest.approx(
+        way / duration * (30 * s**2 - 60 * s**3 + 30 * s**4)
+    )
+    assert not half[Value.STIFFNESS]
+    assert moving[-1].values[Value.POSITION, 1] == pytest.approx(-0.5 + way)
+    assert moving[-1].values[Value.VELOCITY, 1] == 0.0
+    for ends in (plant.wanted[0], plant.wanted[-1]):
+        assert ends.kinds.tolist() == [SetPoint.OFF] * 2
+
+
+def test_a_short_move_takes_a_second_away_from_the_nearer_limit() -> None:
+    plant = Follower((SetPoint.VELOCITY,), start=0.5)
+    plant.blind = True
+    moved = followed(plant).move(1)
+    assert len(plant.wanted) == 132
+    assert moved.read == pytest.approx(-math.radians(2.0))
+    assert math.isnan(moved.summed)
+    assert moved.velocity_factor == 1.0
+    assert plant.wanted[1].kinds[1] == SetPoint.VELOCITY
+    near = Follower((SetPoint.POSITION,), start=0.5, lower=0.0)  # of its drive: the middle is 1
+    assert followed(near).move(1).commanded > 0.0
+
+
+def test_a_joint_is_as_stiff_as_a_tenth_of_its_torque_allows() -> None:
+    plant = Follower((SetPoint.IMPEDANCE,), start=0.5)
+    followed(plant).move(1)
+    row = plant.wanted[1].values[:, 1]
+    assert row[Value.STIFFNESS] == pytest.approx(0.5 / math.radians(2.0))
+    assert row[Value.DAMPING] == pytest.approx(0.05 / math.radians(2.0))
+
+
+def test_what_ends_a_move_is_said_and_leaves_no_power() -> None:
+    plant = Follower((SetPoint.POSITION,), start=0.0)
+    plant.fault = "7 hot"
+    with pytest.raises(PlantSettingsError, match=r"^while b moved: b: 7 hot$"):
+        followed(plant).move(1)
+    assert plant.wanted[-1].kinds.tolist() == [SetPoint.OFF] * 2
+    deaf = Follower((SetPoint.TORQUE, SetPoint.PWM), start=0.0)
+    with pytest.raises(PlantSettingsError, match="b: its drive accepts none of"):
+        followed(deaf).move(1)
 
 
 def test_a_drive_that_does_not_follow_is_reported_and_one_that_fails_ends_it(bench: Bench) -> None:

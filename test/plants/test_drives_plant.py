@@ -430,6 +430,20 @@ def test_late_answers_and_copies_are_no_surplus() -> None:
         assert not any(rig.go(OFF).faults)
 
 
+def test_a_copy_is_one_answer_however_many_are_owed() -> None:
+    rig = Rig()
+    for _ in range(12):
+        last = rig.driver._count
+        rig.driver.mute.add(0)
+        rig.go(OFF)
+        rig.driver.mute.clear()
+        rig.driver._count = last - 2 - rig.driver.surplus[0]
+        rig.driver.surplus[0] = 0
+        rig.go(OFF)
+        rig.driver._count, rig.driver.surplus[0] = last + 10, 1
+        assert not any(rig.go(OFF).faults)
+
+
 def test_what_drives_report_comes_when_it_changes_and_each_second() -> None:
     found = [Found(id=3, type="made", turn=2.0 * math.pi)] * 2
     rig = Rig((AXES[0], Axis(name="b", id=4, turn=0.0)), found=found)

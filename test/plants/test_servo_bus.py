@@ -260,6 +260,25 @@ def test_models_are_counted(bus: Any) -> None:
     assert bus.models(1, attempts=2) == [777, 777]
 
 
+def test_a_servo_that_is_to_get_an_id_is_looked_for_three_times(bus: Any) -> None:
+    with pytest.raises(OSError, match="id 1"):
+        bus.set_id(1, 5, range(10), Item(5, 1))
+    assert [words[1] for words in bus.protocol.sent] == [1] * 3
+
+
+def test_it_is_open_within_with() -> None:
+    pytest.importorskip("scservo_sdk")
+    far, asked = Handler(feetech.LIBRARY), list[Any]()
+    made = ServoBus(feetech.LIBRARY, "/dev/ttyX", 57_600)
+    made.connect = lambda *words: asked.append(words[1:]) or far
+    with made as opened:
+        assert opened.port is far
+        assert far.wait == serial_line.PATIENCE
+        assert far.open
+    assert asked == [("/dev/ttyX", 57_600)]
+    assert not far.open
+
+
 def test_it_ends_without_torque_and_twice(bus: Any) -> None:
     far = bus.protocol
     far.axes = [type("Axis", (), {"id": number}) for number in (4, 5)]

@@ -27,7 +27,7 @@ from ..drives.can_drives import CanDrives
 from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import coded
-from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find
+from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find, longer
 from ..drives.plant import maker
 from ..drives.reconcile import Action
 from ..drives.set_id import check, verify
@@ -37,7 +37,8 @@ from . import frames as f
 
 #: 127 is that of all drives.
 IDS = range(1, 127)
-#: s until an answer on the diagnostic stream is late, and a time in which it comes and is dropped.
+#: s until an answer on the diagnostic stream is late, twice as long each time, and a time in which
+#: it comes and is dropped.
 SPOKEN = 0.04
 LATE = replace(PAUSE, patience=0.3)
 WATCHED = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY, SetPoint.TORQUE)
@@ -305,13 +306,13 @@ def said(drive: int, words: str) -> Questions[str]:
 
     who = moteus.Controller(id=drive)
     read = [(0x8000 | drive, f.padded(who.make_diagnostic_read().data))]
-    poll = Question(read, f.spoken, patience=SPOKEN)
     line = (drive, f.padded(who.make_diagnostic_write(words.encode() + b"\n").data))
-    ask = replace(poll, request=[line, *poll.request])
     late = False  # whether an answer is still to come, which would be taken for that to another
-    for _ in range(ATTEMPTS):
+    for attempt in range(ATTEMPTS):
         if late:
             yield LATE
+        poll = longer(Question(read, f.spoken, patience=SPOKEN), attempt)
+        ask = replace(poll, request=[line, *poll.request])
         while any(heard := (yield poll)):
             pass
         if late := not heard:
