@@ -297,8 +297,8 @@ class Bench:
 
     def moves(self) -> bool:
         states = (self.state(), self.following(1))
-        one, other = (float(state.position_reference[self.j]) for state in states)
-        return one != other
+        first, second = (float(state.position_reference[self.j]) for state in states)
+        return first != second
 
     def reached(self, target: float) -> Callable[[State], bool]:
         """Whether the position reference of a state is at a target."""

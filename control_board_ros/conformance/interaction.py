@@ -122,9 +122,9 @@ def soft(bench: Bench, way: float) -> float:
     Raises:
         NotTestable: the joint has no stiffness.
     """
-    most = float(bench.client.get_max_impedance(bench.joint)[0][0])
-    offered(most > 0.0, "it has no stiffness to set")
-    return min(0.8 * most, bench.range.push / way)
+    top = float(bench.client.get_max_impedance(bench.joint)[0][0])
+    offered(top > 0.0, "it has no stiffness to set")
+    return min(0.8 * top, bench.range.push / way)
 
 
 @contextmanager
@@ -168,11 +168,11 @@ def impedance(bench: Bench) -> str:
     both(bench)
     client, joint = bench.client, bench.joint
     answer = bench.channel.call(GET_IMPEDANCE, names=[joint])
-    most, hardest = answer.max_stiffness[0], answer.max_damping[0]
+    top, hardest = answer.max_stiffness[0], answer.max_damping[0]
     tried = []
     for number, mode in enumerate(bench.modes):
         bench.enter(mode)
-        wanted = ((0.1 + 0.01 * number) * most, (0.2 + 0.01 * number) * hardest)
+        wanted = ((0.1 + 0.01 * number) * top, (0.2 + 0.01 * number) * hardest)
         reply = client.set_impedance(joint, *wanted)
         expect(reply, f"refused in {mode}: {reply.message}")
         stored = tuple(float(values[0]) for values in client.get_impedance(joint))
@@ -180,16 +180,16 @@ def impedance(bench: Bench) -> str:
         expect(near, f"in {mode} {wanted} was set and {stored} is read")
         expect(bench.mode is mode, f"{mode} became {bench.mode} with the impedance")
         tried.append(mode.name)
-    for bad in (-1.0, math.nan, math.inf, 1.01 * most + 1.0):
+    for bad in (-1.0, math.nan, math.inf, 1.01 * top + 1.0):
         refused = bench.ask(SET_IMPEDANCE, stiffness=[bad], damping=[0.1 * hardest])
-        expect(not refused, f"a stiffness of {bad:g} was accepted; the most is {most:g}")
+        expect(not refused, f"a stiffness of {bad:g} was accepted; the most is {top:g}")
         kept = float(client.get_impedance(joint)[0][0])
         expect(
             math.isclose(kept, stored[0]), f"a stiffness of {bad:g} was refused, and changed it"
         )
     acts_at_once(bench)
     return (
-        f"set in {', '.join(tried)}, acts at once; negative, non-finite and above {most:g} refused"
+        f"set in {', '.join(tried)}, acts at once; negative, non-finite and above {top:g} refused"
     )
 
 

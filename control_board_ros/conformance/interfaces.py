@@ -86,10 +86,10 @@ def in_the_requested_order(bench: Bench) -> None:
         for field, kind in both.get_fields_and_field_types().items():
             if not kind.startswith("sequence") or field == "names":
                 continue
-            found = list(getattr(both, field))
-            alone = [value for one in each for value in getattr(one, field)]
-            text = f"{service.short} of {pair}: {field} {found}, alone {alone}"
-            expect(same(found, alone), text)
+            together = list(getattr(both, field))
+            alone = [value for single in each for value in getattr(single, field)]
+            text = f"{service.short} of {pair}: {field} {together}, alone {alone}"
+            expect(same(together, alone), text)
     refused_in_the_requested_order(bench)
 
 
@@ -111,11 +111,11 @@ def refused_in_the_requested_order(bench: Bench) -> None:
         )
 
 
-def same(one: Sequence[Any], other: Sequence[Any]) -> bool:
+def same(a: Sequence[Any], b: Sequence[Any]) -> bool:
     """Whether two lists are equal, numbers within measurement tolerance."""
-    if len(one) != len(other) or not one or not isinstance(one[0], float):
-        return list(one) == list(other)
-    return bool(np.allclose(one, other, rtol=1e-3, equal_nan=True))
+    if len(a) != len(b) or not a or not isinstance(a[0], float):
+        return list(a) == list(b)
+    return bool(np.allclose(a, b, rtol=1e-3, equal_nan=True))
 
 
 inside("D1", "the old interface", "the old interface is the client's")

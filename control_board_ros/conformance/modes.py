@@ -48,11 +48,11 @@ def own_modes(bench: Bench) -> str:
     assert wanted is not None
     reply = bench.ask(SET_CONTROL_MODE, modes=[wanted.code])
     expect(reply, f"{wanted} is available and refused: {reply.message}")
-    one = [*before]
-    one[bench.j] = wanted
-    expect(client.get_control_mode() == one, f"{wanted} for {bench.joint} alone did not do that")
+    modes = [*before]
+    modes[bench.j] = wanted
+    expect(client.get_control_mode() == modes, f"{wanted} for {bench.joint} alone did not do that")
     expect(
-        bench.shows([mode.code for mode in one]),
+        bench.shows([mode.code for mode in modes]),
         f"{TIMEOUT:g} s after {wanted} was set for {bench.joint}, ~/modes has "
         f"{' '.join(bench.channel.modes[-1].control_modes)}",
     )
@@ -61,14 +61,16 @@ def own_modes(bench: Bench) -> str:
     pair = [bench.partner, bench.joint]
     reply = client.set_control_mode(pair, M.POSITION)
     expect(reply, f"POSITION for two is refused: {reply.message}")
-    one[bench.j] = one[bench.names.index(bench.partner)] = M.POSITION
-    expect(client.get_control_mode() == one, f"POSITION for {' and '.join(pair)} did not do that")
+    modes[bench.j] = modes[bench.names.index(bench.partner)] = M.POSITION
+    expect(
+        client.get_control_mode() == modes, f"POSITION for {' and '.join(pair)} did not do that"
+    )
     expect(client.get_control_mode(pair) == [M.POSITION] * 2, "a subset is read wrongly")
-    if set(one) == {M.POSITION}:
+    if set(modes) == {M.POSITION}:
         bench.enter(wanted)
         reply = client.set_control_mode(None, M.POSITION)
         expect(reply, f"POSITION for all is refused: {reply.message}")
-        expect(client.get_control_mode() == one, "POSITION for all did not do that")
+        expect(client.get_control_mode() == modes, "POSITION for all did not do that")
     return f"{bench.joint} alone, then {' and '.join(pair)}, then all; the others kept theirs"
 
 
@@ -228,8 +230,8 @@ def enter_at_rest(bench: Bench, mode: ControlMode) -> str:
             f"on entering {mode} the position reference is {gap:.3g} off the joint",
         )
     way = bench.still([before, *states])
-    most = bench.tolerance * (0.4 if mode in STOPPABLE else 1.0)
-    expect(way < most, f"{bench.joint} moved {way:.3g} on entering {mode}")
+    limit = bench.tolerance * (0.4 if mode in STOPPABLE else 1.0)
+    expect(way < limit, f"{bench.joint} moved {way:.3g} on entering {mode}")
     return mode.name
 
 

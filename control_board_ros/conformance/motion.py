@@ -241,13 +241,15 @@ def torque(bench: Bench) -> str:
 
     load, more = measured(), bench.range.torque
     bench.command(K.TORQUE, load + more)
-    found = [measured()]
-    while abs(found[-1] - load - more) > 0.2 * more and len(found) < 10:
-        found.append(measured())
+    readings = [measured()]
+    while abs(readings[-1] - load - more) > 0.2 * more and len(readings) < 10:
+        readings.append(measured())
     bench.client.set_control_mode(bench.joint, M.POSITION)
     unit = bench.kind.force_unit
-    text = f"{load + more:.3g} {unit} requested, {found[-1]:.3g} {unit} measured (from {load:.3g})"
-    expect(abs(found[-1] - load - more) <= 0.2 * more, text)
+    text = (
+        f"{load + more:.3g} {unit} requested, {readings[-1]:.3g} {unit} measured (from {load:.3g})"
+    )
+    expect(abs(readings[-1] - load - more) <= 0.2 * more, text)
     return text
 
 

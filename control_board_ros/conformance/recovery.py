@@ -24,10 +24,10 @@ def recovers(bench: Bench) -> str:
         raise NotTestable(f"the board offers no recovery: {error}") from None
     expect(reply, f"recover is refused with the cause gone: {reply.message}")
     bench.poll(lambda: bench.mode is mode)
-    found = bench.client.get_interaction_mode(bench.joint)[0]
+    restored = bench.client.get_interaction_mode(bench.joint)[0]
     expect(
-        (bench.mode, found) == (mode, interaction),
-        f"{mode}, {interaction} before the fault; {bench.mode}, {found} after recover",
+        (bench.mode, restored) == (mode, interaction),
+        f"{mode}, {interaction} before the fault; {bench.mode}, {restored} after recover",
     )
     return f"{mode}, {interaction} again after a fault"
 

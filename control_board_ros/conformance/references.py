@@ -111,9 +111,9 @@ def shown(bench: Bench, wanted: float) -> float:
     return output()
 
 
-def close(one: float, other: float) -> bool:
+def close(a: float, b: float) -> bool:
     """Whether two outputs are equal within float precision."""
-    return math.isclose(one, other, rel_tol=1e-4, abs_tol=1e-6)
+    return math.isclose(a, b, rel_tol=1e-4, abs_tol=1e-6)
 
 
 @rule("P9", "limits bound positions")

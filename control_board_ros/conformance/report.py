@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from .runner import FEW, Outcome, Result, passed
+from .runner import MAX_UNTESTED, Outcome, Result, passed
 
 
 def as_line(result: Result) -> str:
@@ -30,11 +30,11 @@ def as_text(results: Sequence[Result]) -> str:
 def too_few(results: Sequence[Result]) -> str:
     """The offered rules that were not tested, where that is a failure."""
     names = [result.rule.name for result in results if result.outcome is Outcome.NOT_TESTED]
-    if len(names) <= FEW:
+    if len(names) <= MAX_UNTESTED:
         return ""
     return (
         f"{len(names)} rules were not tested though the board offers their features "
-        f"(up to {FEW} may be): {', '.join(names)}"
+        f"(up to {MAX_UNTESTED} may be): {', '.join(names)}"
     )
 
 

@@ -85,7 +85,7 @@ def inside(name: str, title: str, why: str) -> None:
 def in_order() -> list[Rule]:
     """The rules in the order of the specification."""
 
-    def place(found: Rule) -> tuple[int, int]:
-        return GROUPS.index(found.name[0]), int(found.name[1:] or 0)
+    def place(rule: Rule) -> tuple[int, int]:
+        return GROUPS.index(rule.name[0]), int(rule.name[1:] or 0)
 
     return sorted(RULES.values(), key=place)

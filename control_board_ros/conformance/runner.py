@@ -118,7 +118,7 @@ RULE_TIME = 60.0
 #: Rules out of time after which the rest is omitted.
 LATE = 3
 #: Maximum number of applicable rules not tested without failure.
-FEW = 3
+MAX_UNTESTED = 3
 
 
 class Outcome(StrEnum):
@@ -141,7 +141,7 @@ class Result:
 def passed(results: Sequence[Result]) -> bool:
     """Whether every tested rule held, and few applicable ones were not tested."""
     outcomes = [result.outcome for result in results]
-    return Outcome.NOT_HELD not in outcomes and outcomes.count(Outcome.NOT_TESTED) <= FEW
+    return Outcome.NOT_HELD not in outcomes and outcomes.count(Outcome.NOT_TESTED) <= MAX_UNTESTED
 
 
 def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> str:
@@ -158,9 +158,9 @@ def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> st
         return wanted
     available = dict(zip(found.names, client.get_available_modes(found.names), strict=True))
     offers = {name: len(modes) + 2 * len(ways) for name, (modes, ways) in available.items()}
-    most = [name for name in found.names if offers[name] == max(offers.values())]
-    loads = np.nan_to_num(np.abs(client.get_torque(most)))
-    return most[lightest(loads)]
+    candidates = [name for name in found.names if offers[name] == max(offers.values())]
+    loads = np.nan_to_num(np.abs(client.get_torque(candidates)))
+    return candidates[lightest(loads)]
 
 
 def lightest(loads: Floats) -> int:

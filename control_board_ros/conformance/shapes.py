@@ -58,7 +58,7 @@ def expected(code: str, vocab: int, known: dict[str, int]) -> str:
     """The expected code of a vocab."""
     if code in known:
         return f"{encode(code)}"
-    near = [one for one, number in known.items() if number == vocab]
+    near = [name for name, number in known.items() if number == vocab]
     return repr(near[0]) if near else f"one of {', '.join(known)}"
 
 
@@ -68,9 +68,9 @@ def check_lengths(where: str, message: Any, names: Sequence[str]) -> None:
     if not count or len(set(message.names)) != count:
         raise Malformed("A", f"{where} names the joints {list(message.names)}")
     for name in names:
-        found = len(getattr(message, name))
-        if found != count:
-            raise Malformed("A", f"{where} has {found} in {name} for {count} joints")
+        length = len(getattr(message, name))
+        if length != count:
+            raise Malformed("A", f"{where} has {length} in {name} for {count} joints")
 
 
 def reply_of(service: Endpoint, names: Sequence[str], response: Any) -> Reply:

@@ -85,7 +85,7 @@ def beyond(bench: Bench, high: float) -> None:
     """A reference of three times the range is bounded; the motor's largest current stays small."""
     client, joint = bench.client, bench.joint
     try:
-        most = float(client.get_motors(joint).max_currents[0])
+        configured = float(client.get_motors(joint).max_currents[0])
         small = client.set_motors(joint, 1e-3 * high)
     except (BoardError, RequestError):
         return  # it offers no bound for the motor, and none is tried without
@@ -103,7 +103,7 @@ def beyond(bench: Bench, high: float) -> None:
         )
     finally:
         bench.enter(M.IDLE)
-        client.set_motors(joint, most)
+        client.set_motors(joint, configured)
 
 
 @rule("Y3", "physical joints move as coupled with the axes")
@@ -134,10 +134,10 @@ def coupled(bench: Bench) -> str:
     expect(strayed < OFF * step, f"another axis moved {strayed:.3g} with {bench.joint}")
     matrix = 0.5 * (first + last)
     for i in rows:
-        found, wanted = reached[joints[i]] - shown[joints[i]], float(matrix[i] @ moved)
+        moved_by, wanted = reached[joints[i]] - shown[joints[i]], float(matrix[i] @ moved)
         expect(
-            abs(found - wanted) < OFF * step * np.abs(matrix[:, j]).max(),
-            f"{joints[i]} moved {found:.3g}, not {wanted:.3g}, as {bench.joint} moved "
+            abs(moved_by - wanted) < OFF * step * np.abs(matrix[:, j]).max(),
+            f"{joints[i]} moved {moved_by:.3g}, not {wanted:.3g}, as {bench.joint} moved "
             f"{moved[j]:.3g}",
         )
     return f"{text}, which moved as coupled while {bench.joint} moved {moved[j]:.3g}"
@@ -178,10 +178,10 @@ def amplifier(bench: Bench) -> str:
     client, joint, j = bench.client, bench.joint, bench.j
     offered(M.OPENLOOP in bench.modes, f"{joint} does not implement {M.OPENLOOP}")
     try:
-        found = client.get_motors(joint)
+        motors = client.get_motors(joint)
     except BoardError:
         offered(False, "the board does not report its motors")
-    most, peak = float(found.output_limits[0]), float(found.peak_currents[0])
+    configured, peak = float(motors.output_limits[0]), float(motors.peak_currents[0])
     for limit in (-1.0, math.nan, math.inf):
         reply = client.set_motors(joint, None, limit)
         expect(not reply, f"a PWM limit of {limit:g} % was accepted")
@@ -198,9 +198,11 @@ def amplifier(bench: Bench) -> str:
         begin = bench.state().stamp
         bench.send(K.OUTPUT, bench.range.output)
         bench.record(0.1)
-        given = max(abs(float(state.output[j])) for state in bench.since(begin))
-        expect(given <= 1.001 * least, f"{given:.3g} % are shown within a limit of {least:.3g} %")
+        output = max(abs(float(state.output[j])) for state in bench.since(begin))
+        expect(
+            output <= 1.001 * least, f"{output:.3g} % are shown within a limit of {least:.3g} %"
+        )
     finally:
         bench.enter(M.IDLE)
-        client.set_motors(joint, None, most)
-    return f"{least:.3g} % at most, of {most:.3g} %; up to {peak:.4g} A"
+        client.set_motors(joint, None, configured)
+    return f"{least:.3g} % at most, of {configured:.3g} %; up to {peak:.4g} A"

@@ -57,7 +57,7 @@ def _axis(k: int, coupling: Coupling, joints: Mapping[str, UrdfJoint]) -> UrdfJo
     """An axis as a joint: as far and as fast as the joints that it moves alone allow."""
     matrix = coupling.matrix
     moved = [i for i in range(len(matrix)) if matrix[i, k] != 0.0]
-    own = [joints[coupling.physical_joints[i]] for i in moved]
+    driven = [joints[coupling.physical_joints[i]] for i in moved]
     alone = [i for i in moved if np.count_nonzero(matrix[i]) == 1 and i not in coupling.curved]
     low, high = -np.inf, np.inf
     for i in alone:
@@ -65,15 +65,17 @@ def _axis(k: int, coupling: Coupling, joints: Mapping[str, UrdfJoint]) -> UrdfJo
         ends = (np.array([joint.lower, joint.upper]) - coupling.offset[i]) / matrix[i, k]
         low, high = max(low, float(ends.min())), min(high, float(ends.max()))
     shares = np.abs(matrix[moved, k]).tolist()
-    speeds = [j.velocity / c for j, c in zip(own, shares, strict=True) if j.velocity is not None]
-    damping = sum(c * c * (j.damping or 0.0) for j, c in zip(own, shares, strict=True))
-    friction = sum(c * (j.friction or 0.0) for j, c in zip(own, shares, strict=True))
+    speeds = [
+        j.velocity / c for j, c in zip(driven, shares, strict=True) if j.velocity is not None
+    ]
+    damping = sum(c * c * (j.damping or 0.0) for j, c in zip(driven, shares, strict=True))
+    friction = sum(c * (j.friction or 0.0) for j, c in zip(driven, shares, strict=True))
     bounded = np.isfinite(low)
     turning = JointKind.REVOLUTE if bounded else JointKind.CONTINUOUS
     return UrdfJoint(
         name=coupling.axes[k],
-        kind=JointKind.PRISMATIC if own[0].kind.slides else turning,
-        child=own[0].child,
+        kind=JointKind.PRISMATIC if driven[0].kind.slides else turning,
+        child=driven[0].child,
         lower=low,
         upper=high,
         effort=None,
@@ -95,16 +97,16 @@ def coupling_of(urdf: Urdf, names: Collection[str], *, followers: bool = True) -
     Raises:
         ValueError: some of a coupling's axes are missing; what would be allowed.
     """
-    kept = [one for one in urdf.coupled if set(one.coupling.axes) & set(names)]
-    for one in kept:
-        if missing := [axis for axis in one.coupling.axes if axis not in names]:
+    kept = [entry for entry in urdf.coupled if set(entry.coupling.axes) & set(names)]
+    for entry in kept:
+        if missing := [axis for axis in entry.coupling.axes if axis not in names]:
             raise ValueError(
-                f"all axes of the coupling {one.name}, or none; {', '.join(missing)} is missing"
+                f"all axes of the coupling {entry.name}, or none; {', '.join(missing)} is missing"
             )
-    coupled = {axis for one in kept for axis in one.coupling.axes}
+    coupled = {axis for entry in kept for axis in entry.coupling.axes}
     rest = [name for name in names if name not in coupled]
     plain = [Coupling.plain(rest)] if rest else []
-    whole = side_by_side([*plain, *(one.coupling for one in kept)])
+    whole = side_by_side([*plain, *(entry.coupling for entry in kept)])
     following = [
         mimic
         for mimic in urdf.mimics.values()
@@ -141,21 +143,21 @@ def rotors_at_joints(urdf: Urdf, reflected: Mapping[str, float]) -> dict[str, fl
         urdf: the robot.
         reflected: J N² by axis, kg·m² (kg where it slides).
     """
-    found = dict(reflected)
-    for one in urdf.coupled:
-        coupling = one.coupling
+    rotors = dict(reflected)
+    for coupled in urdf.coupled:
+        coupling = coupled.coupling
         if not set(coupling.axes) <= reflected.keys():
             continue
-        own = np.array([found.pop(axis) for axis in coupling.axes])
+        axis_rotors = np.array([rotors.pop(axis) for axis in coupling.axes])
         plain = [i for i in range(len(coupling.rows)) if i not in coupling.curved]
         squares = coupling.matrix[plain] ** 2
         if np.all(np.count_nonzero(squares, axis=1) == 1):
-            inertias = (squares > 0.0) @ (own / squares.sum(axis=0))
+            inertias = (squares > 0.0) @ (axis_rotors / squares.sum(axis=0))
         else:
-            plain, inertias = list(coupling.leads), (coupling.lead_inverse.T**2) @ own
+            plain, inertias = list(coupling.leads), (coupling.lead_inverse.T**2) @ axis_rotors
         for i, inertia in zip(plain, inertias.tolist(), strict=True):
-            found[coupling.physical_joints[i]] = inertia
-    return found
+            rotors[coupling.physical_joints[i]] = inertia
+    return rotors
 
 
 def beyond_limits(urdf: Urdf, ranges: Mapping[str, Range]) -> tuple[str, str] | None:
@@ -166,8 +168,8 @@ def beyond_limits(urdf: Urdf, ranges: Mapping[str, Range]) -> tuple[str, str] | 
         ranges: of the axes, rad or m.
     """
     limits = {joint.name: (joint.lower, joint.upper) for joint in urdf.joints}
-    for one in urdf.coupled:
-        coupling = one.coupling
+    for coupled in urdf.coupled:
+        coupling = coupled.coupling
         if not set(coupling.axes) <= ranges.keys():
             continue
         ends = np.array([ranges[axis] for axis in coupling.axes])

@@ -156,14 +156,14 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     wanted = torque / (emf * values["motor.efficiency"])
     driving = max(supply - emf * velocity, 0.2 * supply)
     braked = 1.05 * (supply + emf * velocity)
-    given = values.get("limits.peak_current")
-    resistance = max(driving / wanted, 0.0 if given is None else braked / given)
+    peak_current = values.get("limits.peak_current")
+    resistance = max(driving / wanted, 0.0 if peak_current is None else braked / peak_current)
     give("motor.resistance", resistance)
     give("motor.inductance", ELECTRICAL_TIME * values["motor.resistance"])
     share = min(max(NOMINAL_SHARE, 1.2 * load.gravity / torque), 1.0)
     peak = max(braked / values["motor.resistance"], 1.05 * share * wanted)
-    if given is not None:
-        share = min(share, 0.9 * given / wanted)
+    if peak_current is not None:
+        share = min(share, 0.9 * peak_current / wanted)
     nominal = give("limits.nominal_current", share * wanted)
     give("limits.peak_current", max(peak, 1.05 * nominal))
 
@@ -245,48 +245,48 @@ def complete(
     """
     joints = {joint.name: joint for joint in urdf.axes}
     assumed = Assumed()
-    for name, given in values.items():
-        assumed.count(name, given)
-        _travel(given, joints[name])
+    for name, entry in values.items():
+        assumed.count(name, entry)
+        _travel(entry, joints[name])
     stops = {
-        name: (given["limits.hard_lower"], given["limits.hard_upper"])
-        for name, given in values.items()
+        name: (entry["limits.hard_lower"], entry["limits.hard_upper"])
+        for name, entry in values.items()
     }
     if (beyond := beyond_limits(urdf, stops)) is not None:
         axis, allowed = beyond
         raise ConfigError(f"{axis}.limits.hard_upper", stops[axis][1], allowed)
     ranges = {
-        name: (given["limits.lower"], given["limits.upper"]) for name, given in values.items()
+        name: (entry["limits.lower"], entry["limits.upper"]) for name, entry in values.items()
     }
     robot_loads = loads(urdf, ranges, gravity)
     load_of = robot_loads.by_name
-    for name, given in values.items():
-        speed_limit(given, joints[name], assumed)
+    for name, entry in values.items():
+        speed_limit(entry, joints[name], assumed)
     shared = robot_loads.shared(
-        {name: ACCELERATION_RATE * given["limits.velocity"] for name, given in values.items()}
+        {name: ACCELERATION_RATE * entry["limits.velocity"] for name, entry in values.items()}
     )
-    for name, given in values.items():
+    for name, entry in values.items():
         load = load_of[name]
-        given.setdefault("inertia", max(load.inertia_mean, LEAST_INERTIA))
-        torque_limit(given, joints[name], load, shared[name], assumed)
-        friction(given, joints[name], load, assumed)
-        electrical(given, joints[name], load)
-        current_loop(given, 1.0 / control_rate)
-        given.setdefault("brake.slip_torque", given["limits.torque"])
-        rotor(given, joints[name], load)
-        thermal(given, name, assumed)
+        entry.setdefault("inertia", max(load.inertia_mean, LEAST_INERTIA))
+        torque_limit(entry, joints[name], load, shared[name], assumed)
+        friction(entry, joints[name], load, assumed)
+        electrical(entry, joints[name], load)
+        current_loop(entry, 1.0 / control_rate)
+        entry.setdefault("brake.slip_torque", entry["limits.torque"])
+        rotor(entry, joints[name], load)
+        thermal(entry, name, assumed)
     reflected = {
-        name: given["motor.inertia"] * given["motor.gear_ratio"] ** 2
-        for name, given in values.items()
+        name: entry["motor.inertia"] * entry["motor.gear_ratio"] ** 2
+        for name, entry in values.items()
     }
     if motors is not None:
         felt = rotors_of_motors(motors, np.array([reflected[name] for name in motors.axes]))
         reflected |= dict(zip(motors.axes, felt.tolist(), strict=True))
     for name, moved in robot_loads.with_rotors(reflected).items():
-        given = values[name]
-        _moved(given, moved)
-        gains(given, 1.0 / control_rate, joints[name].kind)
-        _start_values(given, joints[name].kind)
+        entry = values[name]
+        _moved(entry, moved)
+        gains(entry, 1.0 / control_rate, joints[name].kind)
+        _start_values(entry, joints[name].kind)
     return assumed
 
 
@@ -337,11 +337,11 @@ class Assumed:
         self._parts: dict[str, list[str]] = {}
         self._warnings: dict[tuple[str, str], list[str]] = {}
 
-    def count(self, joint: str, given: Mapping[str, Any]) -> None:
+    def count(self, joint: str, values: Mapping[str, Any]) -> None:
         """Record the parts of a joint without parameters."""
         self._count += 1
         for key, part in PARTS.items():
-            if key not in given:
+            if key not in values:
                 self._parts.setdefault(part, []).append(joint)
 
     def warn(self, joint: str, value: str, what: str, advice: str) -> None:

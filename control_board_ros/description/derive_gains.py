@@ -40,8 +40,8 @@ def gains(values: dict[str, Any], period: float, kind: JointKind) -> None:
     """Complete the gains of one joint, in place."""
 
     def give(name: str, value: float) -> float:
-        given: float = values.setdefault(name, float(f"{value:.3g}"))
-        return given
+        number: float = values.setdefault(name, float(f"{value:.3g}"))
+        return number
 
     torque, least, greatest = (
         values[name] for name in ("limits.torque", "inertia_min", "inertia_max")

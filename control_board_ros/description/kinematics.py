@@ -116,11 +116,11 @@ def moved_joints(
 
 def inward(joints: Sequence[MovedJoint], k: int) -> list[int]:
     """Indices of a joint and of those between it and the base, outermost first."""
-    found = []
+    chain = []
     while k != NONE:
-        found.append(k)
+        chain.append(k)
         k = joints[k].inner
-    return found
+    return chain
 
 
 def inertia_matrix(joints: Sequence[MovedJoint]) -> Array:
@@ -159,9 +159,9 @@ def _momentum(joint: MovedJoint) -> tuple[Array, Array]:
 
 def _body(link: ET.Element, position: Array, rotation: Array) -> Body:
     """A link whose frame has this origin, shape (P, 3), and these axes, shape (P, 3, 3)."""
-    own = inertial_of(link) or NOTHING
-    mass, centre = own.mass, position + rotation @ own.centre
-    tensor = rotation @ own.tensor @ rotation.transpose(0, 2, 1)
+    inertial = inertial_of(link) or NOTHING
+    mass, centre = inertial.mass, position + rotation @ inertial.centre
+    tensor = rotation @ inertial.tensor @ rotation.transpose(0, 2, 1)
     square = np.einsum("pi,pi->p", centre, centre)[:, None, None] * np.eye(3)
     tensor += mass * (square - centre[:, :, None] * centre[:, None, :])
     return Body(mass, mass * centre, tensor)

@@ -89,24 +89,24 @@ class Loads:
         Args:
             accelerations: q̈_k by name, rad/s² (m/s²); default none.
         """
-        given = np.array([accelerations.get(name, 0.0) for name in self.names])
-        most = (np.abs(self._of_axes(self.matrix)) @ given).max(axis=0)
-        return dict(zip(self.names, most.tolist(), strict=True))
+        rates = np.array([accelerations.get(name, 0.0) for name in self.names])
+        torques = (np.abs(self._of_axes(self.matrix)) @ rates).max(axis=0)
+        return dict(zip(self.names, torques.tolist(), strict=True))
 
     def _of_axes(self, matrix: Array) -> Array:
         """Jᵀ M J, shape (P, a, a)."""
         if self.shares is None:
             return matrix
-        found: Array = self.shares.transpose(0, 2, 1) @ matrix @ self.shares
-        return found
+        reduced: Array = self.shares.transpose(0, 2, 1) @ matrix @ self.shares
+        return reduced
 
     def _most_torques(self) -> list[float]:
         """The greatest of Jᵀ τ over the poses, of each axis."""
         torques = self.gravity
         if self.shares is not None:
             torques = np.einsum("pna,np->ap", self.shares, torques)
-        found: list[float] = np.abs(torques).max(axis=1).tolist()
-        return found
+        largest: list[float] = np.abs(torques).max(axis=1).tolist()
+        return largest
 
     def with_rotors(self, reflected: Mapping[str, float]) -> dict[str, Load]:
         """Of each motor with rotors: least inertia, with the other joints free; its middle and
@@ -117,11 +117,11 @@ class Loads:
         """
         matrix, at_joints = self.matrix.copy(), rotors_at_joints(self.urdf, reflected)
         for k, joint in enumerate(self.joints):
-            own = at_joints.get(joint.name, 0.0)
+            rotor = at_joints.get(joint.name, 0.0)
             if joint.slides:
-                matrix[:, k, k] += own
-            elif own:
-                matrix += own * self._rotor_coupling(k)
+                matrix[:, k, k] += rotor
+            elif rotor:
+                matrix += rotor * self._rotor_coupling(k)
         matrix = self._of_axes(matrix)
         standing = np.einsum("pnn->np", matrix)
         few = matrix if len(self.names) <= MANY else matrix[::FEWER]
@@ -167,7 +167,7 @@ def loads(
 
 def _driven(urdf: Urdf, names: Collection[str]) -> set[str]:
     """The physical joints of axes."""
-    coupled = [one.coupling for one in urdf.coupled if set(one.coupling.axes) <= set(names)]
+    coupled = [c.coupling for c in urdf.coupled if set(c.coupling.axes) <= set(names)]
     return {*names} | {joint for coupling in coupled for joint in coupling.physical_joints}
 
 
@@ -175,12 +175,12 @@ def _shares(
     urdf: Urdf, axes: tuple[str, ...], poses: Mapping[str, Array], joints: Sequence[str]
 ) -> Array:
     """J of joints by axes, shape (P, n, a)."""
-    found = np.zeros((POSES, len(joints), len(axes)))
+    shares = np.zeros((POSES, len(joints), len(axes)))
     for k, axis in enumerate(axes):
         if axis in joints:
-            found[:, joints.index(axis), k] = 1.0
-    for one in urdf.coupled:
-        coupling = one.coupling
+            shares[:, joints.index(axis), k] = 1.0
+    for coupled in urdf.coupled:
+        coupling = coupled.coupling
         if not set(coupling.axes) <= set(axes):
             continue
         rows = [joints.index(joint) for joint in coupling.physical_joints]
@@ -188,10 +188,10 @@ def _shares(
         at = np.array([poses[axis] for axis in coupling.axes]).T
         if not coupling.curved:
             at = at[:1]
-        found[:, rows, :] = 0.0
+        shares[:, rows, :] = 0.0
         blocks = np.array([coupling.jacobian(pose) for pose in at])
-        found[np.ix_(range(POSES), rows, columns)] = blocks
-    return found
+        shares[np.ix_(range(POSES), rows, columns)] = blocks
+    return shares
 
 
 def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
@@ -202,11 +202,11 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
     stretched out.
     """
     half = POSES // 2
-    found: dict[str, Array] = {}
+    poses: dict[str, Array] = {}
     for joint in urdf.axes:
         if joint.name not in limits:
             continue
-        spread = evenly_spread(1 + len(found), POSES)
+        spread = evenly_spread(1 + len(poses), POSES)
         low, high = sorted(limits[joint.name])  # invalid ones are rejected later
         if joint.kind.slides:
             low, high = max(low, min(-REACH, high)), min(high, max(REACH, low))
@@ -216,17 +216,17 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
         edges = np.array([low, high, rest, rest])[(4.0 * spread[half:]).astype(int)]
         positions = np.concatenate([low + (high - low) * spread[:half], edges])
         positions[0] = rest
-        found[joint.name] = positions
-    for one in urdf.coupled:
-        axes = one.coupling.axes
-        if set(axes) <= found.keys():
-            at = np.array([found[axis] for axis in axes]).T
-            places = np.array([one.coupling.positions(pose) for pose in at]).T
-            found |= dict(zip(one.coupling.physical_joints, places, strict=True))
+        poses[joint.name] = positions
+    for coupled in urdf.coupled:
+        axes = coupled.coupling.axes
+        if set(axes) <= poses.keys():
+            at = np.array([poses[axis] for axis in axes]).T
+            places = np.array([coupled.coupling.positions(pose) for pose in at]).T
+            poses |= dict(zip(coupled.coupling.physical_joints, places, strict=True))
     for mimic in urdf.mimics.values():
-        if mimic.leader in found:
-            found[mimic.follower] = mimic.multiplier * found[mimic.leader] + mimic.offset
-    return found
+        if mimic.leader in poses:
+            poses[mimic.follower] = mimic.multiplier * poses[mimic.leader] + mimic.offset
+    return poses
 
 
 def evenly_spread(dimension: int, count: int) -> Array:
@@ -235,9 +235,9 @@ def evenly_spread(dimension: int, count: int) -> Array:
     Kronecker's sequence: its dimensions fill the unit cube more evenly than random numbers, and
     numpy's generators would need 7 MB for this alone.
     """
-    prime, found = 2, 1
-    while found < dimension:
+    prime, primes = 2, 1
+    while primes < dimension:
         prime += 1
-        found += all(prime % k for k in range(2, math.isqrt(prime) + 1))
+        primes += all(prime % k for k in range(2, math.isqrt(prime) + 1))
     steps: Array = math.sqrt(prime) * np.arange(1, count + 1, dtype=np.float64)
     return steps % 1.0

@@ -68,10 +68,10 @@ def merge_fixed(tree: Tree) -> Tree:
         for beyond in list(tree.children[child]):
             _move(beyond, position, rotation)
             tree.attach(beyond, parent)
-        found = [inertial_of(carrier), inertial_of(link)]
-        if (added := found[1]) is not None:
+        inertials = [inertial_of(carrier), inertial_of(link)]
+        if (added := inertials[1]) is not None:
             added = added.moved(position, rotation)
-            _set_inertial(carrier, added if found[0] is None else found[0] + added)
+            _set_inertial(carrier, added if inertials[0] is None else inertials[0] + added)
         tree.root.remove(joint)
         tree.root.remove(link)
     return Tree(tree.root, tree.source)

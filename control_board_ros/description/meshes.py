@@ -122,20 +122,20 @@ class MeshFinder:
         package, _, inside = path.partition("/")
         if package in ("", ".", ".."):
             raise MeshPathError(f"mesh 'package://{path}' names no package")
-        found = [share / package / inside for share in self.installed]
-        found += [root / inside for root in self.own if root.name == package]
+        candidates = [share / package / inside for share in self.installed]
+        candidates += [root / inside for root in self.own if root.name == package]
         if (top := above(self.folder, package)) is not None:
-            found.append(top / inside)
+            candidates.append(top / inside)
         # pybullet_data writes package://meshes/… for a folder beside the URDF.
-        return [*found, self.folder / package / inside]
+        return [*candidates, self.folder / package / inside]
 
-    def _allowed(self, path: Path, own: Sequence[Path]) -> bool:
+    def _allowed(self, path: Path, roots: Sequence[Path]) -> bool:
         if any(path.is_relative_to(root) for root in self.installed):
             return True
-        if not any(path.is_relative_to(root) for root in own):
+        if not any(path.is_relative_to(root) for root in roots):
             return False
         real = path.resolve()
-        return any(real.is_relative_to(root.resolve()) for root in own)
+        return any(real.is_relative_to(root.resolve()) for root in roots)
 
 
 def not_found(names: Sequence[str]) -> str:
@@ -143,10 +143,10 @@ def not_found(names: Sequence[str]) -> str:
     count = "mesh" if len(names) == 1 else f"{len(names)} meshes"
     packages = [n.partition("://")[2].partition("/")[0] for n in names if "://" in n]
     if packages:
-        most = max(packages, key=packages.count)
+        package = max(packages, key=packages.count)
         remedy = (
-            f"put the URDF below a folder {most!r}, or name in AMENT_PREFIX_PATH a folder with "
-            f"share/{most}"
+            f"put the URDF below a folder {package!r}, or name in AMENT_PREFIX_PATH a folder with "
+            f"share/{package}"
         )
     else:
         remedy = "put them beside the URDF, at these paths"

@@ -162,14 +162,14 @@ class Urdf:
 
         Axes are where the first of their joints is.
         """
-        first = {one.coupling.physical_joints[0]: one.axes for one in self.coupled}
-        coupled = {name for one in self.coupled for name in one.coupling.physical_joints}
-        found: list[UrdfJoint] = []
+        first = {c.coupling.physical_joints[0]: c.axes for c in self.coupled}
+        coupled = {name for c in self.coupled for name in c.coupling.physical_joints}
+        driven: list[UrdfJoint] = []
         for joint in self.joints:
-            found += first.get(joint.name, ())
+            driven += first.get(joint.name, ())
             if joint.mimic is None and joint.name not in coupled:
-                found.append(joint)
-        return tuple(found)
+                driven.append(joint)
+        return tuple(driven)
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -298,9 +298,9 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
         raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")
     unlimited = element.find("limit") is None
     if kind != "continuous" and (unlimited or not has.lower < has.upper):
-        found = "no <limit>" if unlimited else f"lower {has.lower:g}, upper {has.upper:g}"
+        range_text = "no <limit>" if unlimited else f"lower {has.lower:g}, upper {has.upper:g}"
         raise UrdfError(
-            f"{source}: joint {name!r} has {found}; give it <limit lower=… upper=…> with "
+            f"{source}: joint {name!r} has {range_text}; give it <limit lower=… upper=…> with "
             "lower < upper, or make it continuous"
         )
     bounded = () if kind == "continuous" else ("lower", "upper")
@@ -352,12 +352,12 @@ def _place_meshes(root: ET.Element, source: str, finder: MeshFinder) -> list[str
                 continue
             name = mesh.get("filename", "")
             try:
-                found = finder.find(name)
+                path = finder.find(name)
             except MeshPathError as error:
                 raise UrdfError(f"{source}: link {link.get('name')!r}: {error}") from None
-            if found is None:
+            if path is None:
                 link.remove(shape)
                 missing.append(name)
             else:
-                mesh.set("filename", str(found))
+                mesh.set("filename", str(path))
     return [f"{source}: {not_found(missing)}"] if missing else []

@@ -41,14 +41,14 @@ class Tree:
             raise UrdfError(f"{source}: there is no <link>; a robot has one base link at least")
         bases = [name for name in self.links if name not in self.parent_joint]
         if len(bases) != 1:
-            found = ", ".join(map(repr, bases[:4])) or "none"
-            raise UrdfError(f"{source}: a robot has one base link, this one has {found}")
+            names = ", ".join(map(repr, bases[:4])) or "none"
+            raise UrdfError(f"{source}: a robot has one base link, this one has {names}")
         self.base = bases[0]
         if sum(1 for _ in self.walk(self.base)) != len(self.joints):
             raise UrdfError(f"{source}: the joints form a loop; a URDF is a tree")
 
     def _named(self, tag: str) -> dict[str, ET.Element]:
-        found: dict[str, ET.Element] = {}
+        elements: dict[str, ET.Element] = {}
         for element in self.root.findall(tag):
             name = element.get("name", "")
             if (reason := _not_usable(name)) is not None:
@@ -56,10 +56,10 @@ class Tree:
                     f"{self.source}: {tag} name {name[:40]!r} is not usable: {reason}; rename it "
                     "in the URDF"
                 )
-            if name in found:
+            if name in elements:
                 raise UrdfError(f"{self.source}: {tag} {name!r} is there twice; rename one")
-            found[name] = element
-        return found
+            elements[name] = element
+        return elements
 
     def _link(self, name: str, joint: ET.Element, tag: str) -> str:
         link = _end(joint, tag)

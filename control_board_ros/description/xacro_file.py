@@ -95,10 +95,10 @@ def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
     except subprocess.TimeoutExpired:
         raise UrdfError(f"{path}: xacro exceeds {TIMEOUT:g} s; check macros") from None
     if done.returncode < 0 or b"MemoryError" in done.stderr or len(done.stdout) > MOST:
-        most = (
+        bound = (
             f"{CPU} s of processor time, {MEMORY >> 30} GiB of memory or {MOST >> 20} MiB of URDF"
         )
-        raise UrdfError(f"{path}: xacro exceeds {most}; check macros that call themselves")
+        raise UrdfError(f"{path}: xacro exceeds {bound}; check macros that call themselves")
     if done.returncode != 0 and done.stderr.startswith(UNKNOWN):
         names = done.stderr.decode().split("\n")[1:]
         raise UrdfError(f"{path}: {unknown_argument(arguments, [n for n in names if n])}")
@@ -111,6 +111,6 @@ def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
 
 def unknown_argument(arguments: Sequence[str], known: Sequence[str]) -> str:
     """Error text for the first argument unknown to the file."""
-    given = [argument.partition(":=")[0] for argument in arguments]
-    name = next(one for one in given if one not in known)
+    names = [argument.partition(":=")[0] for argument in arguments]
+    name = next(n for n in names if n not in known)
     return unknown_word("argument", name, known, "arguments:")

@@ -58,11 +58,11 @@ def refusal(head: bytes, names: frozenset[str], origins: frozenset[str]) -> str:
 def headers_of(head: bytes) -> dict[str, list[str]] | None:
     """Values by name, in lower case; None if a line is no header: no other may hide behind it."""
     lines = head.decode("iso-8859-1").removesuffix("\r\n\r\n").split("\r\n")[1:]
-    found = [HEADER.fullmatch(line) for line in lines]
+    matches = [HEADER.fullmatch(line) for line in lines]
     if len(lines) > MOST_HEADERS:
         return None
     headers: dict[str, list[str]] = {}
-    for header in found:
+    for header in matches:
         if header is None:
             return None
         headers.setdefault(header[1].lower(), []).append(header[2])

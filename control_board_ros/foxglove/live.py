@@ -168,7 +168,7 @@ class Live(ServerListener):
                 capabilities=capabilities,
                 server_listener=self,
                 supported_encodings=[ENCODING],
-                services=[self._service(one) for one in SERVICES] if operate else [],
+                services=[self._service(endpoint) for endpoint in SERVICES] if operate else [],
                 context=context,
             )
         except (RuntimeError, OSError, OverflowError) as error:
@@ -242,7 +242,7 @@ class Live(ServerListener):
         self, client: Any, parameters: list[Parameter], request_id: str | None = None
     ) -> list[Parameter]:
         """Set parameters, all or none; returns the values in force."""
-        values = {self._own(one.name): one.get_value() for one in parameters}
+        values = {self._own(parameter.name): parameter.get_value() for parameter in parameters}
         try:
             if not self._operate:
                 self._report("parameters are not set: start cbctl foxglove with --operate")

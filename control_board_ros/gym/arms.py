@@ -68,20 +68,20 @@ class Arms:
         if control not in CONTROLS:
             raise ValueError(unknown_word("control", control, CONTROLS))
         self.control, self.count, self._cycles = CONTROLS[control], count, cycles
-        one, simulation = calibrated(settings.board, settings.simulation)
-        for joint in one.joints:
+        board, simulation = calibrated(settings.board, settings.simulation)
+        for joint in board.joints:
             if (
                 self.control.mode not in joint.control_modes
                 or self.control.interaction not in joint.interaction_modes
             ):
                 raise ValueError(f"control {control!r}: {joint.name} does not implement its mode")
-        self.joints, self.n = one.joints, len(one.joints)
-        self._links = urdf_model(settings.values, settings.urdf, one.names).links
-        self.duration = cycles * one.period
+        self.joints, self.n = board.joints, len(board.joints)
+        self._links = urdf_model(settings.values, settings.urdf, board.names).links
+        self.duration = cycles * board.period
         self.home = np.array([joint.home for joint in simulation.joints])
-        self._config, self._simulation = one, simulation
+        self._config, self._simulation = board, simulation
         if count > 1:
-            parts = {f"arm_{k}": renamed(one, f"arm_{k}_") for k in range(count)}
+            parts = {f"arm_{k}": renamed(board, f"arm_{k}_") for k in range(count)}
             self._config = joined(parts)
             plants = tuple(
                 replace(joint, name=f"arm_{k}_{joint.name}")
@@ -89,22 +89,22 @@ class Arms:
                 for joint in simulation.joints
             )
             self._simulation = replace(simulation, joints=plants)
-        self.body: Body = self._made_body(one, simulation if count > 1 else self._simulation)
-        limits = [joint.limits for joint in one.joints]
+        self.body: Body = self._made_body(board, simulation if count > 1 else self._simulation)
+        limits = [joint.limits for joint in board.joints]
         self.lower = np.array([limit.lower for limit in limits])
         self.upper = np.array([limit.upper for limit in limits])
         self.velocity_limit = np.array([limit.velocity for limit in limits])
         self.torque_limit = np.array([limit.torque for limit in limits])
-        self.max_stiffness = np.array([joint.impedance.max_stiffness for joint in one.joints])
-        self.max_damping = np.array([joint.impedance.max_damping for joint in one.joints])
+        self.max_stiffness = np.array([joint.impedance.max_stiffness for joint in board.joints])
+        self.max_damping = np.array([joint.impedance.max_damping for joint in board.joints])
         self.begin(np.tile(self.home, (count, 1)))
 
-    def _made_body(self, one: BoardConfig, simulation: SimulationConfig) -> Body:
+    def _made_body(self, config: BoardConfig, simulation: SimulationConfig) -> Body:
         if self.count == 1:
-            return make_body(one, simulation)
+            return make_body(config, simulation)
         from ..sim.bodies.mujoco import MujocoBody
 
-        return MujocoBody(one, simulation, self.count)
+        return MujocoBody(config, simulation, self.count)
 
     def begin(self, positions: Floats) -> None:
         """Reset all arms: board, motors, sensors; at rest at positions, shape (arms, n)."""

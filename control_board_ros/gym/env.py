@@ -55,8 +55,8 @@ def made(task: str, robot: str, control: str, rate: float, physics: str, count: 
     settings = (shipped.__wrapped__ if is_file else shipped)(robot, engine)
     cycles = round(settings.board.control_rate / rate)
     if cycles <= START_CYCLES:
-        most = settings.board.control_rate / (START_CYCLES + 1)
-        raise ValueError(f"rate {rate:g} Hz is not allowed; up to {most:g} Hz")
+        highest = settings.board.control_rate / (START_CYCLES + 1)
+        raise ValueError(f"rate {rate:g} Hz is not allowed; up to {highest:g} Hz")
     return Arms(settings, count, control or DEFAULTS[task], cycles)
 
 
@@ -97,10 +97,10 @@ class Episodes:
         self.arms.begin(self.task.begin(range(self.arms.count), randoms))
         self.steps[:] = 0
 
-    def again(self, chosen: list[int], randoms: Sequence[Generator]) -> None:
+    def again(self, arms: list[int], randoms: Sequence[Generator]) -> None:
         """Start a new episode of some arms."""
-        self.arms.restart(chosen, self.task.begin(chosen, randoms))
-        self.steps[chosen] = 0
+        self.arms.restart(arms, self.task.begin(arms, randoms))
+        self.steps[arms] = 0
 
     def observe(self) -> Observation:
         """The observations, each of shape (arms, …)."""
@@ -275,9 +275,9 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         """Start new episodes of all arms; the seed of arm k is seed + k."""
         if seed is not None:
             seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else seed
-            for k, one in enumerate(seeds):
-                if one is not None:
-                    self._randoms[k] = seeding.np_random(one)[0]
+            for k, arm_seed in enumerate(seeds):
+                if arm_seed is not None:
+                    self._randoms[k] = seeding.np_random(arm_seed)[0]
         self._episodes.begin(self._randoms)
         self._over[:] = False
         return self._episodes.observe(), {}

@@ -49,12 +49,12 @@ class Reach:
         far = np.full(3, FAR)
         self.spaces: dict[str, Bounds] = {"tip": (-far, far), "to_goal": (-far, far)}
 
-    def begin(self, chosen: Sequence[int], randoms: Sequence[Generator]) -> Floats:
+    def begin(self, indices: Sequence[int], randoms: Sequence[Generator]) -> Floats:
         """Draw goals; returns initial positions, shape (k, n)."""
         arms = self._arms
         starts = np.array([near_home(arms, random) for random in randoms])
         goals = np.array([near_home(arms, random) for random in randoms])
-        self._goal[list(chosen)] = arms.tips(goals)
+        self._goal[list(indices)] = arms.tips(goals)
         return starts
 
     def before(self, step: NDArray[np.int64]) -> None:
@@ -86,17 +86,17 @@ class Track:
             "reference_velocity": (-arms.velocity_limit, arms.velocity_limit),
         }
 
-    def begin(self, chosen: Sequence[int], randoms: Sequence[Generator]) -> Floats:
+    def begin(self, indices: Sequence[int], randoms: Sequence[Generator]) -> Floats:
         """Draw motions; returns initial positions, shape (k, n)."""
         arms = self._arms
-        for k, random in zip(chosen, randoms, strict=True):
+        for k, random in zip(indices, randoms, strict=True):
             self._centre[k] = near_home(arms, random)
             room = np.minimum(arms.upper - self._centre[k], self._centre[k] - arms.lower)
             self._rate[k] = random.uniform(0.5, 2.0, arms.n)
-            most = 0.3 * arms.velocity_limit / self._rate[k]
-            self._amplitude[k] = random.uniform(0.3, 0.8, arms.n) * np.minimum(room, most)
+            amplitude = 0.3 * arms.velocity_limit / self._rate[k]
+            self._amplitude[k] = random.uniform(0.3, 0.8, arms.n) * np.minimum(room, amplitude)
             self._phase[k] = random.uniform(0.0, 2.0 * np.pi, arms.n)
-        return self._at(np.zeros(arms.count))[0][list(chosen)]
+        return self._at(np.zeros(arms.count))[0][list(indices)]
 
     def before(self, step: NDArray[np.int64]) -> None:
         """Nothing: the motion is a function of time."""
@@ -133,13 +133,13 @@ class Impedance:
         self._pushed: list[int | None] = [None] * arms.count
         self.spaces: dict[str, Bounds] = {"target": (arms.lower, arms.upper)}
 
-    def begin(self, chosen: Sequence[int], randoms: Sequence[Generator]) -> Floats:
+    def begin(self, indices: Sequence[int], randoms: Sequence[Generator]) -> Floats:
         """Draw poses; returns them, shape (k, n)."""
-        for k, random in zip(chosen, randoms, strict=True):
+        for k, random in zip(indices, randoms, strict=True):
             self._release(k)
             self._randoms[k] = random
             self._target[k] = near_home(self._arms, random)
-        return self._target[list(chosen)]
+        return self._target[list(indices)]
 
     def before(self, step: NDArray[np.int64]) -> None:
         """Begin and end pushes."""

@@ -25,15 +25,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--column", action="append", default=[])
     parser.add_argument("--joint", action="append", default=[])
     parser.add_argument("--alarms", type=float)
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        return write(given)
+        return write(options)
     except (IdentificationError, RecordingError) as error:
         print(f"cbctl: {error}", file=sys.stderr)
         return REFUSED
 
 
-def write(given: argparse.Namespace) -> int:
+def write(args: argparse.Namespace) -> int:
     """Identify recorded motions, and write parameters and report.
 
     Raises:
@@ -51,23 +51,23 @@ def write(given: argparse.Namespace) -> int:
         raise IdentificationError(
             "scipy is not installed; install it with: pip install 'control_board_ros[identify]'"
         ) from error
-    output: Path = given.output
-    words = words_of(given.columns, given.column)
+    output: Path = args.output
+    words = words_of(args.columns, args.column)
     missing: list[str] = []
-    if words and not given.robot:
+    if words and not args.robot:
         raise IdentificationError("a log does not say of which robot it is: give --robot")
     if words:
-        robot, records, joints = read_robot(given.data, given.robot, words)
-    elif len(given.data) > 1:
+        robot, records, joints = read_robot(args.data, args.robot, words)
+    elif len(args.data) > 1:
         raise IdentificationError("several recordings: give one, or tables with --column")
     else:
-        robot, records, joints, missing = recorded(given.data[0])
+        robot, records, joints, missing = recorded(args.data[0])
     for line in missing:
         print(f"note: {line}")
-    chosen = [joint for joint in joints if joint in (given.joint or joints)]
-    if absent := [joint for joint in given.joint if joint not in chosen]:
+    selected = [joint for joint in joints if joint in (args.joint or joints)]
+    if absent := [joint for joint in args.joint if joint not in selected]:
         raise IdentificationError(f"{absent[0]} did not move; there moved {', '.join(joints)}")
-    outcome = identify(robot, records, chosen, payload=not given.no_payload, alarms=given.alarms)
+    outcome = identify(robot, records, selected, payload=not args.no_payload, alarms=args.alarms)
     report = output.with_suffix(".html")
     write_report(report, outcome, output.stem)
     for line in summary(outcome):

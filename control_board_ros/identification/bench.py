@@ -47,7 +47,7 @@ class Bench:
             IdentificationError: a joint refuses a request.
         """
         self._approach(bounds)
-        records, left = [], {one.joint: one for one in bounds}
+        records, left = [], {b.joint: b for b in bounds}
         for motion in motions:
             if not all(joint in left for joint in motion.joints):
                 continue
@@ -59,13 +59,13 @@ class Bench:
         return records
 
     def _approach(self, bounds: Sequence[Bounds]) -> None:
-        board, names = self._board, [one.joint for one in bounds]
+        board, names = self._board, [b.joint for b in bounds]
         replies = [
             board.set_interaction_mode(names, InteractionMode.STIFF),
             board.set_control_mode(names, ControlMode.POSITION),
             board.position_move(
                 names,
-                [one.centre for one in bounds],
+                [b.centre for b in bounds],
                 [APPROACH * self.limits(name).velocity for name in names],
             ),
         ]
@@ -77,7 +77,7 @@ class Bench:
     def _play(self, motion: Motion, bounds: Sequence[Bounds]) -> Record:
         board, simulation, names = self._board, self._simulation, list(motion.joints)
         columns = [board.config.names.index(name) for name in names]
-        most, reach = (np.array([getattr(one, n) for one in bounds]) for n in ("torque", "reach"))
+        torques, reach = (np.array([getattr(b, n) for b in bounds]) for n in ("torque", "reach"))
         board.set_control_mode(names, ControlMode.POSITION_DIRECT)
         points = Points(
             motion.times.tolist(),
@@ -102,7 +102,7 @@ class Bench:
             now = board.snapshot()
             times.append(now.time)
             rows.append(np.array([getattr(now, signal) for signal in SIGNALS]))
-            strained = np.abs(now.torque[columns]) > most
+            strained = np.abs(now.torque[columns]) > torques
             behind = np.abs(now.position_reference - now.position)[columns] > LAG * reach
             if strained.any():
                 ended = f"{names[int(np.argmax(strained))]} needs more torque than permitted"

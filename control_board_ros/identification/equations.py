@@ -120,18 +120,18 @@ class Problem:
 
     def spread(self, x: Floats) -> tuple[dict[str, Floats], Floats]:
         """The unknowns by name, shape (k,), and mass, moment and spin of the payload, (5,)."""
-        found = {name: row.copy() for name, row in self._starts.items()}
+        values = {name: row.copy() for name, row in self._starts.items()}
         for value, (k, name) in zip(x, self.unknowns, strict=False):
-            found[name][k] = value
-        return found, x[len(self.unknowns) :] if self.with_payload else np.zeros(5)
+            values[name][k] = value
+        return values, x[len(self.unknowns) :] if self.with_payload else np.zeros(5)
 
     def masses(self, rotors: Floats, payload: Floats) -> Floats:
         """Torques of the masses, shape (m, k)."""
         known, per_rotor, per_payload = self.loads.known, self.loads.rotors, self.loads.payload
-        found = known + np.tensordot(rotors, per_rotor, axes=1)
+        torque = known + np.tensordot(rotors, per_rotor, axes=1)
         if self.with_payload:
-            found = found + np.tensordot(ball(payload), per_payload, axes=1)
-        return np.asarray(found)
+            torque = torque + np.tensordot(ball(payload), per_payload, axes=1)
+        return np.asarray(torque)
 
     def sides(self, x: Floats) -> dict[str, tuple[Floats, Floats]]:
         """Measured values and those of the model, of every equation, shape (m, k)."""
@@ -163,18 +163,18 @@ class Problem:
         currents, in the torque of the configured constant: one that shrinks with the constant
         would be least for a motor without torque.
         """
-        found = {name: measured - model for name, (measured, model) in self.sides(x).items()}
+        residuals = {name: measured - model for name, (measured, model) in self.sides(x).items()}
         constant = self.spread(x)[0][KT]
-        found[MOTOR] *= np.where(self.senses, 1.0, self._starts[KT] / constant)
-        return found
+        residuals[MOTOR] *= np.where(self.senses, 1.0, self._starts[KT] / constant)
+        return residuals
 
     def friction(self, x: Floats) -> tuple[Floats, Floats]:
         """Torque of the motors beyond the load, and its model, shape (m, k)."""
-        given, whole = self.sides(x)[MOTOR]
+        supplied, whole = self.sides(x)[MOTOR]
         unknown, payload = self.spread(x)
         felt = self.torque + unknown[LAG] * self._rise
         load = np.where(self.senses, felt, self.masses(unknown[ROTOR], payload))
-        return given - load, whole - load
+        return supplied - load, whole - load
 
     def start_of(self, k: int) -> Floats:
         """Direction in which joint k starts to move at each sample; else 0."""
@@ -206,10 +206,10 @@ class Problem:
     def blocks(self) -> np.ndarray:
         """Number of the second of each residual."""
         whole = np.broadcast_to(self.samples.block[:, None], self.torque.shape)
-        found = [whole[self.uses[name]] for name in self.uses]
+        rows = [whole[self.uses[name]] for name in self.uses]
         last = int(self.samples.block.max()) + 1
-        found += [np.full(row.size, last) for row in self.priors(self.start)]
-        return np.concatenate(found)
+        rows += [np.full(row.size, last) for row in self.priors(self.start)]
+        return np.concatenate(rows)
 
 
 def spread_of(values: Floats, used: np.ndarray) -> Floats:

@@ -66,15 +66,15 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
     dry, wet = robot.numbers("motor.coulomb"), robot.numbers("motor.viscous")
     slip = SLIP * robot.numbers("limits.velocity")
     wanted = robot.numbers("contact.bandwidth")
-    found = []
+    traces = []
     for record in records:
         velocity, torque = record.signals["velocity"], record.signals["torque"]
         senses = np.isfinite(torque).all(axis=0)
         friction = dry * np.clip(velocity / slip, -1.0, 1.0) + wet * velocity
-        given = np.where(senses, torque, gain * record.signals["current"] - friction)
+        sensed = np.where(senses, torque, gain * record.signals["current"] - friction)
         # M Δq̇/T + c + g, as the board has it at each reading
         rates = np.diff(velocity, axis=0) / np.diff(record.time)[:, None]
-        left = torques(arm, record.signals["position"][1:], velocity[1:], rates) - given[1:]
+        left = torques(arm, record.signals["position"][1:], velocity[1:], rates) - sensed[1:]
         rate = 2.0 * math.pi * np.minimum(wanted, bandwidth(record))
         share = -np.expm1(-rate * np.diff(record.time)[:, None])
         shown, now = np.empty_like(left), np.zeros(left.shape[1])
@@ -83,8 +83,8 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
             shown[k] = now
         time = record.time[1:]
         settled = time >= record.time[0] + SETTLING
-        found.append(External(time[settled], shown[settled]))
-    return found
+        traces.append(External(time[settled], shown[settled]))
+    return traces
 
 
 def bandwidth(record: Record) -> float:
@@ -108,14 +108,14 @@ def threshold(
             the torque, which a gearbox at rest may hold.
     """
     peaks, squares, count = [], 0.0, 0
-    for one in shown:
-        if one.time.size < 2:
+    for trace in shown:
+        if trace.time.size < 2:
             continue
-        size = np.abs(one.torque[:, column])
+        size = np.abs(trace.torque[:, column])
         squares, count = squares + float((size**2).sum()), count + size.size
-        step = float(np.median(np.diff(one.time)))
+        step = float(np.median(np.diff(trace.time)))
         held = minimum_filter1d(size, max(round(lasting / step), 1))
-        blocks = np.floor((one.time - one.time[0]) / BLOCK).astype(np.intp)
+        blocks = np.floor((trace.time - trace.time[0]) / BLOCK).astype(np.intp)
         best = np.zeros(int(blocks[-1]) + 1)
         np.maximum.at(best, blocks, held)
         peaks += best.tolist()

@@ -135,12 +135,12 @@ def section(outcome: Outcome, joint: str) -> str:
         return chart_section(joint, [("not identified", outcome.troubles[joint])], [])
     kind, fitted = outcome.robot.kind(joint), outcome.fitted
     facts = [
-        (TITLES[one.quantity], shown(one, kind) if not one.why else "not shown")
-        for one in outcome.findings
-        if one.joint == joint
+        (TITLES[finding.quantity], shown(finding, kind) if not finding.why else "not shown")
+        for finding in outcome.findings
+        if finding.joint == joint
     ]
     assert fitted is not None
-    traces = {name: traced for (own, name), traced in fitted.traces.items() if own == joint}
+    traces = {name: traced for (owner, name), traced in fitted.traces.items() if owner == joint}
     drawn = charts(traces, kind)
     if outcome.external:
         drawn.append(external_chart(outcome, joint, kind))
@@ -151,12 +151,12 @@ def external_chart(outcome: Outcome, joint: str, kind: JointKind) -> Chart:
     """The torque from outside that a board would show, with the threshold."""
     column, since = outcome.robot.names.index(joint), 0.0
     times: list[Floats] = []
-    for one in outcome.external:
-        times.append(since + one.time - one.time[0])
+    for recorded in outcome.external:
+        times.append(since + recorded.time - recorded.time[0])
         since = float(times[-1][-1]) + GAP
-    torque = np.concatenate([one.torque[:, column] for one in outcome.external])
-    found = [f for f in outcome.written if f.joint == joint and f.quantity == THRESHOLD]
-    limits = tuple(sign * one.value[0] for one in found for sign in (-1.0, 1.0))
+    torque = np.concatenate([recorded.torque[:, column] for recorded in outcome.external])
+    thresholds = [f for f in outcome.written if f.joint == joint and f.quantity == THRESHOLD]
+    limits = tuple(sign * recorded.value[0] for recorded in thresholds for sign in (-1.0, 1.0))
     trace = Trace("external torque", np.concatenate(times), torque, "error")
     title = f"{kind.choose('Torque', 'Force')} from outside, and threshold"
     return Chart(title, kind.force_unit, [trace], limits=limits, show_limits=True)
@@ -170,12 +170,12 @@ def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
         SENSOR: (f"{kind.choose('Torque', 'Force')} at the joint", force),
         WINDING: ("Voltage", "V"),
     }
-    found = []
+    made = []
     for name, (title, unit) in names.items():
         if name not in traces:
             continue
         traced = parted(traces[name], PAUSE)
-        found.append(
+        made.append(
             Chart(
                 f"{title}: measured and model",
                 unit,
@@ -187,10 +187,10 @@ def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
         )
         rest = Trace("measured − model", traced.time, traced.measured - traced.model, "error")
         share = f"{100.0 * traces[name].unexplained:.2g} %"
-        found.append(Chart(f"{title}: residual, {share}", unit, [rest]))
+        made.append(Chart(f"{title}: residual, {share}", unit, [rest]))
     if FRICTION in traces:
-        found = [*friction_charts(traces[FRICTION], kind), *found]
-    return found
+        made = [*friction_charts(traces[FRICTION], kind), *made]
+    return made
 
 
 def parted(traced: Traced, pause: float) -> Traced:

@@ -94,7 +94,7 @@ class Fitted:
 def solve(problem: Problem) -> tuple[Floats, Floats, Floats]:
     """The unknowns, half widths of their intervals, and the covariance."""
     scale, x = problem.scale, problem.start
-    weights = problem.weights({name: one for name, (one, _) in problem.sides(x).items()})
+    weights = problem.weights({name: side for name, (side, _) in problem.sides(x).items()})
 
     def residuals(z: Floats) -> Floats:
         return problem.residuals(z * scale, weights)
@@ -143,12 +143,12 @@ def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool 
     loads = loads_of(
         samples, robot.model(joints), columns, robot.names.index(carrier), robot.rotors_in_links
     )
-    found = solved(robot, joints, samples, loads, carrier, with_payload=payload)
-    if found.carries or not payload:
-        return found
+    fitted = solved(robot, joints, samples, loads, carrier, with_payload=payload)
+    if fitted.carries or not payload:
+        return fitted
     # without payload: rotors must not compensate for its noise
     alone = solved(robot, joints, samples, loads, carrier, with_payload=False)
-    return replace(alone, payload=found.payload)
+    return replace(alone, payload=fitted.payload)
 
 
 def solved(
@@ -174,9 +174,9 @@ def solved(
         estimates.pop((joint, LAG), None)
         if (bearing := estimates.pop((joint, BEARING), None)) is not None:
             for name in (COULOMB, BREAKAWAY):
-                if (own := estimates.get((joint, name))) is not None:
-                    sure = float(np.hypot(own.sure, bearing.sure))
-                    estimates[joint, name] = Estimate(own.value + bearing.value, sure)
+                if (gearbox := estimates.get((joint, name))) is not None:
+                    sure = float(np.hypot(gearbox.sure, bearing.sure))
+                    estimates[joint, name] = Estimate(gearbox.value + bearing.value, sure)
     payload: dict[str, Estimate] = {}
     if with_payload:
         first = len(problem.unknowns)
@@ -205,7 +205,7 @@ def payload_of(x: Floats, widths: Floats, covariance: Floats) -> dict[str, Estim
     quantile = widths[0] / np.sqrt(covariance[0, 0])
     slopes = np.column_stack([-center, np.eye(3)]) / mass
     spread = quantile * np.sqrt(np.diag(slopes @ covariance[:4, :4] @ slopes.T))
-    found = {MASS: Estimate(float(x[0]), float(widths[0]))}
+    estimates = {MASS: Estimate(float(x[0]), float(widths[0]))}
     for axis, value, width in zip("xyz", center.tolist(), spread.tolist(), strict=True):
-        found[f"{CENTER}.{axis}"] = Estimate(value, width)
-    return found
+        estimates[f"{CENTER}.{axis}"] = Estimate(value, width)
+    return estimates

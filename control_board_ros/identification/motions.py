@@ -110,28 +110,28 @@ def bounds_of(
     wanted = kind.choose(RANGE, RANGE_SLIDING) if reach is None else reach
     clear = kind.choose(CLEAR, CLEAR_SLIDING)
     low, high = limits.lower + clear, limits.upper - clear
-    found = min(wanted, 0.5 * (high - low))
-    if not found > LEAST * wanted:
+    travel = min(wanted, 0.5 * (high - low))
+    if not travel > LEAST * wanted:
         raise NoRoomError(
             f"{joint} has {kind.position(limits.upper - limits.lower)} between its limits, too "
             f"little to move {kind.position(wanted)} to either side; make --range smaller"
         )
-    centre = min(max(position, low + found), high - found)
+    centre = min(max(position, low + travel), high - travel)
     fastest = speed * limits.velocity
     hardest = acceleration * limits.acceleration
-    return Bounds(joint, centre, found, fastest, hardest, torque * limits.torque)
+    return Bounds(joint, centre, travel, fastest, hardest, torque * limits.torque)
 
 
 def motions_of(bounds: Sequence[Bounds]) -> list[Motion]:
     """The motions of each joint alone, then, of several, of all together."""
-    found = []
-    for one in bounds:
-        for what, columns in ((RAMP, _ramps(one)), (SINE, _sines(one)), (STEP, _steps(one))):
-            found.append(_motion(what, (one.joint,), [columns]))
+    motions = []
+    for b in bounds:
+        for what, columns in ((RAMP, _ramps(b)), (SINE, _sines(b)), (STEP, _steps(b))):
+            motions.append(_motion(what, (b.joint,), [columns]))
     if len(bounds) > 1:
-        names = tuple(one.joint for one in bounds)
-        found.append(_motion(ALL, names, [_tones_of(k, one) for k, one in enumerate(bounds)]))
-    return found
+        names = tuple(b.joint for b in bounds)
+        motions.append(_motion(ALL, names, [_tones_of(k, b) for k, b in enumerate(bounds)]))
+    return motions
 
 
 def _motion(what: str, joints: tuple[str, ...], columns: list[Floats]) -> Motion:
@@ -142,31 +142,37 @@ def _motion(what: str, joints: tuple[str, ...], columns: list[Floats]) -> Motion
     return Motion(what, joints, times, positions, velocities)
 
 
-def _ramps(one: Bounds) -> Floats:
+def _ramps(bounds: Bounds) -> Floats:
     """Ways at constant speeds with rests between, first short ones with slow starts."""
-    slow = SLOW * one.speed
-    short = min(0.5 * slow * CRAWL, one.reach)
+    slow = SLOW * bounds.speed
+    short = min(0.5 * slow * CRAWL, bounds.reach)
     crawls = [(short if k % 2 == 0 else -short, slow) for k in range(CRAWLS)]
-    gentle = _ways(replace(one, acceleration=2.0 * slow / CRAWL), crawls)
-    ways = [(one.reach, one.speed)]
+    gentle = _ways(replace(bounds, acceleration=2.0 * slow / CRAWL), crawls)
+    ways = [(bounds.reach, bounds.speed)]
     for share in RAMPS:
-        ways += [(-2.0 * one.reach, share * one.speed), (2.0 * one.reach, share * one.speed)]
-    ways.append((-one.reach, one.speed))
-    return np.concatenate([gentle, _ways(one, ways)], axis=1)
+        ways += [
+            (-2.0 * bounds.reach, share * bounds.speed),
+            (2.0 * bounds.reach, share * bounds.speed),
+        ]
+    ways.append((-bounds.reach, bounds.speed))
+    return np.concatenate([gentle, _ways(bounds, ways)], axis=1)
 
 
-def _steps(one: Bounds) -> Floats:
+def _steps(bounds: Bounds) -> Floats:
     """Ways at the bounds of speed and acceleration."""
-    ways = [(one.reach, one.speed)]
-    ways += [(-2.0 * one.reach, one.speed), (2.0 * one.reach, one.speed)] * STEPS
-    return _ways(one, [*ways, (-one.reach, one.speed)], rest=0.25 * REST)
+    ways = [(bounds.reach, bounds.speed)]
+    ways += [(-2.0 * bounds.reach, bounds.speed), (2.0 * bounds.reach, bounds.speed)] * STEPS
+    return _ways(bounds, [*ways, (-bounds.reach, bounds.speed)], rest=0.25 * REST)
 
 
-def _ways(one: Bounds, ways: Sequence[tuple[float, float]], rest: float = REST) -> Floats:
+def _ways(bounds: Bounds, ways: Sequence[tuple[float, float]], rest: float = REST) -> Floats:
     """Position and velocity along ways (distance, speed) with constant acceleration."""
-    parts, place = [_still(one.centre, REST)], one.centre
+    parts, place = [_still(bounds.centre, REST)], bounds.centre
     for distance, speed in ways:
-        parts += [_way(place, distance, speed, one.acceleration), _still(place + distance, rest)]
+        parts += [
+            _way(place, distance, speed, bounds.acceleration),
+            _still(place + distance, rest),
+        ]
         place += distance
     parts.append(_still(place, REST))
     return np.concatenate(parts, axis=1)
@@ -193,19 +199,19 @@ def _way(start: float, distance: float, speed: float, acceleration: float) -> Fl
     return np.array([start + sign * position, sign * factor * velocity])
 
 
-def _sines(one: Bounds) -> Floats:
+def _sines(bounds: Bounds) -> Floats:
     """Two tones at the greatest amplitude within the bounds."""
-    return _filled(one, SINES, [(f, share, 0.0) for f, share in TONES])
+    return _filled(bounds, SINES, [(f, share, 0.0) for f, share in TONES])
 
 
-def _tones_of(k: int, one: Bounds) -> Floats:
+def _tones_of(k: int, bounds: Bounds) -> Floats:
     """Three tones of joint k, at frequencies that differ from joint to joint."""
     base = LOWEST * RATIO ** (k % 8)
     tones = [(base, 1.0, 0.9 * k), (2.3 * base, 0.5, 2.1 * k), (4.1 * base, 0.25, 0.4 * k)]
-    return _filled(one, TOGETHER, tones)
+    return _filled(bounds, TOGETHER, tones)
 
 
-def _filled(one: Bounds, seconds: float, tones: Sequence[tuple[float, float, float]]) -> Floats:
+def _filled(bounds: Bounds, seconds: float, tones: Sequence[tuple[float, float, float]]) -> Floats:
     """Tones (Hz, share, phase) that fade in and out, at the greatest amplitude in the bounds."""
     t = GRID * np.arange(round(seconds / GRID) + 1)
     shape = np.zeros_like(t)
@@ -216,11 +222,13 @@ def _filled(one: Bounds, seconds: float, tones: Sequence[tuple[float, float, flo
     shape *= edge**3 * (10.0 - 15.0 * edge + 6.0 * edge**2)
     rate = np.gradient(shape, GRID)
     rate[[0, -1]] = 0.0
-    most = (np.abs(row).max() for row in (shape, rate, np.gradient(rate, GRID)))
+    peaks = (np.abs(row).max() for row in (shape, rate, np.gradient(rate, GRID)))
     size = min(
         bound / peak
-        for bound, peak in zip((one.reach, one.speed, one.acceleration), most, strict=True)
+        for bound, peak in zip(
+            (bounds.reach, bounds.speed, bounds.acceleration), peaks, strict=True
+        )
     )
-    rest = _still(one.centre, REST)
-    moving = np.array([one.centre + size * shape, size * rate])
+    rest = _still(bounds.centre, REST)
+    moving = np.array([bounds.centre + size * shape, size * rate])
     return np.concatenate([rest, moving, rest], axis=1)

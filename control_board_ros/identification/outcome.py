@@ -194,7 +194,8 @@ def with_thresholds(outcome: Outcome, records: Sequence[Record], alarms: float) 
     """The outcome, with thresholds of contacts for a board that has its values."""
     robot = outcome.robot
     values = {
-        one.parameter: one.value if len(one.value) > 1 else one.value[0] for one in outcome.written
+        finding.parameter: finding.value if len(finding.value) > 1 else finding.value[0]
+        for finding in outcome.written
     }
     known = robot.with_values(values)
     torques = external(known, records)
@@ -210,8 +211,8 @@ def with_thresholds(outcome: Outcome, records: Sequence[Record], alarms: float) 
         lasting, column = robot.number(joint, "contact.time"), robot.names.index(joint)
         sensed = (joint, SENSOR) in fitted.traces
         rubbing = 0.0 if sensed else known.number(joint, "motor.coulomb")
-        found = threshold(torques, column, lasting, alarms, rubbing)
-        findings.append(of_threshold(joint, found, before, alarms))
+        learned = threshold(torques, column, lasting, alarms, rubbing)
+        findings.append(of_threshold(joint, learned, before, alarms))
         configured_to = robot.number(joint, "contact.bandwidth")
         if (slow := min(bandwidth(record) for record in records)) < configured_to:
             slower = Finding(joint, BANDWIDTH, (slow,), (0.0,), (configured_to,))
@@ -220,16 +221,16 @@ def with_thresholds(outcome: Outcome, records: Sequence[Record], alarms: float) 
 
 
 def of_threshold(
-    joint: str, found: Threshold | None, before: tuple[float, ...] | None, alarms: float
+    joint: str, learned: Threshold | None, before: tuple[float, ...] | None, alarms: float
 ) -> Finding:
     """A threshold, with what it is in units of the residual."""
-    if found is None:
+    if learned is None:
         return Finding(joint, THRESHOLD, (0.0,), (0.0,), before, "not shown: less than a minute")
-    value = Estimate(found.value, found.sure)
+    value = Estimate(learned.value, learned.sure)
     why = unsure(value, THRESHOLD) if value.relative > QUANTITIES[THRESHOLD].sure else ""
     remark = (
-        f"{found.value / found.rms:.1f} × the residual, {alarms:g} false alarms an hour; "
-        f"the greatest was {found.worst:.3g}"
+        f"{learned.value / learned.rms:.1f} × the residual, {alarms:g} false alarms an hour; "
+        f"the greatest was {learned.worst:.3g}"
     )
     return Finding(joint, THRESHOLD, (value.value,), (value.sure,), before, why, remark)
 
@@ -242,13 +243,21 @@ def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
             wrong[joint] = text
             continue
         for quantity in OF_JOINT:
-            if (found := fitted.estimates.get((joint, quantity))) is not None:
-                one = of_joint(robot, joint, quantity, found)
-                if one.why and quantity == ROTOR and joint == fitted.carrier and fitted.carries:
-                    one = replace(one, why=LOOKS_ALIKE)
-                findings.append(one)
+            if (estimate := fitted.estimates.get((joint, quantity))) is not None:
+                finding = of_joint(robot, joint, quantity, estimate)
+                if (
+                    finding.why
+                    and quantity == ROTOR
+                    and joint == fitted.carrier
+                    and fitted.carries
+                ):
+                    finding = replace(finding, why=LOOKS_ALIKE)
+                findings.append(finding)
         if without_constant(robot, fitted, findings, joint):
-            findings = [without_torque(one) if one.joint == joint else one for one in findings]
+            findings = [
+                without_torque(finding) if finding.joint == joint else finding
+                for finding in findings
+            ]
     return [*findings, *of_payload(robot, fitted)], wrong
 
 
@@ -258,7 +267,7 @@ def without_constant(
     """Whether a current is all that tells the torque of a joint, and its constant is unknown."""
     told = (joint, SENSOR) in fitted.traces or joint not in robot.derived
     return not told and any(
-        one.joint == joint and one.quantity == KT and one.why for one in findings
+        finding.joint == joint and finding.quantity == KT and finding.why for finding in findings
     )
 
 
@@ -271,10 +280,10 @@ def without_torque(finding: Finding) -> Finding:
 
 def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
     """Why motor constants are beyond a motor's tolerance; empty: within it."""
-    found, key = fitted.estimates.get((joint, KT)), "motor.torque_constant"
-    if found is None or found.relative > WRONG or joint in robot.derived:
+    estimate, key = fitted.estimates.get((joint, KT)), "motor.torque_constant"
+    if estimate is None or estimate.relative > WRONG or joint in robot.derived:
         return ""
-    factor = found.value / robot.number(joint, key)
+    factor = estimate.value / robot.number(joint, key)
     if abs(factor - 1.0) <= WRONG:
         return ""
     return (
@@ -283,24 +292,24 @@ def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
     )
 
 
-def of_joint(robot: Robot, joint: str, quantity: str, found: Estimate) -> Finding:
+def of_joint(robot: Robot, joint: str, quantity: str, estimate: Estimate) -> Finding:
     """A quantity of a joint: written if its interval is narrow, or the value negligible."""
-    value, why = found.value, ""
+    value, why = estimate.value, ""
     little = little_of(robot, joint, quantity)
-    if abs(value) + found.sure <= little or (quantity == DELAY and found.sure <= little):
+    if abs(value) + estimate.sure <= little or (quantity == DELAY and estimate.sure <= little):
         value = max(value, 0.0)
-    elif abs(value) <= found.sure:
-        why = f"not shown: 0 is within its interval, {value:.2g} ± {found.sure:.2g}"
+    elif abs(value) <= estimate.sure:
+        why = f"not shown: 0 is within its interval, {value:.2g} ± {estimate.sure:.2g}"
     elif value <= 0.0:
-        why = f"not shown: {value:.3g} ± {found.sure:.2g} is not above 0"
-    elif found.relative > QUANTITIES[quantity].sure:
-        why = unsure(found, quantity)
+        why = f"not shown: {value:.3g} ± {estimate.sure:.2g} is not above 0"
+    elif estimate.relative > QUANTITIES[quantity].sure:
+        why = unsure(estimate, quantity)
     if quantity == EFFICIENCY and not why and value > 1.0:
         value = 1.0
-        if found.value - found.sure > 1.0 + QUANTITIES[EFFICIENCY].sure:
-            why = f"{found.value:.3g} is above 1: torque sensor and current sensor disagree"
+        if estimate.value - estimate.sure > 1.0 + QUANTITIES[EFFICIENCY].sure:
+            why = f"{estimate.value:.3g} is above 1: torque sensor and current sensor disagree"
     before = configured(robot, joint, quantity)
-    return Finding(joint, quantity, (value,), (found.sure,), before, why)
+    return Finding(joint, quantity, (value,), (estimate.sure,), before, why)
 
 
 def configured(robot: Robot, joint: str, quantity: str) -> tuple[float, ...] | None:
@@ -327,10 +336,10 @@ def little_of(robot: Robot, joint: str, quantity: str) -> float:
     return 0.0
 
 
-def unsure(found: Estimate, quantity: str) -> str:
+def unsure(value: Estimate, quantity: str) -> str:
     """Why an interval is too wide, and what helps."""
     allowed, helps = QUANTITIES[quantity].sure, QUANTITIES[quantity].helps
-    width = "as wide as the value" if found.relative > 1.0 else f"±{100.0 * found.relative:.0f} %"
+    width = "as wide as the value" if value.relative > 1.0 else f"±{100.0 * value.relative:.0f} %"
     return f"not shown: {width}, ±{100.0 * allowed:.0f} % allowed; move it {helps}"
 
 
@@ -351,15 +360,15 @@ def of_payload(robot: Robot, fitted: Fitted) -> list[Finding]:
         why = f"{mass.value:.3g} kg: the robot is lighter than its URDF"
     elif mass.relative > QUANTITIES[MASS].sure:
         why = unsure(mass, MASS)
-    elif any(one.sure > SURE_CENTER for one in center):
+    elif any(c.sure > SURE_CENTER for c in center):
         axis, worst = max(zip("xyz", center, strict=True), key=lambda pair: pair[1].sure)
         why = (
             f"not shown: its centre's {axis} is ±{1e3 * worst.sure:.0f} mm, "
             f"±{1e3 * SURE_CENTER:.0f} mm allowed; move joints that turn it against gravity, too"
         )
-    found = [Finding(joint, MASS, (mass.value,), (mass.sure,), known, why)]
+    findings = [Finding(joint, MASS, (mass.value,), (mass.sure,), known, why)]
     if not none:
-        values, widths = (tuple(getattr(one, n) for one in center) for n in ("value", "sure"))
+        values, widths = (tuple(getattr(c, n) for c in center) for n in ("value", "sure"))
         place = configured(robot, joint, CENTER)
-        found.append(Finding(joint, CENTER, values, widths, place, why))
-    return found
+        findings.append(Finding(joint, CENTER, values, widths, place, why))
+    return findings

@@ -38,7 +38,7 @@ def of_any_motion(path: Path) -> Recorded:
     """A recording without plan: all stretches without gaps."""
     (recording, *others) = read(path)
     if others:
-        boards = ", ".join(one.board for one in (recording, *others))
+        boards = ", ".join(extra.board for extra in (recording, *others))
         raise IdentificationError(f"{path} has several boards: {boards}; record one alone")
     robot = robot_of(recording)
     signals = {name: recording.signals[name] for name in SIGNALS}
@@ -58,7 +58,7 @@ def planned(folder: Path) -> Recorded:
     try:
         plan = json.loads((folder / MOTIONS).read_text("utf-8"))
         board: str = plan["board"]
-        recording = next(one for one in read(folder) if one.board == board)
+        recording = next(candidate for candidate in read(folder) if candidate.board == board)
         rows: Sequence[dict[str, Any]] = plan["motions"]
         records = [record_of(recording, row) for row in rows]
     except (OSError, ValueError, KeyError, StopIteration, RecordingError) as error:

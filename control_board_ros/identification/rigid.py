@@ -58,10 +58,10 @@ def loads_of(
         before = {name: getattr(body, name) for name in numbers}
         for name, value in numbers.items():
             setattr(body, name, before[name] + value)
-        found = torques(arm, *motion)[:, columns] - known
+        loads = torques(arm, *motion)[:, columns] - known
         for name, value in before.items():
             setattr(body, name, value)
-        return found
+        return loads
 
     rotors = [
         added(bodies[j], **{"izz" if in_links and not model.links[j].slides else "rotor": 1.0})
@@ -81,10 +81,10 @@ def loads_of(
 def torques(arm: Arm, position: Floats, velocity: Floats, acceleration: Floats) -> Floats:
     """Torques of a motion, shape (m, n), as all arguments."""
     rows = [np.asarray(row) for row in arm.rows]
-    found = np.empty_like(position)
+    loads = np.empty_like(position)
     for k, moving in enumerate(zip(position, velocity, acceleration, strict=True)):
         for row, values in zip(rows, moving, strict=False):
             row[:] = values
         arm.inverse(1.0)
-        found[k] = rows[-1]
-    return found
+        loads[k] = rows[-1]
+    return loads

@@ -62,8 +62,8 @@ class Robot:
 
     def with_values(self, values: Mapping[str, Any]) -> Robot:
         """The robot with other values of some parameters."""
-        given = {name for name in self.names if f"{name}.motor.torque_constant" in values}
-        return replace(self, values={**self.values, **values}, derived=self.derived - given)
+        measured = {name for name in self.names if f"{name}.motor.torque_constant" in values}
+        return replace(self, values={**self.values, **values}, derived=self.derived - measured)
 
     def number(self, joint: str, key: str) -> float:
         """A numeric parameter of a joint.
@@ -78,11 +78,11 @@ class Robot:
 
     def numbers(self, key: str, joints: Sequence[str] | None = None) -> Floats:
         """A numeric parameter of several joints, or of all (None)."""
-        chosen = self.names if joints is None else joints
-        return np.array([self.number(joint, key) for joint in chosen])
+        names = self.names if joints is None else joints
+        return np.array([self.number(joint, key) for joint in names])
 
     def kind(self, joint: str) -> JointKind:
-        return next(one.kind for one in self.urdf.joints if one.name == joint)
+        return next(urdf_joint.kind for urdf_joint in self.urdf.joints if urdf_joint.name == joint)
 
     @property
     def period(self) -> float:
@@ -113,9 +113,9 @@ class Robot:
                 "physics: ideal has no masses to identify; start the board with mujoco or pybullet"
             )
         homes = {
-            one.name: float(self.values[f"{one.name}.home"])
-            for one in self.urdf.joints
-            if f"{one.name}.home" in self.values
+            j.name: float(self.values[f"{j.name}.home"])
+            for j in self.urdf.joints
+            if f"{j.name}.home" in self.values
         }
         x, y, z = self.values["gravity"]
         others = [name for name in self.names if name not in joints]

@@ -147,9 +147,9 @@ def samples_of(
             f"{1e3 * WIDTH:g} ms between readings; is the machine or the network overloaded?"
         )
     made = joined(parts)
-    found: dict[str, Any] = {field.name: made[field.name] for field in fields(Samples)}
-    found["block"] = made["block"].astype(np.intp)
-    return Samples(**found | {name: made[name] > 0.5 for name in ("moving", "commanded")})
+    columns: dict[str, Any] = {field.name: made[field.name] for field in fields(Samples)}
+    columns["block"] = made["block"].astype(np.intp)
+    return Samples(**columns | {name: made[name] > 0.5 for name in ("moving", "commanded")})
 
 
 def joined(parts: Sequence[dict[str, Floats]]) -> dict[str, Floats]:
@@ -166,8 +166,8 @@ def smoothed(record: Record, supply: Floats) -> tuple[float, float, Signals]:
     def even(values: Floats, order: int = 0) -> Floats:
         rows = np.column_stack([np.interp(time, raw, column) for column in values.T])
         made = gaussian_filter1d(rows, width / step, axis=0, order=order, mode="nearest")
-        found: Floats = made / step**order
-        return found
+        derivative: Floats = made / step**order
+        return derivative
 
     signals = record.signals
     volts = 0.01 * signals["output"] * supply
@@ -191,24 +191,24 @@ def smoothed(record: Record, supply: Floats) -> tuple[float, float, Signals]:
 def near_gaps(readings: Floats, time: Floats, width: float) -> Bools:
     """Whether times, s, are so near to a gap of readings that the low pass lacks data."""
     gaps = np.flatnonzero(np.diff(readings) > width)
-    found = np.zeros(time.size, dtype=np.bool_)
+    near = np.zeros(time.size, dtype=np.bool_)
     for begin, end in zip(readings[gaps], readings[gaps + 1], strict=True):
-        found |= (time > begin - TAIL * width) & (time < end + TAIL * width)
-    return found
+        near |= (time > begin - TAIL * width) & (time < end + TAIL * width)
+    return near
 
 
 def steady(
     velocity: Floats, speeds: Mapping[str, float], names: Sequence[str], cut: int
 ) -> Floats:
     """1 where a joint moves in one direction, and not slowly, for ``cut`` samples to each side."""
-    found = np.zeros_like(velocity)
+    at_rest = np.zeros_like(velocity)
     for joint, speed in speeds.items():
         column = list(names).index(joint)
         for sign in (1.0, -1.0):
             slow = ~(sign * velocity[:, column] > FRICTION * speed)
             near = np.convolve(slow, np.ones(2 * cut + 1), mode="same")
-            found[:, column] += near < 0.5
-    return found
+            at_rest[:, column] += near < 0.5
+    return at_rest
 
 
 def starts(signals: Signals, step: float, column: int, gain: float, slow: float) -> list[int]:

@@ -87,7 +87,7 @@ def sources_of(
         IdentificationError: a signal or unit is unknown or not one of a joint's kind, or the
             number of columns is wrong.
     """
-    found = {}
+    sources = {}
     for signal, word in words.items():
         if signal not in UNITS:
             raise IdentificationError(f"{signal}: no signal; there are {', '.join(UNITS)}")
@@ -113,12 +113,12 @@ def sources_of(
                 f"{signal}: {columns!r} names {len(parts)} columns, and {count} are needed"
                 + ("" if signal == TIME else f": {', '.join(names)}")
             )
-        found[signal] = Source(tuple(parts), sign * UNITS[signal][plain])
-    if POSITION not in found:
+        sources[signal] = Source(tuple(parts), sign * UNITS[signal][plain])
+    if POSITION not in sources:
         raise IdentificationError("no position: give --column position=COLUMNS:UNIT")
-    if not {"torque", "current"} & set(found):
+    if not {"torque", "current"} & set(sources):
         raise IdentificationError("no torque and no current: nothing shows what the joints give")
-    return found
+    return sources
 
 
 def is_foreign(unit: str, kind: JointKind) -> bool:
@@ -135,23 +135,23 @@ def columns_of(pattern: str, names: Sequence[str]) -> list[str]:
             raise IdentificationError(
                 f"{pattern!r}: write {{0}}, {{1}} or {{name}} in place of the joint"
             ) from None
-    found = []
+    columns = []
     for part in pattern.split(","):
         numbers = RANGE.fullmatch(part.strip())
         if numbers is None:
-            found.append(part.strip())
+            columns.append(part.strip())
         else:
-            found += map(str, range(int(numbers[1]), int(numbers[2]) + 1))
-    return found
+            columns += map(str, range(int(numbers[1]), int(numbers[2]) + 1))
+    return columns
 
 
-def words_of(columns: Path | None, given: Sequence[str]) -> dict[str, str]:
+def words_of(columns: Path | None, options: Sequence[str]) -> dict[str, str]:
     """The descriptions of signals, of a file and, above them, of words ``SIGNAL=COLUMNS:UNIT``.
 
     Raises:
         IdentificationError: the file, or a word, is not readable.
     """
-    found: dict[str, str] = {}
+    words: dict[str, str] = {}
     if columns is not None:
         try:
             read = yaml.safe_load(columns.read_text("utf-8"))
@@ -159,13 +159,13 @@ def words_of(columns: Path | None, given: Sequence[str]) -> dict[str, str]:
             raise IdentificationError(f"{columns} cannot be read: {error}") from error
         if not isinstance(read, dict):
             raise IdentificationError(f"{columns}: write lines such as 'position: q{{0}}:rad'")
-        found |= {str(signal): str(word) for signal, word in read.items()}
-    for word in given:
+        words |= {str(signal): str(word) for signal, word in read.items()}
+    for word in options:
         signal, mark, rest = word.partition("=")
         if not mark:
             raise IdentificationError(f"{word!r}: write SIGNAL=COLUMNS:UNIT")
-        found[signal] = rest
-    return found
+        words[signal] = rest
+    return words
 
 
 def table_of(path: Path) -> dict[str, Floats]:
@@ -181,7 +181,7 @@ def table_of(path: Path) -> dict[str, Floats]:
         raise IdentificationError(f"{path} cannot be read: {error}") from error
     if len(lines) < 2:
         raise IdentificationError(f"{path} is empty")
-    mark = next((one for one in ",;\t" if one in lines[0]), " ")
+    mark = next((separator for separator in ",;\t" if separator in lines[0]), " ")
     rows = csv.reader(lines, delimiter=mark, skipinitialspace=mark == " ")
     head = [cell.strip() for cell in next(rows)]
     titled = not all(is_number(cell) for cell in head if cell)
@@ -197,8 +197,8 @@ def table_of(path: Path) -> dict[str, Floats]:
     except ValueError as error:
         raise IdentificationError(f"{path} is no table of numbers: {error}") from error
     values[np.abs(values) > BEYOND] = np.nan
-    found: dict[str, Floats] = {str(k + 1): row for k, row in enumerate(values.T)}
-    return found | dict(zip(head, values.T, strict=False)) if titled else found
+    table: dict[str, Floats] = {str(k + 1): row for k, row in enumerate(values.T)}
+    return table | dict(zip(head, values.T, strict=False)) if titled else table
 
 
 def is_number(text: str) -> bool:
@@ -223,15 +223,15 @@ def series_of_table(path: Path, sources: Mapping[str, Source]) -> dict[str, list
     table = table_of(path)
     if TIME not in sources:
         raise IdentificationError("no time: give --column time=COLUMN:UNIT")
-    missing = [c for one in sources.values() for c in one.columns if c not in table]
+    missing = [c for source in sources.values() for c in source.columns if c not in table]
     if missing:
         raise IdentificationError(
             f"{path} has no column {missing[0]}; there are {', '.join(list(table)[:40])}"
         )
     time = sources[TIME].factor * table[sources[TIME].columns[0]]
     return {
-        signal: [Series(time, one.factor * table[column]) for column in one.columns]
-        for signal, one in sources.items()
+        signal: [Series(time, source.factor * table[column]) for column in source.columns]
+        for signal, source in sources.items()
     }
 
 
@@ -245,7 +245,7 @@ def series_of_bag(path: Path, sources: Mapping[str, Source]) -> dict[str, list[S
     highlevel = library("rosbags.highlevel")
     typesys = library("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    wanted = {c for signal, one in sources.items() if signal != TIME for c in one.columns}
+    wanted = {c for signal, source in sources.items() if signal != TIME for c in source.columns}
     rows: dict[str, list[tuple[float, float]]] = {column: [] for column in wanted}
     try:
         with highlevel.AnyReader([path], default_typestore=store) as reader:
@@ -260,8 +260,8 @@ def series_of_bag(path: Path, sources: Mapping[str, Source]) -> dict[str, list[S
                 of_topic.setdefault(topic, []).append(
                     (column, column[len(topic) + 1 :].split("/"))
                 )
-            chosen = [c for c in reader.connections if c.topic in of_topic]
-            for connection, stamp, raw in reader.messages(connections=chosen):
+            connections = [c for c in reader.connections if c.topic in of_topic]
+            for connection, stamp, raw in reader.messages(connections=connections):
                 message = reader.deserialize(raw, connection.msgtype)
                 header = getattr(message, "header", None)
                 time = stamp_of(header.stamp) if header is not None else 0.0
@@ -277,8 +277,8 @@ def series_of_bag(path: Path, sources: Mapping[str, Source]) -> dict[str, list[S
         return Series(time, factor * values)
 
     return {
-        signal: [series(column, one.factor) for column in one.columns]
-        for signal, one in sources.items()
+        signal: [series(column, source.factor) for column in source.columns]
+        for signal, source in sources.items()
         if signal != TIME
     }
 
@@ -349,14 +349,14 @@ def stretches(time: Floats, signals: dict[str, Floats], names: Sequence[str]) ->
             f"the log has {1.0 / period:.0f} readings a second, and {LOWEST:.0f} are needed"
         )
     cuts = np.flatnonzero(np.diff(time) > max(GAP, GAP_PERIODS * period)) + 1
-    found = []
+    records = []
     for rows in np.split(np.arange(time.size), cuts):
         if time[rows[-1]] - time[rows[0]] >= SHORTEST and rows.size >= 8:
-            own = {name: values[rows] for name, values in signals.items()}
-            found.append(record_of(time[rows], own, names))
-    if not found:
+            piece = {name: values[rows] for name, values in signals.items()}
+            records.append(record_of(time[rows], piece, names))
+    if not records:
         raise IdentificationError(f"no part of the log is {SHORTEST:g} s long without a gap")
-    return found
+    return records
 
 
 def on_times(columns: Sequence[Series], time: Floats) -> Floats:

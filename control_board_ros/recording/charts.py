@@ -187,8 +187,8 @@ def step_chart(recording: BoardRecording, move: Move, kind: JointKind) -> Chart:
     """One step in detail, with its settling band."""
     time = recording.time
     low, high = np.searchsorted(time, (move.begin - 0.05, move.until))
-    chosen = slice(int(low), int(high))
-    x = time[chosen] - move.begin
+    window = slice(int(low), int(high))
+    x = time[window] - move.begin
     settled = 0.02 * abs(move.target - move.start)
     factor = kind.shown_factor
     band = [factor * (move.target - settled), factor * (move.target + settled)]
@@ -199,11 +199,11 @@ def step_chart(recording: BoardRecording, move: Move, kind: JointKind) -> Chart:
         f"Step at {move.begin:.2f} s, with the band of 2 % around its end",
         kind.shown_unit,
         [
-            Trace("measured", x, factor * recording.signal("position", move.joint)[chosen]),
+            Trace("measured", x, factor * recording.signal("position", move.joint)[window]),
             Trace(
                 "reference",
                 x,
-                factor * recording.signal("position_reference", move.joint)[chosen],
+                factor * recording.signal("position_reference", move.joint)[window],
                 "reference",
             ),
         ],

@@ -53,8 +53,8 @@ def type_hash(type_name: str) -> str:
     """The hash of a type in its package: ``RIHS01_…``."""
     described = json.loads(share_file(type_name, ".json").read_text("utf-8"))
     hashes = {entry["type_name"]: entry["hash_string"] for entry in described["type_hashes"]}
-    found: str = hashes[type_name]
-    return found
+    digest: str = hashes[type_name]
+    return digest
 
 
 def whole_text(type_name: str, text: str) -> str:

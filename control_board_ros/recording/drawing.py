@@ -108,8 +108,8 @@ def thin(x: Floats, rows: Floats, low: float, high: float) -> tuple[Floats, Floa
                 kept |= {begin, end - 1}
             else:
                 kept |= {begin + int(part.argmin()), begin + int(part.argmax())}
-    chosen = sorted(kept)
-    return x[chosen], rows[:, chosen]
+    indices = sorted(kept)
+    return x[indices], rows[:, indices]
 
 
 def timeline(recording: BoardRecording, shorts: Sequence[str]) -> str:

@@ -141,9 +141,9 @@ def lag(time: Floats, reference: Floats, value: Floats) -> float:
     if t.size < 8 or np.ptp(r) == 0.0:
         return math.nan
     period = float(t[1] - t[0])
-    most = min(round(LONGEST_LAG / period), t.size // 2)
+    longest = min(round(LONGEST_LAG / period), t.size // 2)
     least = min(round(LONGEST_LEAD / period), t.size // 2)
-    shifts = np.arange(-least, most + 1)
+    shifts = np.arange(-least, longest + 1)
     costs = np.array([mismatch(r, y, int(shift)) for shift in shifts])
     k = int(np.argmin(costs))
     if not 0 < k < shifts.size - 1:
@@ -227,15 +227,15 @@ def frequency_response(
     spectra = [np.fft.rfft(level(signal)) for signal in (r, y)]
     high = min(high, 0.5 / period)
     edges = np.geomspace(low, high, points + 1)
-    found = []
+    bands = []
     begin = int(np.searchsorted(lines, edges[0]))
     for edge in edges[1:]:
         stop = int(np.searchsorted(lines, edge, side="right"))
         if stop - begin >= LEAST_LINES:
-            chosen = slice(begin, stop)
-            found.append(band(lines[chosen], spectra[0][chosen], spectra[1][chosen]))
+            window = slice(begin, stop)
+            bands.append(band(lines[window], spectra[0][window], spectra[1][window]))
             begin = stop
-    frequency, response, coherence = np.array(found).reshape(-1, 3).T
+    frequency, response, coherence = np.array(bands).reshape(-1, 3).T
     return Response(
         frequency.real,
         np.abs(response),

@@ -31,7 +31,7 @@ PAUSE, AFTER = 0.1, 2.0
 #: Share of the time after the end for the steady-state error.
 STEADY = 0.25
 #: Travel of a move, in multiples of its distance, from which it counts as to and fro.
-THERE_AND_BACK = 1.5
+MAX_DETOUR = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +68,10 @@ class Move:
 def moves_of(recording: BoardRecording, joint: str, kind: JointKind) -> list[Move]:
     least = kind.choose(LEAST, LEAST_SLIDING)
     return [
-        move(recording, joint, mode, *found)
+        move(recording, joint, mode, *change)
         for begin, end, mode in recording.control_modes(joint)
         if mode in FOLLOWING
-        for found in changes(recording, joint, (begin, end), least)
+        for change in changes(recording, joint, (begin, end), least)
     ]
 
 
@@ -99,13 +99,13 @@ def changes(
 def move(
     recording: BoardRecording, joint: str, mode: str, first: int, last: int, stop: int
 ) -> Move:
-    chosen = slice(first, stop + 1)
-    time = recording.time[chosen]
-    reference = recording.signal("position_reference", joint)[chosen]
-    position = recording.signal("position", joint)[chosen]
+    window = slice(first, stop + 1)
+    time = recording.time[window]
+    reference = recording.signal("position_reference", joint)[window]
+    position = recording.signal("position", joint)[window]
     start, target = float(reference[0]), float(reference[-1])
     travelled = float(np.ptp(reference))
-    direct = abs(target - start) * THERE_AND_BACK >= travelled
+    direct = abs(target - start) * MAX_DETOUR >= travelled
     rest = recording.time[last] + (1.0 - STEADY) * (time[-1] - recording.time[last])
     steady = time >= rest
     return Move(
@@ -119,7 +119,7 @@ def move(
         step=step_figures(time, position, float(position[0]), target) if direct else None,
         tracking=tracking_figures(time, reference, position),
         steady_error=steady_error(time[steady], (reference - position)[steady]),
-        saturated=saturated(recording, joint, chosen),
+        saturated=saturated(recording, joint, window),
     )
 
 
@@ -128,12 +128,12 @@ def steady_error(time: Floats, error: Floats) -> float:
     return mean_over_time(time, error) if time.size > 1 else float(error[-1])
 
 
-def saturated(recording: BoardRecording, joint: str, chosen: slice) -> float:
+def saturated(recording: BoardRecording, joint: str, window: slice) -> float:
     """Time at the limit of the output or of the torque, s; the longer one."""
-    time = recording.time[chosen]
-    most = recording.parameter(joint, "limits.output", 100.0)
+    time = recording.time[window]
+    limit = recording.parameter(joint, "limits.output", 100.0)
     torque = recording.parameter(joint, "limits.torque")
     return max(
-        time_saturated(time, recording.signal("output", joint)[chosen], most),
-        time_saturated(time, recording.signal("torque_reference", joint)[chosen], torque),
+        time_saturated(time, recording.signal("output", joint)[window], limit),
+        time_saturated(time, recording.signal("torque_reference", joint)[window], torque),
     )

@@ -34,13 +34,13 @@ LINES_SHOWN = 100
 
 def joint_charts(recording: BoardRecording) -> list[JointCharts]:
     kinds = kinds_of(recording.urdf, recording.names)
-    found = []
+    made = []
     for joint in recording.names:
         kind = kinds[joint]
         moves = moves_of(recording, joint, kind)
         charts = tracking_charts(recording, joint, moves, kind)
-        found.append(JointCharts(joint, charts, moves, kind))
-    return found
+        made.append(JointCharts(joint, charts, moves, kind))
+    return made
 
 
 def short_names(names: Sequence[str]) -> list[str]:

@@ -236,14 +236,14 @@ def read_salvaged(path: Path, why: str) -> list[BoardRecording]:
         RecordingError: nothing is, or it cannot be read.
     """
     try:
-        found = salvage(path, why)
-        recordings = list(read_boards(found))
+        salvaged = salvage(path, why)
+        recordings = list(read_boards(salvaged))
     except RecordingError:
         raise
     except Exception as error:
         raise RecordingError(f"{path} cannot be read: {why}; {clean(error)}") from error
     for recording in recordings:
-        recording.missing = list(map(clean, found.missing))
+        recording.missing = list(map(clean, salvaged.missing))
     return recordings
 
 
@@ -319,10 +319,10 @@ def steps_of_time(time: Floats, known: Sequence[Gap]) -> list[Gap]:
 
     Those that a recorder noted itself, by its own clock, are not repeated.
     """
-    found = [Gap(float(time[k]), float(time[k + 1])) for k in gaps_in(time)]
+    gaps = [Gap(float(time[k]), float(time[k + 1])) for k in gaps_in(time)]
     return [
         gap
-        for gap in found
+        for gap in gaps
         if gap.until - gap.time > LEAST_GAP and not any(gap.is_near(other) for other in known)
     ]
 
@@ -331,8 +331,8 @@ def optional(states: list[Any], name: str) -> Floats:
     """A field, shape (n, joints); NaN where a state lacks it."""
     missing = np.full(len(states[0].names), np.nan)
     rows = [getattr(state, name, missing) for state in states]
-    found: Floats = np.array([row if len(row) == missing.size else missing for row in rows])
-    return found
+    values: Floats = np.array([row if len(row) == missing.size else missing for row in rows])
+    return values
 
 
 def parameters_in(message: Any) -> dict[str, Any]:
@@ -345,15 +345,15 @@ def parameters_in(message: Any) -> dict[str, Any]:
 
 def read_modes(reader: Any, recording: BoardRecording) -> list[Modes]:
     """The changes of modes, each once: later files repeat the last one."""
-    found: list[Modes] = []
+    modes: list[Modes] = []
     for _, message in messages(reader, MODES.of(recording.board)):
         names = clean_names(message.names)
         control = dict(zip(names, clean_names(message.control_modes), strict=True))
         interaction = dict(zip(names, clean_names(message.interaction_modes), strict=True))
         time = stamp_of(message.header.stamp) - recording.start
-        if not found or (found[-1].control, found[-1].interaction) != (control, interaction):
-            found.append(Modes(time, control, interaction))
-    return found
+        if not modes or (modes[-1].control, modes[-1].interaction) != (control, interaction):
+            modes.append(Modes(time, control, interaction))
+    return modes
 
 
 def read_faults(reader: Any, recording: BoardRecording) -> list[Fault]:

@@ -213,13 +213,13 @@ def store_of(types: tuple[tuple[str, str, str], ...]) -> Any:
     """The message types of definitions (name, encoding, text), of those in the form of .msg."""
     typesys = library("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.EMPTY)
-    found: dict[str, Any] = {}
+    definitions: dict[str, Any] = {}
     for name, encoding, text in types:
         parse: Callable[..., dict[str, Any]] = typesys.get_types_from_msg
         if encoding == "ros2msg":
             with contextlib.suppress(typesys.TypesysError):  # its topics are not read
-                found |= parse(text, name)
-    store.register(found)
+                definitions |= parse(text, name)
+    store.register(definitions)
     return store
 
 
@@ -256,11 +256,11 @@ def salvage(path: Path, why: str) -> Salvage:
         RecordingError: it has no whole chunk.
     """
     files = parts_of(path)
-    found = Salvage(files)
-    if not found.connections:
-        raise RecordingError(f"{path} cannot be read: {why or '; '.join(found.missing)}")
+    salvaged = Salvage(files)
+    if not salvaged.connections:
+        raise RecordingError(f"{path} cannot be read: {why or '; '.join(salvaged.missing)}")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
-        found.missing.insert(0, "no metadata.yaml: the recording was not finished")
-    elif not found.missing:  # all that is there is whole
-        found.missing.append(why)
-    return found
+        salvaged.missing.insert(0, "no metadata.yaml: the recording was not finished")
+    elif not salvaged.missing:  # all that is there is whole
+        salvaged.missing.append(why)
+    return salvaged

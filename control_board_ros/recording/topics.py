@@ -53,16 +53,16 @@ def topic_of(endpoint: Endpoint, board: str) -> Topic:
 
 def topics_of(boards: Iterable[str]) -> list[Topic]:
     """Topics of boards and topics shared by all nodes, each once."""
-    found: dict[str, Topic] = {}
+    topics: dict[str, Topic] = {}
     for board in boards:
         notes = replace(topic_of(NOTES, board), board="")  # of any publisher
-        found[notes.name] = notes
+        topics[notes.name] = notes
         for endpoint in (*PUBLISHED, *COMMAND_TOPICS, ROSOUT, PARAMETER_EVENTS):
             topic = topic_of(endpoint, board)
-            if topic.name in found:  # of two boards in one namespace
+            if topic.name in topics:  # of two boards in one namespace
                 topic = replace(topic, board="")
-            found[topic.name] = topic
-    return list(found.values())
+            topics[topic.name] = topic
+    return list(topics.values())
 
 
 def topics_for_yarp(node: Any, boards: Iterable[str]) -> list[Topic]:
@@ -72,7 +72,7 @@ def topics_for_yarp(node: Any, boards: Iterable[str]) -> list[Topic]:
         node: That has discovered the boards' nodes.
         boards: Their full names.
     """
-    found = []
+    topics = []
     nodes = set(node.get_node_names_and_namespaces())
     for board in boards:
         namespace, _, name = board.rpartition("/")
@@ -80,5 +80,5 @@ def topics_for_yarp(node: Any, boards: Iterable[str]) -> list[Topic]:
             continue
         subscribed = node.get_subscriber_names_and_types_by_node(name, namespace or "/")
         for name_there, types in subscribed:
-            found += [Topic(name_there, kind) for kind in types if kind.startswith(OF_YARP)]
-    return found
+            topics += [Topic(name_there, kind) for kind in types if kind.startswith(OF_YARP)]
+    return topics

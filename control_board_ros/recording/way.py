@@ -85,8 +85,8 @@ def way_of(
     count = max(int(np.ceil((end - begin) / GRID)), 4)
     grid = np.linspace(begin, end, count + 1)
     points = np.column_stack([_means(time, row, grid) for row in measured.T])
-    low = np.array([one.lower for one in limits])
-    high = np.array([one.upper for one in limits])
+    low = np.array([limit.lower for limit in limits])
+    high = np.array([limit.upper for limit in limits])
     points = np.clip(points, low, high)
     step = (end - begin) / count / speed
     velocities = np.zeros_like(points)
@@ -101,8 +101,8 @@ def way_of(
         np.abs(-6.0 * slope + 2.0 * before + 4.0 * after),
     )
     hardest = bends.max(axis=0) / step
-    most_speed = SHARE * np.array([one.velocity for one in limits])
-    most_bend = SHARE * np.array([one.acceleration for one in limits])
+    most_speed = SHARE * np.array([limit.velocity for limit in limits])
+    most_bend = SHARE * np.array([limit.acceleration for limit in limits])
     needed = np.maximum(fastest / most_speed, np.sqrt(hardest / most_bend))
     stretched = max(1.0, float(needed.max()))
     times = step * stretched * np.arange(count + 1)

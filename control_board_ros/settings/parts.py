@@ -65,15 +65,15 @@ def take_parts(layers: Sequence[Entries]) -> tuple[list[Entries], Entries]:
     return rest, table
 
 
-def check_parts(table: Entries, given: Mapping[str, Entry]) -> Table:
-    """The joints of each part, checked to be disjoint; ``given``: the other parameters.
+def check_parts(table: Entries, entries: Mapping[str, Entry]) -> Table:
+    """The joints of each part, checked to be disjoint; ``entries``: the other parameters.
 
     Raises:
         SettingsError: a joint is in two parts, or ``joints`` is also given.
     """
-    found: Table = {name: tuple(entry.value) for name, entry in table.items() if entry.value}
+    members: Table = {name: tuple(entry.value) for name, entry in table.items() if entry.value}
     owner: dict[str, str] = {}
-    for part, joints in found.items():
+    for part, joints in members.items():
         for joint in joints:
             if joint in owner:
                 raise SettingsError(
@@ -81,11 +81,11 @@ def check_parts(table: Entries, given: Mapping[str, Entry]) -> Table:
                     f"{owner[joint]} has it, and a joint is in one part"
                 )
             owner[joint] = part
-    if found and (entry := given.get("joints")) is not None and entry.value:
+    if members and (entry := entries.get("joints")) is not None and entry.value:
         raise SettingsError(
             f"{entry.where}: joints: is not allowed beside parts; name the joints of each part"
         )
-    return found
+    return members
 
 
 def levels_of(values: Sequence[str]) -> tuple[tuple[str, ...], ...]:

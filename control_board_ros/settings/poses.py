@@ -66,12 +66,12 @@ def split(name: str) -> tuple[str, str] | None:
 
 def pose_row(name: str, joints: Iterable[str]) -> Parameter | None:
     """The row of a pose's parameter; None for other names."""
-    found = split(name)
-    if found is None or not NAME.fullmatch(found[0]):
+    words = split(name)
+    if words is None or not NAME.fullmatch(words[0]):
         return None
-    if found[1] == SPEED:
+    if words[1] == SPEED:
         return SPEED_ROW
-    return POSITION_ROW if found[1] in joints else None
+    return POSITION_ROW if words[1] in joints else None
 
 
 def known_names(name: str, joints: Iterable[str]) -> list[str]:

@@ -28,40 +28,40 @@ MOST_INTEGRAL = 10.0
 
 def warnings(config: BoardConfig) -> dict[str, str]:
     """Gains unstable at this rate and inertia: by full parameter name, one line each."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for joint in config.joints:
-        for name, (value, most) in bounds(joint, config.period).items():
-            if value > most:
-                found[f"{joint.name}.{name}"] = (
+        for name, (value, limit) in bounds(joint, config.period).items():
+            if value > limit:
+                texts[f"{joint.name}.{name}"] = (
                     f"{joint.name}.{name}: {value:.4g} makes the loop unstable at "
                     f"{config.control_rate:g} Hz and this joint's inertia; up to about "
-                    f"{most:.3g} can be stable"
+                    f"{limit:.3g} can be stable"
                 )
         for name, pid in loops(joint).items():
-            found |= {
+            texts |= {
                 f"{joint.name}.{name}.{key}": f"{joint.name}.{name}.{key}: {text}"
                 for key, text in filters(pid, joint.limits.torque, config.control_rate).items()
             }
-    return found
+    return texts
 
 
 def loops(joint: JointConfig) -> dict[str, Pid]:
     """The loops of a joint whose output is a torque."""
-    found = {"position_pid": joint.position_pid, "torque_pid": joint.torque_pid}
-    return found | ({"direct_pid": joint.direct_pid} if joint.direct_pid else {})
+    pids = {"position_pid": joint.position_pid, "torque_pid": joint.torque_pid}
+    return pids | ({"direct_pid": joint.direct_pid} if joint.direct_pid else {})
 
 
 def bounds(joint: JointConfig, period: float) -> dict[str, tuple[float, float]]:
     """For each gain its value, and its stability limit."""
     least, greatest = joint.inertia_min, joint.inertia_max
     most_kd = 2.0 * least / period
-    found = {
+    limits = {
         "impedance.max_damping": (joint.impedance.max_damping, most_kd),
         "impedance.max_stiffness": (joint.impedance.max_stiffness, 2.0 * most_kd / period),
     }
     for name, pid in loops(joint).items():
         if name == "torque_pid":
-            found |= {
+            limits |= {
                 f"{name}.kp": (pid.kp, 2.0),
                 f"{name}.ki": (pid.ki, 2.0 / period),
                 f"{name}.kd": (pid.kd, 2.0 * period),
@@ -71,32 +71,32 @@ def bounds(joint: JointConfig, period: float) -> dict[str, tuple[float, float]]:
         kd = min(pid.kd, most_kd)
         most_kp = (2.0 * kd + 4.0 * GROWTH * least) / period
         kp = min(pid.kp, most_kp)
-        found |= {
+        limits |= {
             f"{name}.kp": (pid.kp, most_kp),
             f"{name}.ki": (pid.ki, kp * (kd / greatest + 2.0 * GROWTH)),
             f"{name}.kd": (pid.kd, most_kd),
             f"{name}.kff": (pid.kff, most_kp),
         }
     kept = math.exp(-period * joint.motor.resistance / joint.motor.inductance)
-    most = joint.motor.resistance * (1.0 + kept) / max(1.0 - kept, 1e-9)
+    resistance = joint.motor.resistance * (1.0 + kept) / max(1.0 - kept, 1e-9)
     current = joint.current_pid
-    return found | {
-        "current_pid.kp": (current.kp, most),
-        "current_pid.ki": (current.ki, most / period),
+    return limits | {
+        "current_pid.kp": (current.kp, resistance),
+        "current_pid.ki": (current.ki, resistance / period),
     }
 
 
 def filters(pid: Pid, torque: float, rate: float) -> dict[str, str]:
     """Warnings of the low pass and the integral bound of a loop."""
-    found = {}
+    texts = {}
     highest = max(0.5 * rate, DERIVATIVE_CUTOFF)
     if pid.kd > 0.0 and not LEAST_CUTOFF <= pid.derivative_cutoff <= highest:
-        found["derivative_cutoff"] = (
+        texts["derivative_cutoff"] = (
             f"{pid.derivative_cutoff:.4g} Hz leaves no rate, or filters nothing; "
             f"{LEAST_CUTOFF:g} to {highest:g} Hz act at {rate:g} Hz"
         )
     if pid.ki > 0.0 and pid.integral_limit > MOST_INTEGRAL * torque:
-        found["integral_limit"] = (
+        texts["integral_limit"] = (
             f"{pid.integral_limit:.4g} bounds nothing; the joint's torque limit is {torque:.4g}"
         )
-    return found
+    return texts

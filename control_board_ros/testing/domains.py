@@ -126,17 +126,17 @@ def sweep(domain: int, folder: Path = FOLDER) -> None:
             continue
         lock = path.with_name(f"{name}_el")
         if _left_behind(path, 0.0 if port else AGE) and (not lock.exists() or _is_free(lock)):
-            for one in (path, lock, path.with_name(f"sem.{name}_mutex")):
-                one.unlink(missing_ok=True)
+            for file in (path, lock, path.with_name(f"sem.{name}_mutex")):
+                file.unlink(missing_ok=True)
 
 
 def _left_behind(path: Path, age: float) -> bool:
     """Whether a file belongs to this user and is older than ``age`` s."""
     try:
-        found = path.stat()
+        status = path.stat()
     except FileNotFoundError:  # removed by its owner
         return False
-    return found.st_uid == os.getuid() and time.time() - found.st_mtime >= age
+    return status.st_uid == os.getuid() and time.time() - status.st_mtime >= age
 
 
 def _is_free(lock: Path) -> bool:

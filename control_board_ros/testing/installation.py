@@ -61,11 +61,11 @@ def modules(package: ModuleType = control_board_ros, requirements: Iterable[str]
     """
     optional = extras(requirements or importlib.metadata.requires(DISTRIBUTION) or ())
     count, left = 0, set()
-    for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        if found.name.endswith("__main__"):
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if module.name.endswith("__main__"):
             continue
         try:
-            importlib.import_module(found.name)
+            importlib.import_module(module.name)
             count += 1
         except ModuleNotFoundError as error:
             missing = (error.name or "").split(".")[0].lower().replace("_", "-")
@@ -83,9 +83,9 @@ def laws() -> str:
     Raises:
         AssertionError: they are not, in a wheel that was made to hold them.
     """
-    found = compiled.describe()
-    assert found == "compiled", found
-    return found
+    kind = compiled.describe()
+    assert kind == "compiled", kind
+    return kind
 
 
 def messages() -> str:
@@ -105,9 +105,9 @@ def files() -> str:
 
     get_package_share_directory("control_board_msgs")
     share = Path(get_package_share_directory(DISTRIBUTION))
-    found = sorted(path.name for path in (share / "config").glob("*.yaml"))
-    assert "iiwa.yaml" in found, f"no iiwa.yaml in {share / 'config'}"
-    return f"{len(found)} parameter files"
+    names = sorted(path.name for path in (share / "config").glob("*.yaml"))
+    assert "iiwa.yaml" in names, f"no iiwa.yaml in {share / 'config'}"
+    return f"{len(names)} parameter files"
 
 
 def simulation() -> str:

@@ -32,10 +32,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="cbctl tune", allow_abbrev=False)
     for names, options in TUNING:
         parser.add_argument(*names, **options)
-    given = parser.parse_args(arguments)
+    parsed = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: ends the processes
     try:
-        tune(given)
+        tune(parsed)
     except (TuningError, SettingsError, RecordingError) as error:
         say(f"cbctl: {error}")
         return REFUSED

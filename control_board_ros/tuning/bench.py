@@ -98,8 +98,8 @@ class Stand:
         self.board.power_cycle()
         self.simulation.step(2)
         for k, joint in enumerate(self._whole.joints):
-            own = joint.impedance
-            self.board.set_impedance(k, own.stiffness, own.damping)
+            impedance = joint.impedance
+            self.board.set_impedance(k, impedance.stiffness, impedance.damping)
         self.board.set_interaction_mode(None, InteractionMode.STIFF)
         self.board.set_control_mode(None, ControlMode.POSITION)
         self.record("rest", REST)
@@ -180,8 +180,8 @@ def with_gains(settings: Settings, changes: Mapping[str, float]) -> BoardConfig:
     board = settings.changed({n: v for n, v in changes.items() if n not in damping}).board
     joints = []
     for joint in board.joints:  # dampings are set by requests, not by parameters
-        own = joint.impedance
-        value = damping.get(f"{joint.name}.impedance.damping", own.damping)
-        own = replace(own, damping=min(value, own.max_damping))
-        joints.append(replace(joint, impedance=own))
+        impedance = joint.impedance
+        value = damping.get(f"{joint.name}.impedance.damping", impedance.damping)
+        impedance = replace(impedance, damping=min(value, impedance.max_damping))
+        joints.append(replace(joint, impedance=impedance))
     return replace(board, joints=tuple(joints))

@@ -52,25 +52,25 @@ def figures(stage: str, motions: Sequence[Motion]) -> Figures:
     """
     by_name = {motion.what: motion for motion in motions}
     move = by_name["move"]
-    found = {"tracking": tracking_figures(move.time, move.reference, move.position).rms}
+    values = {"tracking": tracking_figures(move.time, move.reference, move.position).rms}
     if stage == POSITION:
         step, push = by_name["step"], by_name["push"]
         answer = step_figures(
             step.time, step.position, float(move.position[-1]), float(step.reference[-1])
         )
-        found["push"] = tracking_figures(push.time, push.reference, push.position).rms
-        found["settling"] = longest(answer.settling, step)
+        values["push"] = tracking_figures(push.time, push.reference, push.position).rms
+        values["settling"] = longest(answer.settling, step)
         rest = move.output[-move.output.size // 5 :]
-        found["chatter"] = float(np.sqrt(np.mean(np.diff(rest) ** 2)))
-        return Figures(found, answer.overshoot, math.isfinite(answer.settling))
+        values["chatter"] = float(np.sqrt(np.mean(np.diff(rest) ** 2)))
+        return Figures(values, answer.overshoot, math.isfinite(answer.settling))
     release, push = by_name["release"], by_name["push"]
     errors = [motion.torque_reference - motion.torque for motion in motions]
-    found["torque"] = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    values["torque"] = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
     back = step_figures(
         release.time, release.position, float(push.position[-1]), float(release.reference[-1])
     )
-    found["settling"] = longest(back.settling, release)
-    return Figures(found, back.overshoot, math.isfinite(back.settling))
+    values["settling"] = longest(back.settling, release)
+    return Figures(values, back.overshoot, math.isfinite(back.settling))
 
 
 def longest(settling: float, motion: Motion) -> float:
@@ -78,13 +78,13 @@ def longest(settling: float, motion: Motion) -> float:
     return settling if math.isfinite(settling) else float(motion.time[-1])
 
 
-def cost(stage: str, found: Sequence[Figures], before: Sequence[Figures]) -> float:
+def cost(stage: str, after: Sequence[Figures], before: Sequence[Figures]) -> float:
     """Mean over the scenes of Σ weight · figure/figure before + overshoot; 1: as before.
 
     The degradation of a guarded figure counts twice. ``before``: with the present gains.
     """
     costs = []
-    for now, then in zip(found, before, strict=True):
+    for now, then in zip(after, before, strict=True):
         ratios = {
             name: max(now.values[name], FLOORS[name]) / max(then.values[name], FLOORS[name])
             for name in WEIGHTS[stage]

@@ -103,7 +103,7 @@ def line_of(outcome: Outcome, kind: JointKind) -> str:
 
 
 def before_and_after(outcome: Outcome, name: str, kind: JointKind, arrow: str) -> str:
-    then, now = (mean_text(name, found, kind) for found in (outcome.before, outcome.after))
+    then, now = (mean_text(name, played, kind) for played in (outcome.before, outcome.after))
     return f"{then} {arrow} {now}"
 
 
@@ -187,14 +187,14 @@ def charts(outcome: Outcome, kind: JointKind) -> list[Chart]:
     def torque_error(motion: Motion) -> Array:
         return motion.torque_reference - motion.torque
 
-    found = []
+    made = []
     for now in outcome.after.motions:
         if title := ERRORS.get(now.what):
-            found.append(chart(title, kind.shown_unit, now, error))
+            made.append(chart(title, kind.shown_unit, now, error))
         if now.what == "step":
             title = "Step: position from its end"
-            found.append(chart(title, kind.shown_unit, now, from_end, "measured"))
+            made.append(chart(title, kind.shown_unit, now, from_end, "measured"))
         if now.what == "move" and outcome.stage != POSITION:
             title = "Torque error of the move"
-            found.append(chart(title, kind.force_unit, now, torque_error))
-    return found
+            made.append(chart(title, kind.force_unit, now, torque_error))
+    return made

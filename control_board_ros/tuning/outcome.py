@@ -39,7 +39,7 @@ class Played:
     reason: str = ""
 
     def mean(self, name: str) -> float:
-        return float(np.mean([one.values[name] for one in self.figures]))
+        return float(np.mean([figures.values[name] for figures in self.figures]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ def harm(stage: str, before: Played, after: Played) -> str:
     return ""
 
 
-def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
+def judge(plan: Plan, searches: Sequence[Found]) -> list[Outcome]:
     """Accept gains that are better alone and combined; the others keep the present gains."""
     settings = plan.settings
     fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
@@ -103,8 +103,8 @@ def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
         return measured(bench, fresh, key, changes)
 
     try:
-        derived = {(f.joint, f.stage): derived_gains(settings, f.joint, f.stage) for f in found}
-        return decide(found, derived, play)
+        derived = {(f.joint, f.stage): derived_gains(settings, f.joint, f.stage) for f in searches}
+        return decide(searches, derived, play)
     finally:
         bench.close()
 
@@ -169,7 +169,7 @@ def settle(
         if not worse and chosen:
             for key in searches.keys() - chosen.keys():
                 if spoilt := harm(key[1], before[key], after[key]):
-                    last = max(chosen, key=lambda one: searches[one].cost)
+                    last = max(chosen, key=lambda k: searches[k].cost)
                     worse[last] = f"{key[0]}: {spoilt}"
         if not worse:
             return after

@@ -63,10 +63,10 @@ def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
     )
     urdf = whole.urdf
     if urdf is not None:
-        for one in settings.board.joints:  # the constant payload, as identified
-            if one.payload.mass > 0.0:
-                link = next(j.child for j in urdf.joints if j.name == one.name)
-                urdf = with_mass(urdf, link, one.payload.mass, one.payload.center, one.name)
+        for row in settings.board.joints:  # the constant payload, as identified
+            if row.payload.mass > 0.0:
+                link = next(j.child for j in urdf.joints if j.name == row.name)
+                urdf = with_mass(urdf, link, row.payload.mass, row.payload.center, row.name)
         if scene.payload > 0.0:
             urdf = with_payload(urdf, settings.board.names, scene.payload)
     return replace(whole, joints=joints, urdf=urdf, gui=False)
@@ -115,11 +115,11 @@ def usual_payload(settings: Settings) -> float:
         return 0.0
     torques = {j.name: j.limits.torque for j in settings.board.joints if not j.kind.slides}
     tree = urdf.tree
-    most, lever, link = math.inf, 0.0, last_link(urdf, settings.board.names)
+    mass, lever, link = math.inf, 0.0, last_link(urdf, settings.board.names)
     while (element := tree.parent_joint.get(link)) is not None:
         name = element.get("name", "")
         if name in torques:
-            most = min(most, PAYLOAD_SHARE * torques[name] / (GRAVITY * max(lever, LEAST_LEVER)))
+            mass = min(mass, PAYLOAD_SHARE * torques[name] / (GRAVITY * max(lever, LEAST_LEVER)))
         lever += float(np.linalg.norm(origin_of(element)[0]))
         link = tree.parent(element)
-    return most if math.isfinite(most) else 0.0
+    return mass if math.isfinite(mass) else 0.0

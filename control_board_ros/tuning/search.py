@@ -170,7 +170,7 @@ def value_of(
     bench, stage = bench_of(plan), space.stage
     harder = {name: exponent + math.log2(MARGIN) for name, exponent in exponents.items()}
     try:
-        found = [
+        measured = [
             figures(stage, motions)
             for motions in bench.play(space.joint, stage, space.changes(exponents))
         ]
@@ -178,7 +178,7 @@ def value_of(
     except Faulted:
         return FAULTED
     at_edge = cost(stage, [figures(stage, edge)], before[:1])
-    return (1.0 - MARGIN_SHARE) * cost(stage, found, before) + MARGIN_SHARE * at_edge
+    return (1.0 - MARGIN_SHARE) * cost(stage, measured, before) + MARGIN_SHARE * at_edge
 
 
 def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, show: Any) -> list[Found]:

@@ -115,11 +115,11 @@ def kept_in(place: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        found = failure_in(error)
-        if found is None:
+        failure = failure_in(error)
+        if failure is None:
             raise
         raise TuningError(
-            f"the storage {shown(place)} failed: {reason(found)}; the same command continues"
+            f"the storage {shown(place)} failed: {reason(failure)}; the same command continues"
         ) from error
 
 
@@ -129,18 +129,18 @@ def failure_in(error: BaseException) -> BaseException | None:
     Optuna may raise another error while handling one of its storage.
     """
     kinds = failures()
-    found: BaseException | None = None
+    failure: BaseException | None = None
     link: BaseException | None = error
     while link is not None:
-        found = link if isinstance(link, kinds) else found
+        failure = link if isinstance(link, kinds) else failure
         link = link.__cause__ or link.__context__
-    return found
+    return failure
 
 
 def failures() -> tuple[type[BaseException], ...]:
     """Exceptions of failing storages."""
     from sqlalchemy.exc import SQLAlchemyError
 
-    found = (optuna().exceptions.StorageInternalError, SQLAlchemyError, OSError)
+    kinds = (optuna().exceptions.StorageInternalError, SQLAlchemyError, OSError)
     grpc = sys.modules.get("grpc")
-    return found if grpc is None else (*found, grpc.RpcError)
+    return kinds if grpc is None else (*kinds, grpc.RpcError)

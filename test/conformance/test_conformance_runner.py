@@ -22,7 +22,15 @@ from control_board_ros.conformance.limits import Range
 from control_board_ros.conformance.motion import fitted, minimum_jerk
 from control_board_ros.conformance.report import too_few
 from control_board_ros.conformance.rules import NotHeld, NotTestable, NotTested, OutOfTime
-from control_board_ros.conformance.runner import FEW, LATE, Session, passed, reading, run, unread
+from control_board_ros.conformance.runner import (
+    LATE,
+    MAX_UNTESTED,
+    Session,
+    passed,
+    reading,
+    run,
+    unread,
+)
 from control_board_ros.conformance.shapes import (
     PER_JOINT,
     Malformed,
@@ -56,8 +64,8 @@ def results(*outcomes: Outcome) -> list[Result]:
     ("outcomes", "passes"),
     [
         ([HELD, Outcome.NOT_TESTABLE] * 20, True),
-        ([HELD] + [NOT_TESTED] * FEW, True),
-        ([HELD] * 50 + [NOT_TESTED] * (FEW + 1), False),
+        ([HELD] + [NOT_TESTED] * MAX_UNTESTED, True),
+        ([HELD] * 50 + [NOT_TESTED] * (MAX_UNTESTED + 1), False),
         ([HELD, NOT_HELD], False),
     ],
 )
@@ -68,11 +76,11 @@ def test_outcomes_that_pass(outcomes: list[Outcome], passes: bool, capsys: Any) 
     assert code == (app.HELD if passes else app.NOT_HELD)
     assert json.loads(capsys.readouterr().out)["success"] is passes
     assert passed(found) is passes
-    assert bool(complaints) == (outcomes.count(NOT_TESTED) > FEW)
+    assert bool(complaints) == (outcomes.count(NOT_TESTED) > MAX_UNTESTED)
 
 
 def test_too_few_are_named() -> None:
-    found = results(HELD, *[NOT_TESTED] * (FEW + 1))
+    found = results(HELD, *[NOT_TESTED] * (MAX_UNTESTED + 1))
     assert too_few(found) == (
         "4 rules were not tested though the board offers their features (up to 3 may be): "
         "M1, M2, M3, M4"

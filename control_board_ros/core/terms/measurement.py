@@ -134,15 +134,15 @@ DOUBLE = np.dtype(np.float64)
 CREDIBLE = 1e9
 
 
-def doubles(given: Any, shape: tuple[int, ...]) -> Array:
+def doubles(values: Any, shape: tuple[int, ...]) -> Array:
     """The array itself where it is float64 of this shape, else a copy of it that is.
 
     Raises:
         ValueError: it has another shape, and is no number for all.
     """
-    if type(given) is np.ndarray and given.dtype is DOUBLE and given.shape == shape:
-        return given
-    return np.array(np.broadcast_to(given, shape), dtype=np.float64)
+    if type(values) is np.ndarray and values.dtype is DOUBLE and values.shape == shape:
+        return values
+    return np.array(np.broadcast_to(values, shape), dtype=np.float64)
 
 
 class Row(IntEnum):
@@ -222,35 +222,35 @@ class Intake:
         self._joints, self._motors = (count,), (MOTOR_ROWS, count)
         self._time = 0.0
 
-    def _fault_of(self, found: Measurement) -> str:
+    def _fault_of(self, measurement: Measurement) -> str:
         """Why a reading is invalid."""
-        if not -CREDIBLE <= found.time <= CREDIBLE:
-            return f"its reading is stamped {found.time:g} s"
+        if not -CREDIBLE <= measurement.time <= CREDIBLE:
+            return f"its reading is stamped {measurement.time:g} s"
         rest = ("applied", self._joints), ("brakes", self._joints), ("motors", self._motors)
         for name, shape in rest:
-            given = getattr(found, name)
-            if given is not None and np.shape(given) != shape:
-                return f"its reading has {name} of shape {np.shape(given)}; {shape} is wanted"
-        values = found.values
+            row = getattr(measurement, name)
+            if row is not None and np.shape(row) != shape:
+                return f"its reading has {name} of shape {np.shape(row)}; {shape} is wanted"
+        values = measurement.values
         shape, kind = np.shape(values), getattr(values, "dtype", type(values).__name__)
         return f"its reading is {kind} of shape {shape}; float64 of {self._shape} is wanted"
 
-    def take(self, found: Measurement) -> Measurement:
+    def take(self, measurement: Measurement) -> Measurement:
         """The reading; where it is invalid the last valid one, with the reason."""
-        values, time = found.values, found.time
+        values, time = measurement.values, measurement.time
         if (
             type(values) is np.ndarray
             and values.shape == self._shape
             and values.dtype is DOUBLE
             and -CREDIBLE <= time <= CREDIBLE
-            and (found.applied is None or np.shape(found.applied) == self._joints)
-            and (found.brakes is None or np.shape(found.brakes) == self._joints)
-            and (found.motors is None or np.shape(found.motors) == self._motors)
+            and (measurement.applied is None or np.shape(measurement.applied) == self._joints)
+            and (measurement.brakes is None or np.shape(measurement.brakes) == self._joints)
+            and (measurement.motors is None or np.shape(measurement.motors) == self._motors)
         ):
             self._time = time
-            return found
+            return measurement
         self._time += self._period
-        reason = self._fault_of(found)
+        reason = self._fault_of(measurement)
         unread = np.full(self._shape, np.nan)
         unread[Row.ALARM] = 1.0 + FaultCode.PLANT
         return Measurement(self._time, unread, dict.fromkeys(range(self._shape[1]), reason))

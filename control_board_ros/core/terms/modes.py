@@ -211,7 +211,7 @@ def law_of(mode: ControlMode, interaction: InteractionMode) -> Law:
 def set_point_of(law: Law, takes: Collection[SetPoint]) -> SetPoint | None:
     """The set-point by which a law reaches a drive that accepts these; None: it does not (S1)."""
     row = SET_POINTS[law]
-    return next((one for one in row if one in takes or one is S.OFF), None)
+    return next((kind for kind in row if kind in takes or kind is S.OFF), None)
 
 
 def reachable(

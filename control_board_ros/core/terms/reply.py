@@ -138,12 +138,12 @@ def decided(joints: tuple[str, ...], answers: Sequence[JointAnswer]) -> Reply:
 
     An accepted request may have a text, too: the effect of a limit.
     """
-    given, texts, codes = zip(*answers, strict=True) if answers else ((), (), ())
+    verdicts, texts, codes = zip(*answers, strict=True) if answers else ((), (), ())
     if not any(texts):
-        return Reply(joints, given)
+        return Reply(joints, verdicts)
     ordered = sorted(answers, key=lambda answer: answer.code is Reason.TOGETHER)  # least specific
     message = summary(answer.text for answer in ordered)
-    return Reply(joints, given, message, texts, codes if any(codes) else ())
+    return Reply(joints, verdicts, message, texts, codes if any(codes) else ())
 
 
 def summary(reasons: Iterable[str]) -> str:
@@ -156,4 +156,4 @@ def summary(reasons: Iterable[str]) -> str:
 def joints_of(reply: Reply, answer: Answer) -> list[str]:
     """The joints of a reply with this answer."""
     pairs = zip(reply.joints, reply.answers, strict=True)
-    return [name for name, given in pairs if given is answer]
+    return [name for name, verdict in pairs if verdict is answer]

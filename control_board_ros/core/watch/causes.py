@@ -42,15 +42,15 @@ def heat_constants(limits: Limits) -> dict[str, float]:
 
 def warnings(monitor: JointMonitor) -> dict[str, str]:
     """The warnings of the last check: texts by key."""
-    found = {}
+    texts = {}
     if monitor.strained:
-        found["I2t"] = f"at {100.0 * monitor.used:.0f} % of its I2t limit; reduce its load"
+        texts["I2t"] = f"at {100.0 * monitor.used:.0f} % of its I2t limit; reduce its load"
     if monitor.hot:
-        found["temperature"] = (
+        texts["temperature"] = (
             f"winding at {monitor.temperature:.0f} °C, its limit is "
             f"{monitor.warn_temperature + HOT:.0f} °C; reduce its load"
         )
-    return found
+    return texts
 
 
 def overload_time(monitor: JointMonitor, period: float) -> float:

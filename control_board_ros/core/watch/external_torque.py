@@ -43,10 +43,10 @@ class ExternalTorques:
     def reconfigure(self, config: BoardConfig) -> None:
         """Set new timeouts; joints with a torque keep it."""
         self._config = config
-        self.joints = [j for j, own in enumerate(config.joints) if own.external_torque]
+        self.joints = [j for j, joint in enumerate(config.joints) if joint.external_torque]
         self._timeouts = [config.joints[j].timeouts.torque_sensor for j in self.joints]
         self._without = {j: without_torque(config.joints[j]) for j in self.joints}
-        self._per_ampere = np.array([own.motor.torque_per_ampere for own in config.joints])
+        self._per_ampere = np.array([joint.motor.torque_per_ampere for joint in config.joints])
 
     def take(self, j: int, torque: float) -> None:
         """Set the torque of a joint, N·m."""
@@ -58,22 +58,22 @@ class ExternalTorques:
             return self._without[j]
         return self._config.joints[j]
 
-    def fill(self, found: Measurement) -> Measurement:
+    def fill(self, measurement: Measurement) -> Measurement:
         """A reading with the torques received; the others from the currents of the motors.
 
         A torque that is too old ages only where a law follows it: there it is a fault.
         """
-        values: Array = found.values.copy()
+        values: Array = measurement.values.copy()
         modes, interactions = self._state.control_modes, self._state.interaction_modes
         for j, timeout in zip(self.joints, self._timeouts, strict=True):
-            age = found.time - self._stamps[j]
+            age = measurement.time - self._stamps[j]
             self.known[j] = 0.0 <= age <= timeout
             follows = law_of(modes[j], interactions[j]) in FOLLOWS_TORQUE
             values[Row.TORQUE_AGE, j] = age if follows else 0.0
             values[Row.TORQUE, j] = (
                 self._torques[j] if self.known[j] else values[Row.CURRENT, j] * self._per_ampere[j]
             )
-        return replace(found, values=values)
+        return replace(measurement, values=values)
 
 
 def without_torque(joint: JointConfig) -> JointConfig:

@@ -240,9 +240,9 @@ class FaultMonitor:
 
     def unhealthy(self) -> list[int]:
         """The joints that the last reading found to have a cause to be in HW_FAULT."""
-        found = {j for j, monitor in enumerate(self.joints) if monitor.failed()}
-        found |= {j for j in self._movers if self._failed_mover(j) is not None}
-        return sorted(found)
+        faulty = {j for j, monitor in enumerate(self.joints) if monitor.failed()}
+        faulty |= {j for j in self._movers if self._failed_mover(j) is not None}
+        return sorted(faulty)
 
     def _failed_mover(self, j: int) -> int | None:
         """Another motor that moves a joint and has failed (Y3)."""
@@ -279,9 +279,9 @@ class FaultMonitor:
 
     def warnings(self, j: int) -> dict[str, str]:
         """The warnings of a joint that are new since the last call (F6)."""
-        found = warnings(self.joints[j])
-        new = {key: text for key, text in found.items() if key not in self._warned[j]}
-        self._warned[j] = set(found)
+        texts = warnings(self.joints[j])
+        new = {key: text for key, text in texts.items() if key not in self._warned[j]}
+        self._warned[j] = set(texts)
         return new
 
     def forget(self, j: int) -> None:

@@ -135,8 +135,8 @@ class MujocoBody:
 
     def mimic_positions(self) -> dict[str, float]:
         """Positions of the followers, by name, rad or m."""
-        found = self._positions[self._following].tolist()
-        return dict(zip(self._followers.joints, found, strict=True))
+        positions = self._positions[self._following].tolist()
+        return dict(zip(self._followers.joints, positions, strict=True))
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """A picture of the robot and the obstacles, RGB, shape (height, width, 3)."""
@@ -278,12 +278,12 @@ class RayCamera:
     def _extent(self) -> tuple[Array, float]:
         """Centre and size of the robot without obstacles, m."""
         model, data = self._model, self._data
-        chosen = model.geom_bodyid > 0
-        if not chosen.any():
+        moving = model.geom_bodyid > 0
+        if not moving.any():
             return np.zeros(3), 1.0
-        middle, half = model.geom_aabb[chosen, :3], model.geom_aabb[chosen, 3:]
-        turns = data.geom_xmat[chosen].reshape(-1, 3, 3)
-        centres = data.geom_xpos[chosen] + np.einsum("kij,kj->ki", turns, middle)
+        middle, half = model.geom_aabb[moving, :3], model.geom_aabb[moving, 3:]
+        turns = data.geom_xmat[moving].reshape(-1, 3, 3)
+        centres = data.geom_xpos[moving] + np.einsum("kij,kj->ki", turns, middle)
         reach = np.einsum("kij,kj->ki", np.abs(turns), half)
         low, high = (centres - reach).min(axis=0), (centres + reach).max(axis=0)
         return (low + high) / 2.0, max(float(np.linalg.norm(high - low)), 0.1)
@@ -303,6 +303,6 @@ def _rays(forward: Array, right: Array, up: Array, width: int, height: int) -> A
     slope = np.tan(FIELD_OF_VIEW / 2.0)
     across = slope * width / height * ((np.arange(width) + 0.5) * 2.0 / width - 1.0)
     upward = slope * (1.0 - (np.arange(height) + 0.5) * 2.0 / height)
-    found = forward + across[None, :, None] * right + upward[:, None, None] * up
-    found /= np.linalg.norm(found, axis=2, keepdims=True)
-    return np.ascontiguousarray(found.reshape(-1, 3))
+    rays = forward + across[None, :, None] * right + upward[:, None, None] * up
+    rays /= np.linalg.norm(rays, axis=2, keepdims=True)
+    return np.ascontiguousarray(rays.reshape(-1, 3))

@@ -53,10 +53,10 @@ def read_obj(path: Path) -> tuple[Array, NDArray[np.int32]]:
             corners = [int(word.partition("/")[0]) for word in words]
             corners = [k - 1 if k > 0 else len(vertices) + k for k in corners]
             triangles += [(corners[0], *pair) for pair in pairwise(corners[1:])]
-    found = np.array(triangles, dtype=np.int32).reshape(-1, 3)
-    if found.size == 0 or found.min() < 0 or found.max() >= len(vertices):
+    faces = np.array(triangles, dtype=np.int32).reshape(-1, 3)
+    if faces.size == 0 or faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError(f"{path}: no triangles of its own vertices; export the mesh again")
-    return np.array(vertices, dtype=np.float64), found
+    return np.array(vertices, dtype=np.float64), faces
 
 
 #: kg·m² or kg on each follower: the force A·a then accelerates the joint by a despite other loads,
@@ -175,16 +175,16 @@ class Builder:
 
     def _add_link(self, parent: Any, name: str, position: Array, rotation: Array) -> Any:
         link = self._tree.links[name]
-        own = inertial_of(link) or NOTHING
-        moments, axes = np.linalg.eigh(own.tensor)
+        inertial = inertial_of(link) or NOTHING
+        moments, axes = np.linalg.eigh(inertial.tensor)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         self._moments[LINK + name] = np.maximum(moments, 0.0)
         body = parent.add_body(
             name=LINK + name,
             pos=position,
             quat=quaternion(rotation),
-            mass=max(own.mass, 1e-12),
-            ipos=own.centre,
+            mass=max(inertial.mass, 1e-12),
+            ipos=inertial.centre,
             iquat=quaternion(axes),
             inertia=[HARMLESS] * 3,
             explicitinertial=True,
@@ -259,30 +259,30 @@ class Builder:
 
     def _add_geom(self, body: Any, use: str, **values: Any) -> None:
         touches = {"contype": 1, "conaffinity": 2} if use == "collision" else {}
-        chosen = {"contype": 0, "conaffinity": 0, "solref": self._solref} | touches | values
-        geom = body.add_geom(**chosen)
+        attributes = {"contype": 0, "conaffinity": 0, "solref": self._solref} | touches | values
+        geom = body.add_geom(**attributes)
         geom.condim = 3
 
     def _colour(self, shape: ET.Element) -> tuple[float, ...]:
         material = shape.find("material")
         if material is None:
             return GREY
-        own = numbers_of(material.find("color"), "rgba", ())
-        return tuple(own) if own.size == 4 else self._colours.get(material.get("name", ""), GREY)
+        rgba = numbers_of(material.find("color"), "rgba", ())
+        return tuple(rgba) if rgba.size == 4 else self._colours.get(material.get("name", ""), GREY)
 
 
 def quaternion(rotation: Array) -> Array:
     """Unit quaternion w, x, y, z, shape (4,), of a rotation matrix."""
-    found = np.zeros(4)
-    mujoco.mju_mat2Quat(found, rotation.ravel())
-    return found
+    turn = np.zeros(4)
+    mujoco.mju_mat2Quat(turn, rotation.ravel())
+    return turn
 
 
 def _colours(root: ET.Element) -> dict[str, tuple[float, ...]]:
     """Colours of the description by name: RGBA from 0 to 1."""
-    found = {}
+    colours = {}
     for material in root.iter("material"):
         colour = numbers_of(material.find("color"), "rgba", ())
         if colour.size == 4:
-            found[material.get("name", "")] = tuple(colour.tolist())
-    return found
+            colours[material.get("name", "")] = tuple(colour.tolist())
+    return colours

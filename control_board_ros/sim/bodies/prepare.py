@@ -105,7 +105,7 @@ def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
 
 def _coupled(board: BoardConfig, urdf: Urdf) -> tuple[Coupling | None, tuple[Stops, ...]]:
     """The coupling of a board's axes with joints that they drive, and the stops of these."""
-    own = {
+    stops = {
         joint.name: Stops(joint.name, -math.inf, math.inf)
         if joint.kind == JointKind.CONTINUOUS
         else Stops(joint.name, joint.limits.hard_lower, joint.limits.hard_upper)
@@ -114,13 +114,13 @@ def _coupled(board: BoardConfig, urdf: Urdf) -> tuple[Coupling | None, tuple[Sto
     try:
         coupling = coupling_of(urdf, board.names, followers=False)
         if coupling is None:
-            return None, tuple(own.values())
+            return None, tuple(stops.values())
         _ = coupling.gears
     except ValueError as error:
         raise ConfigError("couplings", ", ".join(board.names), str(error)) from None
-    coupled = {joint for one in urdf.coupled for joint in one.coupling.physical_joints}
-    given = {joint.name: joint for joint in urdf.joints}
+    coupled = {joint for c in urdf.coupled for joint in c.coupling.physical_joints}
+    known = {joint.name: joint for joint in urdf.joints}
     return coupling, tuple(
-        own[name] if name not in coupled else Stops(name, given[name].lower, given[name].upper)
+        stops[name] if name not in coupled else Stops(name, known[name].lower, known[name].upper)
         for name in coupling.physical_joints
     )

@@ -97,10 +97,10 @@ def check(
         fail: Makes the drive of a joint of the plant made last report a fault that a reset clears.
     """
     subject = Subject(make, wait, fail)
-    for one in checks:
-        name = one.__name__.replace("_", " ")
+    for contract in checks:
+        name = contract.__name__.replace("_", " ")
         try:
-            one(subject)
+            contract(subject)
         except UnseenError as error:
             yield Finding(name, Outcome.UNSEEN, str(error))
         except Exception as error:  # noqa: BLE001 - code of others
@@ -122,9 +122,9 @@ def plant_contract(
     subject = Subject(make, wait, fail)
 
     @pytest.mark.parametrize("one", CHECKS, ids=[each.__name__ for each in CHECKS])
-    def test_plant(one: Check) -> None:
+    def test_plant(contract: Check) -> None:
         try:
-            one(subject)
+            contract(subject)
         except UnseenError as error:
             pytest.skip(str(error))
 

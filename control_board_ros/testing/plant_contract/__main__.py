@@ -27,36 +27,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--joints", default="", help="names, by commas; virtual: of the robot")
     parser.add_argument("--robot", default="iiwa", help="whose joints virtual drives move")
     parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help="plant_arguments")
-    given = parser.parse_intermixed_args(arguments)
-    virtual = given.plant.startswith("virtual/")
-    joints = [name for name in given.joints.split(",") if name]
+    options = parser.parse_intermixed_args(arguments)
+    virtual = options.plant.startswith("virtual/")
+    joints = [name for name in options.joints.split(",") if name]
     if not joints and not virtual:
         parser.error("--joints is missing: the names of the joints, by commas")
     try:
-        maker = made(given, joints, virtual=virtual)
+        maker = made(options, joints, virtual=virtual)
         description = described(maker)
     except (PlantSettingsError, SettingsError) as error:
         print(f"plant_contract: {error}", file=sys.stderr)
         return 1
     broken = 0
-    for found in check(maker):
-        broken += found.outcome is Outcome.BROKEN
-        print(f"{found.outcome:<9}{found.check}" + f": {found.text}" * bool(found.text))
+    for finding in check(maker):
+        broken += finding.outcome is Outcome.BROKEN
+        print(f"{finding.outcome:<9}{finding.check}" + f": {finding.text}" * bool(finding.text))
     for line in lacks(description):
         print(f"without  {line}")
     return int(broken > 0)
 
 
-def made(given: argparse.Namespace, joints: Sequence[str], *, virtual: bool) -> Make:
+def made(options: argparse.Namespace, joints: Sequence[str], *, virtual: bool) -> Make:
     """What makes the plant.
 
     Raises:
         SettingsError: the robot of virtual drives cannot be loaded.
     """
     if not virtual:
-        return lambda: make(given.plant, joints, given.options)
-    settings = load(given.robot, {"joints": joints} if joints else {})
-    return lambda: make_virtual(given.plant, settings, given.options)
+        return lambda: make(options.plant, joints, options.options)
+    settings = load(options.robot, {"joints": joints} if joints else {})
+    return lambda: make_virtual(options.plant, settings, options.options)
 
 
 def described(maker: Make) -> Description:

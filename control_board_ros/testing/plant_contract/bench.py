@@ -81,9 +81,9 @@ class Subject:
         """Exchange at the board's rate for a while."""
         period = board_for(plant.describe()).period
         for _ in range(max(2, round(seconds / period))):
-            found = plant.exchange(wanted)
+            readings = plant.exchange(wanted)
             self.wait(period)
-        return found
+        return readings
 
 
 def connect(plant: DrivePlant) -> None:

@@ -32,23 +32,23 @@ from .bench import (
 )
 
 #: Percent: too small to move most joints, yet distinguishable from zero.
-LITTLE = 1.0
+SMALL_PWM = 1.0
 #: rad or m that a joint may move while it is held where it is.
 STILL = 0.01
 #: Exchanges in which a fault appears, and is gone after its reset.
-SOON = 500
+CYCLES_TO_REACT = 500
 
 
 def it_describes_itself_before_it_is_connected(subject: Subject) -> None:
     """Repeatable; each joint has a unique name, a mode and a set-point."""
     with subject.made() as plant:
-        found = plant.describe()
-        expect(isinstance(found, Description), f"describe() gives {type(found).__name__}")
-        expect(found == plant.describe(), "the second describe() differs from the first")
-        names = [joint.name for joint in found.joints]
+        facts = plant.describe()
+        expect(isinstance(facts, Description), f"describe() gives {type(facts).__name__}")
+        expect(facts == plant.describe(), "the second describe() differs from the first")
+        names = [joint.name for joint in facts.joints]
         expect(bool(names), "describe() names no joint")
         expect(len(set(names)) == len(names), f"two joints have one name: {', '.join(names)}")
-        for joint in found.joints:
+        for joint in facts.joints:
             expect(bool(joint.control_modes), f"{joint.name}: control_modes is empty")
             expect(bool(joint.on_silence), f"{joint.name}: on_silence is empty")
             expect(
@@ -66,18 +66,20 @@ def its_limits_and_rates_make_sense(subject: Subject) -> None:
         connect(plant)
         after = plant.describe()
         _sensible(after)
-        for one, other in zip(before.joints, after.joints, strict=True):
+        for described, connected in zip(before.joints, after.joints, strict=True):
             for name in ("name", "set_points", "torque_sensor", "current_sensor", "brake"):
-                old, new = getattr(one, name), getattr(other, name)
-                expect(old == new, f"{one.name}: {name} is {new} once connected, {old} before")
+                old, new = getattr(described, name), getattr(connected, name)
+                expect(
+                    old == new, f"{described.name}: {name} is {new} once connected, {old} before"
+                )
 
 
-def _sensible(found: Description) -> None:
+def _sensible(description: Description) -> None:
     expect(
-        found.rate is None or 0.0 < found.rate < math.inf,
-        f"rate is {found.rate}; Hz above 0, or None",
+        description.rate is None or 0.0 < description.rate < math.inf,
+        f"rate is {description.rate}; Hz above 0, or None",
     )
-    for joint in found.joints:
+    for joint in description.joints:
         limits = joint.limits
         for name in ("velocity", "torque", "current"):
             value = getattr(limits, name)
@@ -98,10 +100,10 @@ def _sensible(found: Description) -> None:
 def it_reads_numbers_of_all_joints(subject: Subject) -> None:
     """Every array has one finite number per joint (motors: or NaN); no age is negative."""
     with subject.connected() as (plant, n):
-        found = plant.exchange(off(plant))
-        expect(isinstance(found, Readings), f"exchange() gives {type(found).__name__}")
+        readings = plant.exchange(off(plant))
+        expect(isinstance(readings, Readings), f"exchange() gives {type(readings).__name__}")
         for row in fields(Readings):
-            value = getattr(found, row.name)
+            value = getattr(readings, row.name)
             if row.name not in ("faults", "drives") and value is not None:
                 shape = np.shape(value)
                 expect(shape == (n,), f"{row.name} has shape {shape}; ({n},) is required")
@@ -109,27 +111,30 @@ def it_reads_numbers_of_all_joints(subject: Subject) -> None:
                 finite = bool(np.isfinite(np.asarray(value)[known]).all())
                 expect(finite, f"{row.name} is not finite: {value}")
         expect(
-            len(found.faults) in (0, n),
-            f"faults has {len(found.faults)} entries; {n}, or none",
+            len(readings.faults) in (0, n),
+            f"faults has {len(readings.faults)} entries; {n}, or none",
         )
-        for fault in found.faults:
+        for fault in readings.faults:
             expect(
                 fault is None or isinstance(fault, str | DriveFault),
                 f"faults has {fault!r}; a text, a DriveFault, or None",
             )
-        reports = found.drives
+        reports = readings.drives
         expect(
-            reports is None or [type(one) for one in reports] == [DriveReport] * n,
+            reports is None or [type(report) for report in reports] == [DriveReport] * n,
             f"drives has {reports}; {n} of DriveReport, or None",
         )
-        if found.ages is not None:
-            expect(bool((np.asarray(found.ages) >= 0.0).all()), f"ages has {found.ages}; s from 0")
+        if readings.ages is not None:
+            expect(
+                bool((np.asarray(readings.ages) >= 0.0).all()),
+                f"ages has {readings.ages}; s from 0",
+            )
 
 
 def it_has_the_sensors_that_it_describes(subject: Subject) -> None:
     """Described measurements of a joint are read."""
     with subject.connected() as (plant, _):
-        joints, found = plant.describe().joints, plant.exchange(off(plant))
+        joints, readings = plant.describe().joints, plant.exchange(off(plant))
         for has, row in (
             ("torque_sensor", "torque"),
             ("torque_estimate", "torque"),
@@ -140,7 +145,7 @@ def it_has_the_sensors_that_it_describes(subject: Subject) -> None:
         ):
             described = [joint.name for joint in joints if getattr(joint, has)]
             expect(
-                not described or getattr(found, row) is not None,
+                not described or getattr(readings, row) is not None,
                 f"{has} is described for {', '.join(described)}, and {row} is None",
             )
 
@@ -148,7 +153,9 @@ def it_has_the_sensors_that_it_describes(subject: Subject) -> None:
 def it_applies_nothing_without_power(subject: Subject) -> None:
     """M10, N1: connecting does not enable motors, and outputs to disabled ones are not applied."""
     with subject.connected() as (plant, n):
-        _unpowered(plant, plant.exchange(set_points([SetPoint.OFF] * n, pwm=np.full(n, LITTLE))))
+        _unpowered(
+            plant, plant.exchange(set_points([SetPoint.OFF] * n, pwm=np.full(n, SMALL_PWM)))
+        )
 
 
 def it_applies_at_most_the_set_point(subject: Subject) -> None:
@@ -158,40 +165,40 @@ def it_applies_at_most_the_set_point(subject: Subject) -> None:
         kinds = [SetPoint.PWM if SetPoint.PWM in j.set_points else SetPoint.OFF for j in joints]
         if SetPoint.PWM not in kinds:
             raise UnseenError("it accepts no PWM, with which the applied output could be compared")
-        output = np.where(np.arange(n) % 2 == 0, LITTLE, -LITTLE)
+        output = np.where(np.arange(n) % 2 == 0, SMALL_PWM, -SMALL_PWM)
         output[[kind is SetPoint.OFF for kind in kinds]] = 0.0
         plant.exchange(set_points(kinds, pwm=output))
-        found = plant.exchange(set_points(kinds, pwm=output))
-        if found.applied is not None:
-            text = f"applied is {found.applied} where {output} was requested"
-            expect(bool((np.abs(found.applied) <= LITTLE * (1.0 + 1e-6)).all()), text)
-            expect(bool((found.applied * output >= 0.0).all()), text)
+        readings = plant.exchange(set_points(kinds, pwm=output))
+        if readings.applied is not None:
+            text = f"applied is {readings.applied} where {output} was requested"
+            expect(bool((np.abs(readings.applied) <= SMALL_PWM * (1.0 + 1e-6)).all()), text)
+            expect(bool((readings.applied * output >= 0.0).all()), text)
         _unpowered(plant, plant.exchange(off(plant)))
 
 
-def _unpowered(plant: DrivePlant, found: Readings) -> None:
+def _unpowered(plant: DrivePlant, readings: Readings) -> None:
     """No output acts on a joint that has a power switch."""
     switched = [joint.power_switch for joint in plant.describe().joints]
-    if found.applied is not None:
+    if readings.applied is not None:
         n = len(switched)
-        shape = np.shape(found.applied)
+        shape = np.shape(readings.applied)
         expect(shape == (n,), f"applied has shape {shape}; ({n},) is required")
-        acting = np.asarray(found.applied)[switched]
-        expect(not acting.any(), f"applied is {found.applied} without power")
+        acting = np.asarray(readings.applied)[switched]
+        expect(not acting.any(), f"applied is {readings.applied} without power")
 
 
 def it_accepts_each_set_point_that_it_describes(subject: Subject) -> None:
     """S1, S3: from disabled and from every other kind, at the joint's own position."""
     with subject.connected() as (plant, _):
-        joints, found = plant.describe().joints, plant.exchange(off(plant))
+        joints, readings = plant.describe().joints, plant.exchange(off(plant))
         for before in (SetPoint.OFF, *KINDS):
             for after in KINDS:
                 way = f"from {before.name} to {after.name}"
                 for kind in (before, after):
                     kinds = [kind if kind in j.set_points else SetPoint.OFF for j in joints]
-                    found = plant.exchange(set_points(kinds, position=found.position))
-                expect(bool(np.isfinite(found.position).all()), f"{way}: no position is read")
-                expect(not any(found.faults), f"{way}: {_first(found)}")
+                    readings = plant.exchange(set_points(kinds, position=readings.position))
+                expect(bool(np.isfinite(readings.position).all()), f"{way}: no position is read")
+                expect(not any(readings.faults), f"{way}: {_first(readings)}")
         plant.exchange(off(plant))
 
 
@@ -205,11 +212,11 @@ def it_holds_a_joint_where_it_is(subject: Subject) -> None:
         for kind in held:
             start = plant.exchange(off(plant)).position.copy()
             kinds = [kind if kind in j.set_points else SetPoint.OFF for j in joints]
-            found = subject.drive(plant, resting(kinds, start))
+            readings = subject.drive(plant, resting(kinds, start))
             mine = [kind in j.set_points for j in joints]
-            moved = float(np.abs(found.position - start)[mine].max())
+            moved = float(np.abs(readings.position - start)[mine].max())
             expect(moved <= STILL, f"{kind.name}: held where it is, a joint moved by {moved:.3g}")
-            expect(not any(found.faults), f"{kind.name}: {_first(found)}")
+            expect(not any(readings.faults), f"{kind.name}: {_first(readings)}")
 
 
 def it_accepts_repeated_calls(subject: Subject) -> None:
@@ -234,7 +241,7 @@ def it_names_the_fault_of_a_drive(subject: Subject) -> None:
         held = at_rest(plant.describe().joints, plant.exchange(idle).position)
         subject.drive(plant, held)
         subject.fail(joint)
-        for _ in range(SOON):
+        for _ in range(CYCLES_TO_REACT):
             if any(faults := plant.exchange(held).faults):
                 break
             subject.wait(setup_for(plant).period)
@@ -249,14 +256,14 @@ def it_names_the_fault_of_a_drive(subject: Subject) -> None:
 def cleared(subject: Subject, plant: DrivePlant, joints: Sequence[int]) -> str:
     """Reset faults as the board does, while no joint has power; the one that stays, or nothing."""
     idle = off(plant)
-    for _ in range(SOON):
-        found = plant.exchange(idle)
-        if not any(found.faults):
+    for _ in range(CYCLES_TO_REACT):
+        readings = plant.exchange(idle)
+        if not any(readings.faults):
             return ""
         for joint in joints:
             plant.clear_fault(joint)
         subject.wait(setup_for(plant).period)
-    return _first(found)
+    return _first(readings)
 
 
 def it_closes_twice_and_without_a_connection(subject: Subject) -> None:
@@ -275,12 +282,12 @@ def it_opens_again_after_a_close_with_power(subject: Subject) -> None:
         held = [next((k for k in HOLDING if k in j.set_points), SetPoint.OFF) for j in joints]
         subject.drive(plant, resting(held, position))
     with subject.connected() as (plant, _):
-        found = subject.drive(plant, off(plant))
-        expect(not any(found.faults), f"opened again, it reports {_first(found)}")
-        _unpowered(plant, found)
+        readings = subject.drive(plant, off(plant))
+        expect(not any(readings.faults), f"opened again, it reports {_first(readings)}")
+        _unpowered(plant, readings)
 
 
-def lacks(found: Description) -> list[str]:
+def lacks(description: Description) -> list[str]:
     """What a plant lacks, and what the board does without it, one line each."""
     lines = []
     for has, text in (
@@ -295,11 +302,11 @@ def lacks(found: Description) -> list[str]:
         (lambda j: j.drive, "no type and firmware in drive"),
         (lambda j: j.power_switch, "no power_switch: IDLE is an output of 0"),
     ):  # fmt: skip
-        without = [joint.name for joint in found.joints if not has(joint)]
+        without = [joint.name for joint in description.joints if not has(joint)]
         if without:
             lines.append(f"{', '.join(without)}: {text}")
     return lines
 
 
-def _first(found: Readings) -> str:
-    return str(next(filter(None, found.faults), ""))
+def _first(readings: Readings) -> str:
+    return str(next(filter(None, readings.faults), ""))

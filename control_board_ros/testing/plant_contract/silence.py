@@ -45,10 +45,10 @@ class Noted:
         if self.trouble is not None:
             trouble, self.trouble = self.trouble, None
             raise trouble
-        found = self._plant.exchange(wanted)
+        readings = self._plant.exchange(wanted)
         if wanted.powered.any():
             self.driven.set()
-        return found
+        return readings
 
     def clear_fault(self, joint: int) -> None:
         self._plant.clear_fault(joint)
@@ -75,10 +75,10 @@ class Loop:
 
     def cycle(self, wanted: Actuation) -> dict[int, str]:
         """One cycle; the joints that have an alarm, and why."""
-        found = self.guarded.read()
+        measurement = self.guarded.read()
         self.guarded.write(wanted)
         self._pause.wait(LOOK)
-        return dict(found.reasons or {})
+        return dict(measurement.reasons or {})
 
     def until(
         self,
@@ -124,8 +124,8 @@ def a_board_reads_it_without_an_alarm(subject: Subject) -> None:
         for _ in range(20):
             alarms = loop.cycle(idle)
             expect(not alarms, f"an alarm without a cause: {_words(alarms)}")
-            found = loop.guarded.read().values[[Row.POSITION, Row.VELOCITY]]
-            expect(bool(np.isfinite(found).all()), "position or velocity is not finite")
+            motion = loop.guarded.read().values[[Row.POSITION, Row.VELOCITY]]
+            expect(bool(np.isfinite(motion).all()), "position or velocity is not finite")
 
 
 def it_is_let_go_when_the_board_falls_silent(subject: Subject) -> None:
@@ -161,8 +161,8 @@ def it_comes_back_after_an_error(subject: Subject) -> None:
 def its_drives_have_a_watchdog(subject: Subject) -> None:
     """S5: the drives' own watchdog, for a computer that is stopped; reported as a fault."""
     with subject.connected() as (plant, n):
-        joints, found = plant.describe().joints, plant.exchange(off(plant))
-        held = at_rest(joints, found.position)
+        joints, readings = plant.describe().joints, plant.exchange(off(plant))
+        held = at_rest(joints, readings.position)
         subject.drive(plant, held)
         subject.wait(3.0 * TIMEOUT)
         if not any(plant.exchange(held).faults):
