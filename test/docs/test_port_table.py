@@ -45,6 +45,6 @@ def test_each_method_exists(row: list[str]) -> None:
 
 @pytest.mark.parametrize("name", SAME)
 def test_each_method_of_the_same_name_exists(name: str) -> None:
-    """A, Y5: YARP's name in snake case is a method of the client."""
+    """YARP's name in snake case is a method of the client."""
     here = re.sub(r"(?<!^)([A-Z])", r"_\1", name).lower()
     assert callable(getattr(ControlBoardClient, here, None)), here

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from rig import COMMANDS, COMPLIANT, MODE_OF, STIFF, M, Rig, board_config, joint, ready
 
-from control_board_ros import protocols
 from control_board_ros.core.board import Board
 from control_board_ros.core.selection import RequestError
 
@@ -37,23 +36,19 @@ OLD = {
 }
 
 
-def test_the_former_name_of_the_module_is_kept() -> None:
-    """Programs that import control_board_ros.interfaces get the same Protocols."""
-    from control_board_ros import interfaces
-
-    assert interfaces.IControlMode2 is protocols.IControlMode2
-
-
 @pytest.mark.parametrize("interface", list(SOURCE))
 def test_interfaces_are_offered(interface: str) -> None:
-    """A: every method of §4 is in its Protocol, on the board and on the client, joints first."""
-    protocol = getattr(protocols, interface)
-    for kind in (Board, client_class()):
-        assert issubclass(kind, protocol)
-        for name in SOURCE[interface]:
-            assert hasattr(protocol, name)
-            parameters = list(inspect.signature(getattr(kind, name)).parameters)
-            assert parameters[1] == "joints", f"{kind.__name__}.{name}{parameters}"
+    """A: every method of §4 is on board and client, joints first, with the same arguments."""
+    for name in SOURCE[interface]:
+        board, client = (arguments(getattr(kind, name)) for kind in (Board, client_class()))
+        assert board[0] == client[0] == "joints", name
+        assert all(one == other for one, other in zip(board, client, strict=False)), name
+
+
+def arguments(method: Any) -> list[str]:
+    """The positional arguments of a method, in their order."""
+    parameters = list(inspect.signature(method).parameters.values())[1:]
+    return [p.name for p in parameters if p.kind is not inspect.Parameter.KEYWORD_ONLY]
 
 
 def client_class() -> Any:

@@ -17,7 +17,7 @@ START_CYCLES = 3
 class Arm(Protocol):
     """A board and its time.
 
-    Attributes: board (offers the interfaces of ``control_board_ros.protocols``).
+    Attributes: board (a client, or the board of a simulation: their methods are the same).
     """
 
     board: Any
