@@ -84,7 +84,7 @@ def changes(
     """
 
     def operation(board: JointGroup, request: Any) -> Fields:
-        reply = change(board, bounded(request.names, board.count), request)
+        reply = change(board, truncated(request.names, board.count), request)
         return answer(reply) | {name: value(board, reply) for name, value in also.items()}
 
     return operation
@@ -108,10 +108,10 @@ def answer(reply: Reply) -> Fields:
 
 def requested(board: JointGroup, request: Any) -> list[str]:
     """The names of the joints that a request reads; RequestError where one is unknown."""
-    return list(board.selector.select(bounded(request.names, board.count)).names)
+    return list(board.selector.select(truncated(request.names, board.count)).names)
 
 
-def bounded(texts: Sequence[str], count: int) -> tuple[str, ...]:
+def truncated(texts: Sequence[str], count: int) -> tuple[str, ...]:
     """The first ``count`` + 1 joints, or modes, of a request to a board of ``count`` joints.
 
     One name too many is enough for the board's refusal, so that a list of megabytes costs no more.
@@ -260,7 +260,7 @@ def send_reference(
 OPERATIONS: dict[str, Operation] = {
     "set_control_mode": changes(
         lambda board, joints, request: board.set_control_mode(
-            joints, bounded(request.modes, board.count)
+            joints, truncated(request.modes, board.count)
         ),
         modes=lambda _, reply: codes(reply.modes),
     ),
@@ -269,7 +269,7 @@ OPERATIONS: dict[str, Operation] = {
     ),
     "set_interaction_mode": changes(
         lambda board, joints, request: board.set_interaction_mode(
-            joints, bounded(request.modes, board.count)
+            joints, truncated(request.modes, board.count)
         ),
         modes=lambda _, reply: codes(reply.modes),
     ),
@@ -308,7 +308,7 @@ OPERATIONS: dict[str, Operation] = {
     ),
     "set_brake": changes(
         lambda board, joints, request: board.set_brake(
-            joints, bounded(request.modes, board.count)
+            joints, truncated(request.modes, board.count)
         ),
         modes=lambda board, reply: brake_words(
             board.get_brake(reply.joints) if reply.joints else []

@@ -43,12 +43,12 @@ from ..operations import (
     OPERATIONS,
     Fields,
     answer,
-    bounded,
     doubles,
     frame_fields,
     optional,
     requested,
     send_reference,
+    truncated,
 )
 from ..text import unknown_word
 from .errors import BoardError, BoardNotFound, BoardTimeout
@@ -214,7 +214,7 @@ class LocalLink:
         """Send references, or external torques; they act in the next cycle."""
         names, *values = fields.values()
         with self.lock:
-            joints = bounded(names, self.group.count)
+            joints = truncated(names, self.group.count)
             if topic is EXTERNAL_TORQUE_SENSOR:
                 self.group.update_torque_sensor(joints, values[0])
                 return
@@ -314,7 +314,7 @@ class LocalServices:
         reply = send_reference(
             self._group,
             request.kind,
-            bounded(request.names, self._group.count),
+            truncated(request.names, self._group.count),
             optional(request.values),
             optional(request.along),
             together=request.together,
@@ -324,7 +324,7 @@ class LocalServices:
         return answer(reply) | {"values": values}
 
     def stop(self, request: Any) -> Fields:
-        joints = bounded(request.names, self._group.count)
+        joints = truncated(request.names, self._group.count)
         return answer(self._link.follower.stop(self._group, joints))
 
     # Faults and life
@@ -404,7 +404,7 @@ class LocalServices:
             raise RequestError(
                 f"pose {request.name!r} is one of the configuration; save it under another name"
             )
-        board, joints = self._group, bounded(request.names, self._group.count)
+        board, joints = self._group, truncated(request.names, self._group.count)
         if len(request.positions):
             pose = made_pose(board, request.name, joints, request.positions, request.speed)
         else:

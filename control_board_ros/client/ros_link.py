@@ -168,7 +168,7 @@ class RosLink:
         response = await self._repeat(service, fields)
         if late:
             with contextlib.suppress(BoardTimeout):
-                await self.settle()
+                await self.flush()
             response = await self._repeat(service, fields)
         return response
 
@@ -199,7 +199,7 @@ class RosLink:
     async def call(self, service: Endpoint, **fields: Any) -> Any:
         """The response of a service; references published before are in force when it answers."""
         if self._unsettled:
-            await self.settle()
+            await self.flush()
         client = self._client(service)
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
             raise self.not_offered(service) if self.is_there() else self.not_found()
@@ -221,7 +221,7 @@ class RosLink:
         """Wait until the condition holds; false after ``timeout`` s."""
         return await self.thread.until(condition, timeout)
 
-    async def settle(self) -> None:
+    async def flush(self) -> None:
         """Wait until the board has processed all published messages.
 
         The board may serve a request before messages that arrived with it. The answer to one more
@@ -281,7 +281,7 @@ class RosLink:
         if not await self.thread.until(client.server_is_ready, self.find_timeout):
             raise self.not_found()
         await self._get_acquainted(action, self.find_timeout)
-        await self.settle()
+        await self.flush()
         return client
 
     async def _get_acquainted(self, endpoint: Endpoint, patience: float) -> None:

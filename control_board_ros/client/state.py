@@ -167,7 +167,7 @@ class StateView:
         # Before the first one, the board may not have discovered the subscription.
         patience = link.find_timeout if self._message is None else link.answer_timeout
         if fresh or self._message is None:
-            await link.settle()
+            await link.flush()
             if not await link.thread.until(self.shown, patience):
                 self._renew()
         self._wanted = min(self._wanted, self._arrived[0])

@@ -65,7 +65,7 @@ def domain(text: str) -> int:
     return value
 
 
-def chosen(options: argparse.Namespace) -> list[Rule]:
+def selected_rules(options: argparse.Namespace) -> list[Rule]:
     """The selected rules, in their order.
 
     Raises:
@@ -87,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     usage = parser()
     options = usage.parse_args(arguments)
     try:
-        rules = chosen(options)
+        rules = selected_rules(options)
     except ValueError as error:
         usage.error(str(error))
     if options.list:

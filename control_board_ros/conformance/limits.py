@@ -52,7 +52,7 @@ class Range:
     @classmethod
     def of(cls, limits: JointLimits, position: float, fraction: float) -> Range:
         """A fraction of the limits around a position, well inside of them."""
-        lower, upper = (limits.lower, limits.upper) if bounded(limits) else TURN
+        lower, upper = (limits.lower, limits.upper) if is_limited(limits) else TURN
         half = 0.5 * fraction * (upper - lower)
         middle = min(max(position, lower + half), upper - half)
         speed = fraction * limits.velocity / 1.875
@@ -72,7 +72,7 @@ class Range:
         )
 
 
-def bounded(limits: JointLimits) -> bool:
+def is_limited(limits: JointLimits) -> bool:
     """Whether the positions of a joint are limited."""
     return math.isfinite(limits.upper - limits.lower)
 

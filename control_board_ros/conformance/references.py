@@ -10,7 +10,7 @@ from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 
 from .bench import COMPLIANT, TIMEOUT, Bench, K, M
-from .limits import bounded, read_limits
+from .limits import is_limited, read_limits
 from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, offered, rule
 
@@ -96,12 +96,12 @@ def open_loop(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
     wanted = bench.another(K.OUTPUT)
     bench.command(K.OUTPUT, wanted)
-    output = shown(bench, wanted)
+    output = output_shown(bench, wanted)
     expect(close(output, wanted), f"{wanted:.3g} % was sent, {output:.3g} % is shown")
     return f"{wanted:.3g} % sent, {output:.3g} % shown"
 
 
-def shown(bench: Bench, wanted: float) -> float:
+def output_shown(bench: Bench, wanted: float) -> float:
     """The output once as wanted, else the last one received."""
 
     def output() -> float:
@@ -121,7 +121,7 @@ def limits_bound(bench: Bench) -> str:
     client, joint = bench.client, bench.joint
     limits = read_limits(client, joint)
     lower, upper = limits.lower, limits.upper
-    offered(bounded(limits), "its limits are unknown")
+    offered(is_limited(limits), "its limits are unknown")
     slow = 0.5 * bench.range.speed
     for target, limit in ((upper + 1.0, upper), (lower - 1.0, lower)):
         client.position_move(joint, target, slow)
@@ -169,9 +169,9 @@ def feedforward(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
     wanted, more = bench.another(K.OUTPUT), 0.5 * bench.another(K.OUTPUT)
     bench.command(K.OUTPUT, wanted)
-    without = shown(bench, wanted)
+    without = output_shown(bench, wanted)
     bench.client.set_feedforward(bench.joint, outputs=more)
-    output = shown(bench, without + more)
+    output = output_shown(bench, without + more)
     bench.client.set_feedforward(bench.joint, outputs=0.0)
     expect(
         close(output - without, more),

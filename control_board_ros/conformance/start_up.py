@@ -116,7 +116,7 @@ def power_on(bench: Bench) -> str:
         lambda: any(message.control_modes == off for message in bench.channel.modes_since(count)),
         bench.channel.patience,
     )
-    settle(bench)
+    settled_modes(bench)
     expect(seen, "no message shows all joints NOT_CONFIGURED after power_cycle")
     return "all joints NOT_CONFIGURED after power_cycle"
 
@@ -127,7 +127,7 @@ inside("N2", "left with the whole configuration", "what has been received is not
 @rule("N3", "the configured default after power-on")
 def default(bench: Bench) -> str:
     power_cycle(bench)
-    modes = settle(bench)
+    modes = settled_modes(bench)
     offered(M.NOT_CONFIGURED not in modes, "it waits to be configured")
     for name, mode in zip(bench.names, modes, strict=True):
         expect(mode in (M.IDLE, M.POSITION), f"{name} starts in {mode}, not IDLE or POSITION")
@@ -144,7 +144,7 @@ def power_cycle(bench: Bench) -> None:
     assume(reply, f"power_cycle is refused: {reply.message}")
 
 
-def settle(bench: Bench) -> list[ControlMode]:
+def settled_modes(bench: Bench) -> list[ControlMode]:
     """The modes once no joint is NOT_CONFIGURED or CALIBRATING, or the timeout."""
     starting = {M.NOT_CONFIGURED, M.CALIBRATING}
     bench.poll(lambda: starting.isdisjoint(bench.client.get_control_mode()), LONGEST)

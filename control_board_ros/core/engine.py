@@ -128,7 +128,7 @@ class Engine:
         if self.mix is not None:
             state, caps = self.state, self.controller.caps[1]
             self.mix.drive(state.output, state.velocity, state.powered, caps)
-            monitor.feed(self.mix.powered)
+            monitor.set_supplied(self.mix.powered)
         return self._actuation
 
     def _read(self, measurement: Measurement) -> None:

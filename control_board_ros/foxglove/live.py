@@ -305,12 +305,12 @@ class Live(ServerListener):
     def _shown_parameters(self, names: Sequence[str]) -> list[Parameter]:
         values = self._client.get_parameters(names)
         return [
-            Parameter(f"{self.board}.{name}", value=shown(value))
+            Parameter(f"{self.board}.{name}", value=plain_value(value))
             for name, value in values.items()
             if value is not None
         ]
 
 
-def shown(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
     """A parameter's value for Foxglove: a scalar or a list."""
     return value if isinstance(value, bool | int | float | str) else list(value)

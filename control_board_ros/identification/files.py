@@ -70,12 +70,12 @@ def summary(outcome: Outcome) -> list[str]:
     """One line for each finding, and for each joint with trouble."""
     lines = [f"{joint}: {text}" for joint, text in outcome.troubles.items()]
     for finding in outcome.findings:
-        text = finding.why or shown(finding, outcome.robot.kind(finding.joint))
+        text = finding.why or value_text(finding, outcome.robot.kind(finding.joint))
         lines.append(f"{finding.joint}, {TITLES[finding.quantity]}: {text}")
     return lines
 
 
-def shown(finding: Finding, kind: JointKind) -> str:
+def value_text(finding: Finding, kind: JointKind) -> str:
     """Value, interval and unit; the configured value if different."""
     unit, factor = finding.unit(kind), 1.0
     if finding.quantity in ("delay", "center"):
@@ -124,7 +124,7 @@ def overview(outcome: Outcome) -> str:
     for finding in outcome.findings:
         kind = outcome.robot.kind(finding.joint)
         text = "yes" if not finding.why else finding.why
-        rows.append([finding.joint, TITLES[finding.quantity], shown(finding, kind), text])
+        rows.append([finding.joint, TITLES[finding.quantity], value_text(finding, kind), text])
     heads = ["joint", "quantity", "value, 95 % interval", "in the parameter file"]
     return "<h2>What the data shows</h2>" + table(heads, rows, text=True)
 
@@ -135,7 +135,7 @@ def section(outcome: Outcome, joint: str) -> str:
         return chart_section(joint, [("not identified", outcome.troubles[joint])], [])
     kind, fitted = outcome.robot.kind(joint), outcome.fitted
     facts = [
-        (TITLES[finding.quantity], shown(finding, kind) if not finding.why else "not shown")
+        (TITLES[finding.quantity], value_text(finding, kind) if not finding.why else "not shown")
         for finding in outcome.findings
         if finding.joint == joint
     ]

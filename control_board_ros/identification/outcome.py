@@ -185,7 +185,7 @@ def identify(
     except ValueError as error:
         raise IdentificationError(str(error)) from error
     fitted = fit(robot, good, samples, payload=payload)
-    findings, wrong = judge(robot, fitted)
+    findings, wrong = findings_of(robot, fitted)
     outcome = Outcome(robot, findings, troubles | wrong, fitted)
     return outcome if alarms is None else with_thresholds(outcome, whole, alarms)
 
@@ -235,7 +235,7 @@ def of_threshold(
     return Finding(joint, THRESHOLD, (value.value,), (value.sure,), before, why, remark)
 
 
-def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
+def findings_of(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
     """The findings of a fit, and joints with impossible motor constants."""
     findings, wrong = [], {}
     for joint in fitted.joints:

@@ -38,7 +38,7 @@ class CommandLines:
     ros2: str = ""
     python: str = ""
 
-    def shown(self) -> dict[str, str]:
+    def as_dict(self) -> dict[str, str]:
         return asdict(self)
 
 

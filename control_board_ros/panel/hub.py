@@ -92,7 +92,7 @@ class Hub:
         browser.send("hello", you=browser.number, read_only=self.state.read_only)
         for board in self.state.boards.values():
             self._introduce(board, browser)
-        browser.send("recordings", **self.state.recordings.shown())
+        browser.send("recordings", **self.state.recordings.page_fields())
         browser.send("history", entries=list(self.state.history))
         self.state.send_boards()
         self.lease_service.enter(browser)

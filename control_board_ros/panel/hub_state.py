@@ -46,7 +46,7 @@ class HubState:
         self.send_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
 
     def send_recordings(self) -> None:
-        self.send_all("recordings", **self.recordings.shown())
+        self.send_all("recordings", **self.recordings.page_fields())
 
     def send_targets(self, board: Board) -> None:
         self.send_all("targets", board=board.name, targets=board.targets)

@@ -49,7 +49,7 @@ class Recordings:
         self.since = 0.0
         self.busy = ""
 
-    def shown(self) -> Answer:
+    def page_fields(self) -> Answer:
         return {
             "running": self.running.name if self.running else "",
             "boards": self.boards,

@@ -98,7 +98,7 @@ def poses_of(
         speed = float(parts[SPEED].value) if SPEED in parts else 0.0
         wanted = {joint: float(e.value) for joint, e in parts.items() if joint != SPEED}
         if not wanted and name == HOME:
-            wanted = {joint: bounded(board, joint, home) for joint, home in homes.items()}
+            wanted = {joint: clipped(board, joint, home) for joint, home in homes.items()}
         elif not wanted and name == PARK:
             home = poses.get(HOME) or Pose(HOME, (), ())
             wanted = dict(zip(home.joints, home.positions, strict=True))
@@ -108,7 +108,7 @@ def poses_of(
                 f"{where}: {POSES}.{name}: names no joint; add {POSES}.{name}.<joint>: <position>"
             )
         positions = {joint: wanted[joint] for joint in board.names if joint in wanted}
-        taken = {joint: bounded(board, joint, value) for joint, value in positions.items()}
+        taken = {joint: clipped(board, joint, value) for joint, value in positions.items()}
         warnings += [
             f"{parts[joint].where}: {POSES}.{name}.{joint}: {positions[joint]:g} is outside the "
             f"limits of the joint; {value:g} is used"
@@ -120,7 +120,7 @@ def poses_of(
     return poses, tuple(warnings)
 
 
-def bounded(board: BoardConfig, joint: str, position: float) -> float:
+def clipped(board: BoardConfig, joint: str, position: float) -> float:
     """A position clipped to the software limits of a joint."""
     limits = board.joints[board.names.index(joint)].limits
     return min(max(position, limits.lower), limits.upper)

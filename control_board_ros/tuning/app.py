@@ -18,11 +18,11 @@ from ..settings.loading import Settings, SettingsError
 from ..text import unknown_word
 from . import TuningError
 from .files import summary, write_parameters, write_report
-from .outcome import judge
+from .outcome import accept
 from .scenes import usual_payload
 from .search import Found, Plan, run_all, settings_of
 from .space import COMPLIANT, POSITION
-from .storage import optuna, shown, storage_of
+from .storage import optuna, redacted, storage_of
 
 DONE, REFUSED = 0, 1
 
@@ -73,7 +73,7 @@ def tune(given: argparse.Namespace) -> None:
     jobs = given.jobs or os.cpu_count() or 1
     say(
         f"{len(tasks)} controllers, {plan.trials} trials each, payload up to {payload:.3g} kg, "
-        f"{min(jobs, len(tasks))} processes; trials are kept in {shown(storage)}"
+        f"{min(jobs, len(tasks))} processes; trials are kept in {redacted(storage)}"
     )
     start = time.monotonic()
 
@@ -83,7 +83,7 @@ def tune(given: argparse.Namespace) -> None:
             f"{found.trials} trials, {time.monotonic() - start:.0f} s"
         )
 
-    outcomes = judge(plan, run_all(plan, tasks, jobs, show))
+    outcomes = accept(plan, run_all(plan, tasks, jobs, show))
     report = output.with_suffix(".html")
     write_parameters(output, outcomes, plan)
     write_report(report, outcomes, plan)

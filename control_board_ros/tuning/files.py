@@ -113,13 +113,16 @@ def kinds_of(plan: Plan) -> Mapping[str, JointKind]:
 
 def mean_text(name: str, played: Played, kind: JointKind) -> str:
     """The mean of a figure with its unit; a lower bound where not settled."""
-    text, late = shown(name, played.mean(name), kind), sum(not f.settled for f in played.figures)
+    text, late = (
+        value_text(name, played.mean(name), kind),
+        sum(not f.settled for f in played.figures),
+    )
     if name != "settling" or not late:
         return text
     return f"more than {text} (not settled in {late} of {len(played.figures)} poses)"
 
 
-def shown(name: str, value: float, kind: JointKind) -> str:
+def value_text(name: str, value: float, kind: JointKind) -> str:
     if not math.isfinite(value):
         return "–"
     if name in ("tracking", "push"):

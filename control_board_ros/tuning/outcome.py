@@ -93,7 +93,7 @@ def harm(stage: str, before: Played, after: Played) -> str:
     return ""
 
 
-def judge(plan: Plan, searches: Sequence[Found]) -> list[Outcome]:
+def accept(plan: Plan, searches: Sequence[Found]) -> list[Outcome]:
     """Accept gains that are better alone and combined; the others keep the present gains."""
     settings = plan.settings
     fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
@@ -143,14 +143,14 @@ def decide(
             stage, before[key], play(key, {**others, **derived[key]})
         ):
             chosen[key] = derived[key]
-    after_all = settle(chosen, why, searches, before, play)
+    after_all = revert_worse(chosen, why, searches, before, play)
     return [
         Outcome(*key, chosen.get(key, {}), before[key], plain.get(key), after_all[key], why[key])
         for key in searches
     ]
 
 
-def settle(
+def revert_worse(
     chosen: dict[Key, Changes],
     why: dict[Key, str],
     searches: Mapping[Key, Found],

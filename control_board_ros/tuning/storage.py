@@ -54,11 +54,11 @@ def storage_of(place: str) -> Any:
     except ImportError as error:
         extra = "tune-grpc" if kind == "grpc" else "tune-postgresql"
         raise TuningError(
-            f"cannot open the storage {shown(place)}: its Python driver is not installed; "
+            f"cannot open the storage {redacted(place)}: its Python driver is not installed; "
             f"for PostgreSQL and gRPC: pip install 'control_board_ros[{extra}]'"
         ) from error
     except Exception as error:
-        raise TuningError(f"cannot open the storage {shown(place)}: {reason(error)}") from error
+        raise TuningError(f"cannot open the storage {redacted(place)}: {reason(error)}") from error
 
 
 def journal(path: str) -> Any:
@@ -97,7 +97,7 @@ def proxy(url: str) -> Any:
     return storage
 
 
-def shown(place: str) -> str:
+def redacted(place: str) -> str:
     """A storage for display, without its password."""
     return re.sub(r"(://[^/@:]*):[^/@]*@", r"\1:***@", place)
 
@@ -119,7 +119,7 @@ def kept_in(place: str) -> Iterator[None]:
         if failure is None:
             raise
         raise TuningError(
-            f"the storage {shown(place)} failed: {reason(failure)}; the same command continues"
+            f"the storage {redacted(place)} failed: {reason(failure)}; the same command continues"
         ) from error
 
 

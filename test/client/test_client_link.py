@@ -122,11 +122,11 @@ def test_publications_are_delivered_when_a_later_call_is_answered(link: RosLink)
         board.sent.clear()
         link.answer_timeout, board.loses = 0.5, math.inf
         with pytest.raises(BoardTimeout):
-            run(link.settle())
+            run(link.flush())
         link.answer_timeout, board.loses = GUARD, 0
-        run(link.settle())
+        run(link.flush())
         assert board.sent == ["lost", "answered"]
-        run(link.settle())
+        run(link.flush())
         assert board.sent == ["lost", "answered"]
 
 

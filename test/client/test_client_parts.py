@@ -171,7 +171,7 @@ class NoLink:
     def subscribe(self, *_: object) -> None:
         """The test delivers the messages."""
 
-    async def settle(self) -> None:
+    async def flush(self) -> None:
         """Nothing was published."""
 
     async def until(self, condition: Any, _: float) -> bool:

@@ -261,20 +261,20 @@ def test_the_first_position_after_arming_may_be_any() -> None:
     watch.arm([0], on=True, calibrated=np.array([True]))
     assert (watch.joints[0].lowest, watch.joints[0].highest) == (-math.inf, math.inf)
     assert math.isfinite(watch.joints[0].max_overrun)
-    watch.bound(0, on=True, calibrated=False)
+    watch.set_limits(0, on=True, calibrated=False)
     assert math.isinf(watch.joints[0].max_overrun)
 
 
 def test_the_bridges_of_coupled_motors() -> None:
     """Y3: reported once for each change; a change of an axis's power is one, too."""
     watch = watched(joint("a"), joint("b"))
-    watch.feed(np.array([1.0, 0.0]))
+    watch.set_supplied(np.array([1.0, 0.0]))
     assert [one.fed for one in watch.joints] == [1.0, 0.0]
     watch.power([0], np.array([0.0, 0.0]))
     assert [one.fed for one in watch.joints] == [0.0, 0.0]
-    watch.feed(np.array([1.0, 0.0]))
+    watch.set_supplied(np.array([1.0, 0.0]))
     assert [one.fed for one in watch.joints] == [1.0, 0.0]
-    watch.feed(np.array([0.0, 1.0]))
+    watch.set_supplied(np.array([0.0, 1.0]))
     assert [one.fed for one in watch.joints] == [0.0, 1.0]
 
 

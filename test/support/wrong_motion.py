@@ -94,7 +94,7 @@ def a_feed_forward_only_in_open_loop(old: Any, joint: Any, output: float) -> flo
     return taken
 
 
-@replaces("F8", "core.machine.stale:StaleStreams.judge")
+@replaces("F8", "core.machine.stale:StaleStreams.void")
 def a_stream_outlives_a_fault(_: Any, *__: Any) -> None:
     return None
 

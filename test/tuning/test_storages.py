@@ -19,7 +19,7 @@ import yaml
 from control_board_ros.tuning import TuningError
 from control_board_ros.tuning.search import Plan, run, study_name
 from control_board_ros.tuning.space import POSITION
-from control_board_ros.tuning.storage import kept_in, shown, storage_of
+from control_board_ros.tuning.storage import kept_in, redacted, storage_of
 
 pytestmark = pytest.mark.physics
 
@@ -224,9 +224,9 @@ def test_two_processes_share_a_proxy(crane: str, proxy: str, workers: Workers) -
 
 
 def test_passwords_are_not_printed() -> None:
-    assert shown("postgresql://me:secret@host/gains") == "postgresql://me:***@host/gains"
-    assert shown("postgresql://me@host:5432/gains") == "postgresql://me@host:5432/gains"
-    assert shown("crane.journal") == "crane.journal"
+    assert redacted("postgresql://me:secret@host/gains") == "postgresql://me:***@host/gains"
+    assert redacted("postgresql://me@host:5432/gains") == "postgresql://me@host:5432/gains"
+    assert redacted("crane.journal") == "crane.journal"
 
 
 @pytest.mark.slow

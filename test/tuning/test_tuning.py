@@ -22,7 +22,7 @@ from control_board_ros.settings.loading import load
 from control_board_ros.tuning.bench import Bench, Faulted, Motion, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
 from control_board_ros.tuning.files import line_of, mean_text, parameters, write_parameters
-from control_board_ros.tuning.outcome import Played, decide, judge, objection
+from control_board_ros.tuning.outcome import Played, accept, decide, objection
 from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload, with_payload
 from control_board_ros.tuning.search import Found, Plan, run, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, space_of
@@ -167,7 +167,7 @@ def test_a_search_improves_poor_gains_and_resumes(crane: str, tmp_path: Path) ->
     assert found.trials == 6
     assert run(plan_of(crane, tmp_path), "lift", POSITION) == found
     assert run(plan_of(crane, tmp_path, trials=8), "lift", POSITION).trials == 8
-    (outcome,) = judge(plan_of(crane, tmp_path), [found])
+    (outcome,) = accept(plan_of(crane, tmp_path), [found])
     assert outcome.why == ""
     assert outcome.after.mean("tracking") < 0.5 * outcome.before.mean("tracking")
     assert outcome.derived is not None
@@ -179,7 +179,7 @@ def test_a_search_improves_poor_gains_and_resumes(crane: str, tmp_path: Path) ->
 def test_gains_worse_than_the_derived_ones_are_rejected(crane: str, tmp_path: Path) -> None:
     """Gains that a search would have praised, and that are worse elsewhere."""
     bad = {f"lift.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
-    (outcome,) = judge(plan_of(crane, tmp_path), [Found("lift", POSITION, bad, 0.1, 6)])
+    (outcome,) = accept(plan_of(crane, tmp_path), [Found("lift", POSITION, bad, 0.1, 6)])
     assert outcome.why
     space = space_of(settings_of(crane), "lift", POSITION)
     assert outcome.changes == space.changes(dict.fromkeys(space.ranges, 0.0))
@@ -193,7 +193,7 @@ def test_worse_gains_are_rejected(tmp_path: Path) -> None:
     plan = Plan("iiwa", 0.5, 6, 1, str(tmp_path / "iiwa.journal"))
     joint = settings_of("iiwa").board.names[3]
     bad = {f"{joint}.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
-    (outcome,) = judge(plan, [Found(joint, POSITION, bad, 0.1, 6)])
+    (outcome,) = accept(plan, [Found(joint, POSITION, bad, 0.1, 6)])
     assert outcome.why
     assert outcome.changes == {}
     assert outcome.derived is None

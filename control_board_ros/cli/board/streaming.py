@@ -28,7 +28,7 @@ SHOWN = 2
 Send = Callable[..., Reply]
 
 
-def settle(session: Session, names: list[str]) -> None:
+def wait_for_ramps(session: Session, names: list[str]) -> None:
     """Wait until the velocity references have ramped down."""
     from control_board_ros.client import BoardTimeout
 
@@ -124,5 +124,5 @@ def where(session: Session, names: list[str]) -> str:
 def end(session: Session, send: Send, names: list[str]) -> Reply:
     """Send zero, and wait for the end of the ramps."""
     reply = send(names, [0.0] * len(names))
-    settle(session, names)
+    wait_for_ramps(session, names)
     return reply

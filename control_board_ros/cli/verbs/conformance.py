@@ -32,12 +32,12 @@ def conformance(session: Session, **options: Any) -> int:
     all settings are restored. Exit code 1: a rule failed, or too many rules that the board offers
     were not tested.
     """
-    from control_board_ros.conformance.app import chosen, try_board
+    from control_board_ros.conformance.app import selected_rules, try_board
     from control_board_ros.conformance.rules import NotTestable, OutOfTime
 
     asked = Namespace(**options, json=session.options.json, timeout=session.options.timeout)
     try:
-        rules = chosen(asked)
+        rules = selected_rules(asked)
     except ValueError as error:
         raise UsageError(str(error)) from None
     if asked.list:

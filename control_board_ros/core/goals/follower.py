@@ -307,7 +307,7 @@ def admitted(board: JointGroup, selection: Selection, path: Path) -> tuple[Bools
     streams = board.engine.machine.streams
     within = commands.within(kind, selection.joints, path.positions)
     good: Bools = board.state.accepts[kind, selection.joints] & within.all(axis=0)
-    stale = streams.judge(kind, selection.joints, path.positions[0], good)
+    stale = streams.void(kind, selection.joints, path.positions[0], good)
     streams.note(selection.joints)
     if stale is not None:
         good &= ~stale

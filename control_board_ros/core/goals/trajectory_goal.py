@@ -293,7 +293,7 @@ class TrajectoryGoal:
         if self._run.left:
             self._end(Code.INVALID_GOAL, f"ended before its time; {self._run.left}")
         elif self._run.last is not None:
-            self._judge(self._run.last)
+            self._compare(self._run.last)
 
     def cancel(self) -> None:
         """Stop the joints within their acceleration limits."""
@@ -322,7 +322,7 @@ class TrajectoryGoal:
                 whole[self._run.joints - joints.start] = row
         return made
 
-    def _judge(self, last: Sample) -> None:
+    def _compare(self, last: Sample) -> None:
         """Compare what was sent last with the reading of the same time."""
         state, limits = self._board.state, self._tolerances
         errors = np.stack(

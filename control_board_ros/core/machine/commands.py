@@ -173,7 +173,7 @@ class Commands:
         if not sampled:
             if self._refused is not None:
                 good &= self.within(kind, indices, asked)
-            stale = self._machine.streams.judge(kind, indices, asked, good)
+            stale = self._machine.streams.void(kind, indices, asked, good)
             self._machine.streams.note(indices)
         if stale is not None:
             good &= ~stale
@@ -243,7 +243,7 @@ class Commands:
             if moves is not None and extra is not None:
                 notes = self._slower(indices, np.abs(taken - starts), extra, moves)
         if not same(asked, taken):
-            notes |= self._bounded(kind, indices, asked, taken)
+            notes |= self._limit_notes(kind, indices, asked, taken)
         references.last[kind, indices] = taken
         if row.timeout is not None:
             period = self._machine.config.period
@@ -251,7 +251,9 @@ class Commands:
             self._machine.timeouts.renew(kind, indices, self._state.clock + 1.0, timeout)
         return taken, notes
 
-    def _bounded(self, kind: CommandKind, indices: Indices, asked: Array, taken: Array) -> Notes:
+    def _limit_notes(
+        self, kind: CommandKind, indices: Indices, asked: Array, taken: Array
+    ) -> Notes:
         """Effect of limits on references (P1, P9, P14)."""
         joints = self._machine.config.joints
         return {

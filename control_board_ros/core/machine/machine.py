@@ -104,7 +104,7 @@ class Machine:
             if config.joints[j] == before.joints[j]:
                 continue
             calibrated = bool(state.calibrated[j])
-            self.monitor.bound(j, on=self.is_configured(j), calibrated=calibrated)
+            self.monitor.set_limits(j, on=self.is_configured(j), calibrated=calibrated)
             if state.faults[j].active:
                 self.monitor.let_cool(j, FaultCode(state.faults[j].code))
             if j not in self.calibrations.running and state.powered[j]:

@@ -50,16 +50,16 @@ class Feedforward:
             (j, [None if term is None else float(term[k]) for term in terms])
             for k, j in enumerate(selection.numbers)
         ]
-        verdicts = [self._judge(j, values) for j, values in parts]
+        verdicts = [self._verdict(j, values) for j, values in parts]
         answers = all_or_none(verdicts) if together else verdicts
         taken = []
         for (j, values), verdict, answer in zip(parts, verdicts, answers, strict=True):
             machine.state.rejected[j] += np.uint64(bool(verdict.code))
             joint = machine.controller.joints[j]
-            taken.append(math.nan if answer.code else feed(joint, *values))
+            taken.append(math.nan if answer.code else add_feedforward(joint, *values))
         return replace(decided(selection.names, answers), values=tuple(taken))
 
-    def _judge(self, j: int, terms: Sequence[float | None]) -> JointAnswer:
+    def _verdict(self, j: int, terms: Sequence[float | None]) -> JointAnswer:
         """What becomes of the terms of a joint."""
         facts = self._machine.facts(j)
         values = tuple(value for value in terms if value is not None)
@@ -84,7 +84,7 @@ def terms_of(
     )
 
 
-def feed(joint: Joint, output: float | None, torque: float | None) -> float:
+def add_feedforward(joint: Joint, output: float | None, torque: float | None) -> float:
     """Set u_ff (percent) and τ_ff (N·m), either or both; the first given, as bounded."""
     taken = [] if output is None else [feed_output(joint, output)]
     if torque is not None:

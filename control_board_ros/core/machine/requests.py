@@ -75,7 +75,7 @@ class Requests:
             together: Whether nothing changes where one joint cannot do all of it.
         """
         judged = [
-            self._judge(j, asked if isinstance(asked, tuple) else (asked,))
+            self._decide(j, asked if isinstance(asked, tuple) else (asked,))
             for j, asked in zip(selection.numbers, wanted, strict=True)
         ]
         reply = self._answer(selection, judged, together=together)
@@ -122,17 +122,17 @@ class Requests:
             else:  # its calibration was aborted by the fault
                 wanted.append((ControlMode.FORCE_IDLE,))
         judged = [
-            self._judge_recovery(j, asked)
+            self._decide_recovery(j, asked)
             for j, asked in zip(selection.numbers, wanted, strict=True)
         ]
         reply = self._answer(selection, judged, together=not partial)
         return replace(reply, waits=tuple(waits))
 
-    def _judge_recovery(
+    def _decide_recovery(
         self, j: int, whats: Sequence[Requested]
     ) -> tuple[JointAnswer, list[Step]]:
-        """As ``_judge``: a joint that cannot do all of it keeps its fault and the mode before."""
-        answer, steps = self._judge(j, whats)
+        """As ``_decide``: a joint that cannot do all of it keeps its fault and the mode before."""
+        answer, steps = self._decide(j, whats)
         if not answer.code:
             return answer, steps
         if answer.answer is Answer.UNSUPPORTED:
@@ -140,7 +140,7 @@ class Requests:
             answer = JointAnswer(Answer.REFUSED, text, answer.code)
         return answer, []
 
-    def _judge(self, j: int, whats: Sequence[Requested]) -> tuple[JointAnswer, list[Step]]:
+    def _decide(self, j: int, whats: Sequence[Requested]) -> tuple[JointAnswer, list[Step]]:
         """The answer of a joint, and its steps up to the first that is not accepted."""
         facts = self._machine.facts(j)
         steps: list[Step] = []

@@ -64,7 +64,7 @@ class StaleStreams:
         """Accept the next reference of joints, whatever came before."""
         self._void.difference_update(joints)
 
-    def judge(
+    def void(
         self, kind: CommandKind, joints: Indices, values: Array, accepted: NDArray[np.bool_]
     ) -> NDArray[np.bool_] | None:
         """Which references that the modes of joints accept belong to a void stream, shape (k,).

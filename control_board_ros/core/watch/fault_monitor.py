@@ -188,10 +188,10 @@ class FaultMonitor:
         The hard limits are known of those only that are calibrated (a flag per joint).
         """
         for j in joints:
-            self.bound(j, on=on, calibrated=bool(calibrated[j]))
+            self.set_limits(j, on=on, calibrated=bool(calibrated[j]))
             self.joints[j].expect_anything()
 
-    def bound(self, j: int, *, on: bool, calibrated: bool) -> None:
+    def set_limits(self, j: int, *, on: bool, calibrated: bool) -> None:
         """As :meth:`arm`, without a restart of the checks: no reading is left out."""
         self.joints[j].set(self._limits[j] if on else UNLIMITED)
         if on and j in self._cooling:
@@ -213,7 +213,7 @@ class FaultMonitor:
             joint.live = joint.fed = on
             joint.switched, joint.since, self._fed = True, 0.0, b""
 
-    def feed(self, powered: Array) -> None:
+    def set_supplied(self, powered: Array) -> None:
         """Set which bridges of coupled motors are on, whatever the power of their axes."""
         if (fed := powered.tobytes()) != self._fed:
             self._fed = fed

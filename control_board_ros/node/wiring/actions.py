@@ -26,7 +26,7 @@ from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
-from ...operations import bounded, doubles, optional
+from ...operations import doubles, optional, truncated
 from ..loop.loop import Member
 from .request_log import GoalRecord, RequestLog
 
@@ -49,14 +49,14 @@ Begin = Callable[[JointGroup], Task]
 def move(request: Any) -> Begin:
     return lambda board: MoveTask(
         board,
-        bounded(request.names, board.count),
+        truncated(request.names, board.count),
         request.positions,
         optional(request.speeds),
     )
 
 
 def calibration(request: Any) -> Begin:
-    return lambda board: CalibrationTask(board, bounded(request.names, board.count))
+    return lambda board: CalibrationTask(board, truncated(request.names, board.count))
 
 
 def feedback_of(task: Task) -> Any:

@@ -13,7 +13,7 @@ from ...core.goals.pose import Pose
 from ...core.goals.poses import PoseTask, made_pose, pose_now
 from ...core.group import JointGroup
 from ...core.selection import RequestError
-from ...operations import bounded, doubles
+from ...operations import doubles, truncated
 from ...settings.poses import UserPoses
 from ...text import unknown_word
 from ..loop.loop import Member
@@ -61,7 +61,7 @@ class Poses:
                 "or change poses in the parameter file"
             )
         with self._member.exclusive() as board:
-            joints = bounded(request.names, board.count) or board.names
+            joints = truncated(request.names, board.count) or board.names
             if len(request.positions):
                 positions = list(request.positions[: board.count + 1])
                 pose = made_pose(board, request.name, joints, positions, request.speed)

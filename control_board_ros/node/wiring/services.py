@@ -22,11 +22,11 @@ from ...operations import (
     OPERATIONS,
     Operation,
     answer,
-    bounded,
     doubles,
     optional,
     requested,
     send_reference,
+    truncated,
 )
 from ..loop.loop import Member
 from .messages import filled, freeze_frame, joint_fault
@@ -78,7 +78,7 @@ class Services:
 
     def send_reference(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
-            joints = bounded(request.names, board.count)
+            joints = truncated(request.names, board.count)
             if void := self._void():
                 reply = board.reject(joints, void, Reason.STALE)
             else:
@@ -96,7 +96,7 @@ class Services:
 
     def stop(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
-            reply = self._stop(bounded(request.names, board.count))
+            reply = self._stop(truncated(request.names, board.count))
         return filled(response, answer(reply))
 
     # -- faults and life ----------------------------------------------------------------------

@@ -28,7 +28,7 @@ from ...interface import (
     JOINT_TRAJECTORY,
     Endpoint,
 )
-from ...operations import bounded, optional
+from ...operations import optional, truncated
 from ...protocols import Floats
 from ..loop.loop import Member
 
@@ -61,7 +61,7 @@ def references(member: Member, topic: Endpoint, send: Send, warn: Warn) -> Callb
         values = getattr(message, field)
         extra = None if along is None else optional(getattr(message, along))
         with member.exclusive() as board:
-            reply = send(board, kind, bounded(message.names, board.count), values, extra)
+            reply = send(board, kind, truncated(message.names, board.count), values, extra)
         warn_of(reply, warn)
 
     return on_message
@@ -80,7 +80,7 @@ def refusing_stale(member: Member, warn: Warn) -> Callable[[Any, int], bool]:
         names = getattr(message, "names", getattr(message, "name", None))
         if names is not None:
             with member.exclusive() as board:
-                board.reject(bounded(names, board.count), text, Reason.STALE)
+                board.reject(truncated(names, board.count), text, Reason.STALE)
         warn(f"command ignored: {text}", "ignored")
         return True
 
@@ -129,7 +129,7 @@ class CommandTopics:
 
     def _feedforward(self, message: Any) -> None:
         with self._member.exclusive() as board:
-            joints = bounded(message.names, board.count)
+            joints = truncated(message.names, board.count)
             outputs, torques = optional(message.outputs), optional(message.torques)
             reply = board.set_feedforward(joints, outputs, torques)
         warn_of(reply, self._warn)
@@ -146,7 +146,7 @@ class CommandTopics:
             return
         torques = np.asarray(message.torques)
         with self._member.exclusive() as board:
-            names = board.selector.select(bounded(message.names, board.count)).names
+            names = board.selector.select(truncated(message.names, board.count)).names
             if len(names) == torques.size and np.isfinite(torques).all():
                 for name, torque in zip(names, torques.tolist(), strict=True):
                     simulation.push(name, torque)
@@ -159,7 +159,7 @@ class CommandTopics:
 
     def _external_torque_sensor(self, message: Any) -> None:
         with self._member.exclusive() as board:
-            joints = bounded(message.names, board.count)
+            joints = truncated(message.names, board.count)
             reply = board.update_torque_sensor(joints, message.torques)
         warn_of(reply, self._warn)
 
@@ -185,7 +185,7 @@ def joint_commands(board: JointGroup, message: Any) -> list[Reply]:
     A velocity beside an accepted position is
     ignored: a controller that has stopped leaves a 0 in its command interfaces.
     """
-    joints = bounded(message.name, board.count)
+    joints = truncated(message.name, board.count)
     try:
         selection = board.selector.select(joints)
         values = {name: spread_short(board, selection, name, message) for name in REFUSED}

@@ -34,7 +34,7 @@ from ...core.selection import RequestError
 from ...core.state import Snapshot
 from ...core.terms.reply import Reply
 from ...interface import FOLLOW_JOINT_TRAJECTORY
-from ...operations import bounded, doubles
+from ...operations import doubles, truncated
 from ..loop.loop import ControlLoop, Member
 from ..loop.timing import TimeBase
 from .actions import Goal, action_server, goal_timer
@@ -99,7 +99,7 @@ class FollowTrajectory:
         request, old = handle.request, self._goal
         points, wishes = read_goal(request)
         with self._member.exclusive() as board:
-            joints = bounded(request.trajectory.joint_names, board.count)
+            joints = truncated(request.trajectory.joint_names, board.count)
             start = start_time(request.trajectory.header.stamp, board, self._member.loop.time_base)
             task = self._start_goal(joints, points, start, wishes)
             if old is not None:
@@ -291,7 +291,7 @@ def trajectory_callback(member: Member, follower: Follower, warn: Warn) -> Callb
     """
 
     def follow(board: JointGroup, message: Any) -> Reply | None:
-        joints = bounded(message.joint_names, board.count)
+        joints = truncated(message.joint_names, board.count)
         try:
             names = board.selector.select(joints).names
             if not message.points:

@@ -26,7 +26,7 @@ from ...core.state import Snapshot
 from ...core.terms.reply import Answer, Reply, joints_of
 from ...core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ...interface import ENDPOINTS, YARP, Endpoint
-from ...operations import bounded, doubles
+from ...operations import doubles, truncated
 from ...protocols import Floats
 from ..loop.loop import Member
 from .command_subscription import CommandSubscription
@@ -255,7 +255,7 @@ class YarpInterface:
 def selected(board: JointGroup, names: Sequence[str], word: str) -> Selection:
     """The joints that a request names, all for none; unknown ones are refused with a word."""
     try:
-        return board.selector.select(bounded(names, board.count))
+        return board.selector.select(truncated(names, board.count))
     except RequestError as error:
         raise RefusedError(word, str(error)) from None
 
