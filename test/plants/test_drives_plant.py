@@ -430,6 +430,16 @@ def test_late_answers_and_copies_are_no_surplus() -> None:
         assert not any(rig.go(OFF).faults)
 
 
+def test_a_copy_beside_a_new_answer_is_surplus() -> None:
+    rig = Rig()
+    rig.driver.surplus[0] = 1
+    assert not any(rig.go(OFF).faults)
+    for _ in range(2):
+        rig.driver._count -= 2  # the last one again, and one more
+        found = rig.go(OFF)
+    assert found.faults == ["two drives answer as id 3; change that of one", None]
+
+
 def test_a_copy_is_one_answer_however_many_are_owed() -> None:
     rig = Rig()
     for _ in range(12):
