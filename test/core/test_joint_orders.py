@@ -608,3 +608,24 @@ def test_a_velocity_is_ramped_within_speed_and_limits(
     one = ramped(**at)
     assert one.ramp_velocity == pytest.approx(velocity)
     assert one.ramped == pytest.approx(0.5 + 0.01 * velocity)
+
+
+def test_a_late_current_is_compared_with_the_reference_of_its_time() -> None:
+    """B7, P10: what the wire keeps is no error, and no reading is integrated twice."""
+    one = joint(period=0.01, ohms=2.0, wire=0.03, age=0.03)
+    loop = one.current_pid
+    loop.kp, loop.ki_period, loop.limit, loop.integral = 1.0, 0.1, 50.0, 0.0
+    for reference in (1.0, 2.0, 3.0, 4.0):
+        LAWS.note_feed(one)
+        loop.reference = reference
+    LAWS.note_feed(one)
+    calm = LAWS.WIRE_PHASE * 2.0 / (1.0 + 10.0 * 0.03)
+    one.current = 1.0  # as asked for three periods ago
+    assert LAWS.late_feedback(one, 5.0) == 0.0
+    one.current = 0.5
+    assert LAWS.late_feedback(one, 5.0) == pytest.approx(0.5 * calm + 0.05 * calm)
+    one.missed = 0.01  # the same reading again
+    assert LAWS.late_feedback(one, 5.0) == pytest.approx(0.05 * calm)
+    assert loop.reference == 5.0
+    one.missed, loop.kp, loop.ki_period = 0.0, 0.1, 0.0  # within the phase: as configured
+    assert LAWS.late_feedback(one, 5.0) == pytest.approx(0.5 * 0.1 + 0.05 * calm)

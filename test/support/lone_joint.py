@@ -7,7 +7,7 @@ from typing import Any
 
 from pure import LAWS
 
-PARTS = ("position_pid", "torque_pid", "current_pid", "stream", "fed", "fed_now")
+PARTS = ("position_pid", "torque_pid", "current_pid", "stream", "fed", "fed_now", "drawn")
 NUMBERS = [
     name
     for name, value in vars(LAWS.Joint).items()
