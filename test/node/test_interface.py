@@ -107,7 +107,7 @@ def test_command_topics_accept_qos_overrides(talker: Talker) -> None:
     for name in SUBSCRIBED:
         assert f"qos_overrides.{absolute(name)}.subscription.reliability" in listed
     answer = talker.call("get_parameters", GetParameters, names=["control_rate", "robot"])
-    assert answer.values[0].double_value == 1000.0
+    assert answer.values[0].double_value == 250.0
     assert answer.values[1].string_value == "iiwa"
 
 

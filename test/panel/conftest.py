@@ -79,7 +79,7 @@ def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BoardProcess]:
     if CHROMIUM is None:
         pytest.skip("there is no chromium; on Debian: sudo apt-get install chromium")
     home = {"XDG_CONFIG_HOME": str(tmp_path_factory.mktemp("config"))}
-    params = {"allow_fault_injection": True, "gravity": FALLING}
+    params = {"allow_fault_injection": True, "gravity": FALLING, "control_rate": 250.0}
     with board_process(params, env=home) as board:
         yield board
 

@@ -15,7 +15,7 @@ from control_board_ros.testing import BoardProcess, board_process
 @pytest.fixture(scope="module")
 def params() -> dict[str, Any]:
     """Parameters of the module's board; a module overrides this to change them."""
-    return {"allow_fault_injection": True}
+    return {"allow_fault_injection": True, "control_rate": 250.0}
 
 
 @pytest.fixture(scope="module")
