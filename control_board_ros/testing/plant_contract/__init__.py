@@ -121,7 +121,7 @@ def plant_contract(
 
     subject = Subject(make, wait, fail)
 
-    @pytest.mark.parametrize("one", CHECKS, ids=[each.__name__ for each in CHECKS])
+    @pytest.mark.parametrize("contract", CHECKS, ids=[each.__name__ for each in CHECKS])
     def test_plant(contract: Check) -> None:
         try:
             contract(subject)
