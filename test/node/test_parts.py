@@ -126,10 +126,10 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
 
 def test_names_and_values_of_messages() -> None:
     """Lists are cut where one more entry is enough to be wrong; empty means None."""
-    assert operations.bounded([f"j{i}" for i in range(100_000)], 7) == tuple(
+    assert operations.truncated([f"j{i}" for i in range(100_000)], 7) == tuple(
         f"j{i}" for i in range(8)
     )
-    assert operations.bounded([], 7) == ()
+    assert operations.truncated([], 7) == ()
     assert operations.optional([]) is None
     assert operations.optional([1.0]) == [1.0]
     assert operations.codes([ControlMode.POSITION, InteractionMode.STIFF]) == ["pos", "stif"]
