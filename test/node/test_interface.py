@@ -48,6 +48,12 @@ def qos_letters(info: Any) -> str:
     return ("R" if reliable else "B") + ("T" if latched else "V")
 
 
+@pytest.fixture(scope="module")
+def params() -> dict[str, Any]:
+    """The rates are the default ones: they are what is read and set here."""
+    return {"allow_fault_injection": True}
+
+
 @pytest.fixture(autouse=True)
 def graph(talker: Talker) -> None:
     """The graph is known: the board's node and what belongs to it."""
@@ -107,7 +113,7 @@ def test_command_topics_accept_qos_overrides(talker: Talker) -> None:
     for name in SUBSCRIBED:
         assert f"qos_overrides.{absolute(name)}.subscription.reliability" in listed
     answer = talker.call("get_parameters", GetParameters, names=["control_rate", "robot"])
-    assert answer.values[0].double_value == 250.0
+    assert answer.values[0].double_value == 1000.0
     assert answer.values[1].string_value == "iiwa"
 
 
