@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -26,6 +27,12 @@ def test_docstrings_name_rules() -> None:
 def test_every_rule_has_a_test() -> None:
     """Without running them: their docstrings name each rule at least once."""
     assert {rule for path in files() for rules in named_in(path) for rule in rules} == set(RULES)
+
+
+def test_the_record_has_every_rule() -> None:
+    """``make conformance`` has run since a rule was added."""
+    record = json.loads((ALL / "spec" / "conformance.json").read_text(encoding="utf-8"))
+    assert set(record) == set(RULES)
 
 
 def test_a_test_elsewhere_counts_for_a_rule_beyond_the_source() -> None:
