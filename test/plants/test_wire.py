@@ -25,6 +25,8 @@ CURRENT_LOOP = {
     "joint_defaults.current_pid.kp": 2.0,
     "joint_defaults.current_pid.ki": 900.0,
 }
+#: The wires, of which make test takes one.
+QUICK_WIRES = [w if w == "all" else pytest.param(w, marks=pytest.mark.slow) for w in WIRES]
 MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl"]
 
 
@@ -35,9 +37,7 @@ def move(bench: BadWire, ways: list[float], distance: float = 0.8) -> np.ndarray
     return target
 
 
-@pytest.mark.parametrize(
-    "wire", [w if w == "all" else pytest.param(w, marks=pytest.mark.slow) for w in WIRES]
-)
+@pytest.mark.parametrize("wire", QUICK_WIRES)
 @pytest.mark.parametrize("row", ROWS)
 def test_a_move_on_a_bad_wire(row: str, wire: str) -> None:
     """B7, P14: no fault, no reversal, no more than the speed limit, and it arrives."""
@@ -156,7 +156,7 @@ def test_random_modes_on_a_bad_wire_raise_no_fault(row: str, count: int) -> None
     assert not bench.faults
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("wire", QUICK_WIRES)
 def test_a_current_loop_of_the_board_is_calm_on_a_bad_wire(wire: str) -> None:
     """B7, P10, Y2: with gains that suit readings without age; the current is that asked for."""
     bench = BadWire("pwm", WIRES[wire], **CURRENT_LOOP)
