@@ -96,7 +96,7 @@ ADVICE = {
 
 #: Columns of a freeze frame for the page, and their maximum length.
 FRAME = ("position", "position_reference", "torque", "torque_reference", "current", "output")
-MOST_OF_FRAME = 500
+MAX_FRAME_ROWS = 500
 
 
 def reply_fields(reply: Reply) -> dict[str, Any]:
@@ -128,7 +128,7 @@ async def frame(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     freeze = await board.client.aio.get_freeze_frame(fields["joint"])
     if freeze is None:
         return {"ok": False, "message": f"{fields['joint']} has had no fault", "frame": {}}
-    step = -(-freeze.stamps.size // MOST_OF_FRAME)
+    step = -(-freeze.stamps.size // MAX_FRAME_ROWS)
     columns = {"time": freeze.stamps - freeze.fault.stamp}
     columns |= {name: getattr(freeze, name) for name in FRAME}
     rows = {n: [finite(x) for x in column[::step].tolist()] for n, column in columns.items()}

@@ -165,6 +165,9 @@ FILTER = 5.0
 #: Duration of the push, as a multiple of stall_time.
 PUSH_TIME = 2.0
 
+#: Time in which the press ends and is no longer measured as a load, s: a joint hardly falls in it.
+LET_GO = 0.05
+
 #: Time for the way back after its profile has ended, s.
 SETTLING = 1.0
 
@@ -235,10 +238,10 @@ class HardStop(Calibrator):
         return hand.reading
 
     def _let_go(self, phase: str, fraction: float) -> Generator[str, None, None]:
-        """Press no longer, for ``stall_time``: a position law would hold the press as a load."""
+        """Press no longer: a position law would hold the press as a load."""
         self.progress.phase, self.progress.fraction = phase, fraction
         self.hand.drive(0.0)
-        for _ in range(round(self.calibration.stall_time / self.period)):
+        for _ in range(round(LET_GO / self.period)):
             yield phase
 
     def _back_off(self) -> Generator[str, None, None]:
