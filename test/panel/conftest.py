@@ -111,9 +111,14 @@ def address(process: BoardProcess, recordings: Path) -> Iterator[str]:
     assert (done.code, done.err) == (0, ""), done
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """Chromium, without a screen; each page has a context of its own."""
+    """Chromium, without a screen; each page has a context of its own.
+
+    A module's, as its client runs an event loop in this thread for as long as it is open, and
+    other tests run loops of their own. (In a folder without ``__init__.py`` the scope "package" is
+    the session.)
+    """
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as play:
         browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
