@@ -58,29 +58,13 @@ class FourBar:
 
     def slope(self, x: Array) -> Array:
         """dψ/dθ."""
-        above, below, *_ = self._rates(x)
-        ratio: Array = above / below
-        return ratio
-
-    def bend(self, x: Array) -> Array:
-        """d²ψ/dθ²."""
-        above, below, path, tip, arm = self._rates(x)
-        slope = above / below
-        turned_tip, turned_arm = _quarter(tip), _quarter(arm)
-        moved = turned_arm * slope - turned_tip
-        above_rate = _dot(moved, turned_tip) - _dot(path, tip)
-        below_rate = _dot(moved, turned_arm) - _dot(path, arm) * slope
-        rate: Array = (above_rate - slope * below_rate) / below
-        return rate
-
-    def _rates(self, x: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """P·A' and P·C' of the coupler P, with P, the crank A and the rocker C, shape (2, …)."""
         theta, psi = x + self.zero, self._rocker(x)
         tip = self.crank * np.array([np.cos(theta), np.sin(theta)])
         arm = self.rocker * np.array([np.cos(psi), np.sin(psi)])
         path = arm - tip
         path[0] += self.ground
-        return _dot(path, _quarter(tip)), _dot(path, _quarter(arm)), path, tip, arm
+        ratio: Array = _dot(path, _quarter(tip)) / _dot(path, _quarter(arm))
+        return ratio
 
     def _rocker(self, x: Array) -> Array:
         """ψ, rad."""
@@ -224,13 +208,6 @@ class Coupling:
         joints: Array = self.jacobian(at) @ axes
         return joints
 
-    def accelerations(
-        self, axes: Array, rates: Array | None = None, at: Array | None = None
-    ) -> Array:
-        """Accelerations of the physical joints for those of the axes at their rates and places."""
-        joints: Array = self.jacobian(at) @ axes + self._bending(rates, at)
-        return joints
-
     def torques(self, axes: Array, at: Array | None = None) -> Array:
         """The smallest torques of the physical joints, shape (m,), that make those of the axes."""
         joints: Array = self._back(at).T @ axes
@@ -245,13 +222,6 @@ class Coupling:
     def axis_velocities(self, joints: Array, at: Array | None = None) -> Array:
         """Velocities of the axes for those of the physical joints, at positions of the axes."""
         axes: Array = self._back(at) @ joints
-        return axes
-
-    def axis_accelerations(
-        self, joints: Array, rates: Array | None = None, at: Array | None = None
-    ) -> Array:
-        """Accelerations of the axes for those of the physical joints, at rates of the axes."""
-        axes: Array = self._back(at) @ (joints - self._bending(rates, at))
         return axes
 
     def axis_torques(self, joints: Array, at: Array | None = None) -> Array:
@@ -312,15 +282,6 @@ class Coupling:
         for i, function in self.curved.items():
             slopes[i] = function.slope(x[i : i + 1])[0]
         return slopes
-
-    def _bending(self, rates: Array | None, at: Array | None) -> Array:
-        """f''(x) (R dq)², shape (m,)."""
-        accelerations = np.zeros(len(self.physical_joints))
-        if rates is not None and self.curved:
-            x, speeds = self._inputs(at), self.matrix @ rates
-            for i, function in self.curved.items():
-                accelerations[i] = function.bend(x[i : i + 1])[0] * speeds[i] ** 2
-        return accelerations
 
 
 class MotorMix:
