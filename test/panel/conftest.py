@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from browsing import context_of, operate, panel_beside
 from cbctl_process import interrupted
@@ -137,7 +138,7 @@ def page(browser: Any, address: str, request: pytest.FixtureRequest) -> Iterator
 
 @pytest.fixture
 def rested(page: Any, client: ControlBoardClient) -> Iterator[None]:
-    """The page operates, all joints hold, no question is open."""
+    """The page operates, all joints hold and are at rest, no question is open."""
     operate(page)
     if any(fault.active for fault in client.get_faults()):  # a long fall ends in one
         recovered = client.recover()
@@ -148,6 +149,7 @@ def rested(page: Any, client: ControlBoardClient) -> Iterator[None]:
         moved = client.move(CARRIER, CARRYING, 1.0)
         assert moved, moved.message
     until(lambda: page.evaluate("panel.cards.every((card) => card.joint.mode === 'pos')"))
+    until(lambda: np.abs(client.get_encoder_speed()).max() < 0.01)  # pushed in a test before
     yield
     operate(page)
     stops = "panel.log.entries.filter((entry) => entry.what === 'stop').length"
