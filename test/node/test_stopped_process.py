@@ -8,6 +8,7 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -70,8 +71,13 @@ TOPICS = {
 def test_a_reference_that_waited_is_void(talker: Talker, board: BoardProcess, topic: str) -> None:
     """It is counted, and acts when it is sent again."""
     message = TOPICS[topic]
-    there = type(message)(names=[JOINT], positions=[0.0])
-    talker.command(topic, there)  # the publisher is matched
+    for place in (0.02, 0.0):  # the board hears the publisher
+        there = type(message)(names=[JOINT], positions=[place])
+        talker.until_state(
+            partial(talker.command, topic, there),
+            lambda s, place=place: abs(s.position_reference[NUMBER] - place) < 1e-3,
+        )
+    talker.settle()
     counted = rejected(talker)
     with stopped(board):
         talker.command(topic, message)

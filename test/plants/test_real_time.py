@@ -6,6 +6,7 @@ Time and faults on demand belong to simulations.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from typing import Any
@@ -70,14 +71,15 @@ ALONE = pytest.mark.parametrize("process", [False], indirect=True, ids=["board"]
 
 
 def still_moves(talker: Talker) -> None:
-    """Nothing has changed: the loop runs, and a joint that is driven moves."""
+    """Nothing has changed: the loop runs, and a driven joint moves, off its stops."""
     assert talker.set_mode([JOINTS[0]], "open").success
     start = talker.state().position[0]
+    way = math.copysign(1.0, -start)
     talker.until_state(
         lambda: talker.command(
-            "command/output", msg.OutputCommand(names=[JOINTS[0]], outputs=[20.0])
+            "command/output", msg.OutputCommand(names=[JOINTS[0]], outputs=[20.0 * way])
         ),
-        lambda state: state.position[0] > start + 0.02,
+        lambda state: way * (state.position[0] - start) > 0.02,
     )
     assert talker.set_mode([JOINTS[0]], "idl").success
 
