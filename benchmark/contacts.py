@@ -99,7 +99,6 @@ STS3215 = {
     "joint_defaults.limits.velocity": 3.0,
     "joint_defaults.encoder.resolution": 2.0 * math.pi / 4096.0,
     "joint_defaults.drive": ["position"],
-    "joint_defaults.max_travel_error": 1.0,  # they report no PWM
     "control_rate": 200.0,
 }
 #: Arms: parameters beyond those of their file.

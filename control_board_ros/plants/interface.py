@@ -71,7 +71,8 @@ class JointDescription:
             COMPLIANT then need a drive that accepts ``torque`` or ``impedance``.
         current_sensor: Without one nothing checks the encoder against the motor's own travel.
         output_sensor: It reads the PWM that acts, ``Readings.applied``: by that the encoder is
-            checked against the motor's travel where a drive closes loops of its own.
+            checked against the motor's travel where a drive closes loops of its own. It and the
+            current are then means over the time since the last reading: both change between.
         motor_encoder: It reads the position of the motor's shaft.
         temperature_sensor: It reads the winding's temperature.
         brake: It has a brake that ``SetPoints.released`` opens.

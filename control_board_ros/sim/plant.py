@@ -126,10 +126,11 @@ class SimulatedPlant:
         self._heat_cycles = self._motors.heat_cycles
         self._wire = Wire(board, simulation) if has_wire(simulation) else None
         self._link = None
-        drives = [
-            joint.set_points != (SetPoint.PWM,) or joint.drive_delay for joint in board.joints
-        ]
-        if any(drives) or self._wire is not None:
+        self._closes_loops = np.array(
+            [joint.set_points != (SetPoint.PWM,) for joint in board.joints]
+        )
+        delayed = any(joint.drive_delay for joint in board.joints)
+        if self._closes_loops.any() or delayed or self._wire is not None:
             self._link = DriveLink(board, simulation, self._wire)
         self.body = make_body(board, simulation) if body is None else body
         self.body.attach(self._motors.state)
@@ -182,11 +183,14 @@ class SimulatedPlant:
         disturbed = self._pushed or self._faults.active
         drive, move = motors.step, self.body.step
         good = True
+        drawn = None if self._link is None else np.zeros_like(torque)
         for _ in self._steps:
             drive()
+            if drawn is not None:
+                drawn += motors.current
             if not move(self._disturb(torque) if disturbed else torque):
                 good = False
-        if self._link is not None:
+        if drawn is not None:
             self._applied = motors.acted / len(self._steps)
             motors.acted.fill(0.0)
         self._cycle = cycle = self._cycle + 1
@@ -195,6 +199,9 @@ class SimulatedPlant:
         if cycle % self._heat_cycles == 0:
             self._update_slow_states()
         self._sensors.sample()
+        if drawn is not None and good:  # own loops change the current between two readings
+            currents = self._sensors.values[Row.CURRENT]
+            np.divide(drawn, len(self._steps), out=currents, where=self._closes_loops)
 
     def push(self, joint: int | str, torque: float) -> None:
         """Apply an external torque, N·m, to a joint until set to 0.

@@ -159,15 +159,16 @@ def test_a_jump_is_an_angle_or_a_length(kind: str, step: float) -> None:
     assert rig.board.get_faults("left")[0].code == FaultCode.ENCODER_SPIKE
 
 
-def test_the_bound_of_a_light_joint_is_what_its_torque_does_to_it() -> None:
-    """F1: m = max(4 v T, 2 τ/J T²) and a slack, of the least inertia."""
-    light = replace(joint("a"), inertia_min=1e-4, inertia_mean=1e-4, inertia_max=1e-4)
-    period, limits = 1.0 / RATE, light.limits
-    slack = 0.5 * math.radians(1.0)
-    heavy = checked_limits(joint("a"), period)["max_jump"]
-    assert heavy == pytest.approx(4.0 * limits.velocity * period + slack)
-    thrown = 2.0 * limits.torque / 1e-4 * period**2
-    assert checked_limits(light, period)["max_jump"] == pytest.approx(thrown + slack)
+@pytest.mark.parametrize(("inertia", "speed"), [(1.0, 12.0), (5e-3, 48.0), (1e-6, 96.0)])
+def test_the_bound_of_a_light_joint_is_what_its_motor_does_to_it(
+    inertia: float, speed: float
+) -> None:
+    """F1: m = max(4 v, min(2 τ/J T, V/Ke)) T and a slack: it is one, however light the joint."""
+    made = joint("a")
+    motor = replace(made.motor, torque_constant=0.1 * made.motor.torque_constant)
+    weights = dict.fromkeys(("inertia_min", "inertia_mean", "inertia_max"), inertia)
+    bound = checked_limits(replace(made, motor=motor, **weights), 1.0 / RATE)["max_jump"]
+    assert bound == pytest.approx(speed / RATE + 0.5 * math.radians(1.0))
 
 
 @pytest.mark.parametrize(

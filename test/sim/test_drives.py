@@ -147,6 +147,27 @@ def test_the_pwm_that_a_drive_applies_is_shown() -> None:
         assert board.get_control_mode(0) == [M.HW_FAULT]
 
 
+def test_the_encoder_of_a_slow_board_is_checked_by_means_of_its_period() -> None:
+    """B2, F1: set-points of 200 Hz shake the current between readings, which have its mean."""
+    servo = {"gear_ratio": 345.0, "torque_constant": 0.0035, "resistance": 2.7}
+    values = {f"motor__{name}": value for name, value in servo.items()} | {
+        "motor__supply_voltage": 7.4,
+        "limits__torque": 1.6,
+        "limits__velocity": 3.0,
+        **dict.fromkeys(("inertia_min", "inertia_mean", "inertia_max"), 0.03),
+    }
+    own = {f"joint_defaults__{name}": value for name, value in values.items()}
+    joint = {"joints": ["lbr_iiwa_joint_7"], "physics": "ideal", "control_rate": 200.0}
+    with arm(S.POSITION, **joint, **own) as simulation:
+        monitor, worst = simulation.board.engine.monitor.joints[0], 0.0
+        assert simulation.board.position_move(0, 1.5, 3.0)
+        for _ in range(200):
+            simulation.step()
+            worst = max(worst, abs(monitor.travel))
+        healthy(simulation)
+        assert worst < 0.25 * monitor.max_travel
+
+
 def test_a_delay_is_whole_cycles_between_set_point_and_motor() -> None:
     """S7."""
     with arm(S.POSITION, physics="ideal", joint_defaults__drive_delay=0.01) as simulation:

@@ -96,7 +96,8 @@ SLOW = 8
 TRAVEL_MEMORY = 0.5
 
 #: What a reading may jump in a cycle, off the motion of the cycle before, beyond four times the
-#: speed limit or what twice the torque limit makes of the least inertia.
+#: speed limit, or, up to the motor's no-load speed, what twice the torque limit makes of the least
+#: inertia.
 JUMP_RADIANS, JUMP_METRES = 0.5 * DEGREE, 1e-3
 
 #: Encoder and current are sampled so far apart at most, s. A reversal at full speed makes a
@@ -329,7 +330,8 @@ def checked_limits(joint: JointConfig, period: float) -> dict[str, float]:
     """The limits of a joint that is configured; attributes of JointMonitor."""
     limits, timeouts = joint.limits, joint.timeouts
     slack = joint.kind.choose(JUMP_RADIANS, JUMP_METRES)
-    thrown = 2.0 * limits.torque / joint.inertia_min * period**2
+    fastest = joint.motor.supply_voltage / joint.motor.back_emf
+    thrown = min(2.0 * limits.torque / joint.inertia_min * period, fastest) * period
     bounds = {
         "max_alarm": 0.0,
         "max_current": limits.peak_current,
