@@ -21,6 +21,7 @@ from explorer import law_of
 
 from control_board_ros.core.laws.control import PEAK_SHARE
 from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.cia402.states import State
 from control_board_ros.plants.drives.serial_line import Item
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.feetech import table as feetech
@@ -170,17 +171,17 @@ def test_a_full_queue_drops_a_frame_and_faults_nothing(
         kind = bench.accepts[0]
         bench.follow(kind, 20)
         line = bench.line
-        send, full = line.bus.send, [3]
+        put, full = line.bus.put, [3]
 
-        def refuse(frame: object) -> None:
+        def refuse(frame_id: int, data: bytes) -> None:
             if full[0]:
                 full[0] -= 1
                 import can
 
                 raise can.CanOperationError("Failed to transmit", error_code=errno.ENOBUFS)
-            send(frame)
+            put(frame_id, data)
 
-        monkeypatch.setattr(line.bus, "send", refuse)
+        monkeypatch.setattr(line.bus, "put", refuse)
         for _ in range(30):
             assert not any(bench.follow(kind).faults)
         assert line.dropped == 3
@@ -334,6 +335,26 @@ def test_a_drive_that_stays_in_its_mode_is_a_fault() -> None:
         found = bench.until(lambda found: bool(found.faults[1]), TORQUE, cycles=60)
         assert "acts in mode 8, not in 10" in str(found.faults[1])
         assert not found.faults[0]
+
+
+@pytest.mark.parametrize("anew", [False, True])
+def test_an_epos4_that_missed_its_heartbeat_works_again(anew: bool) -> None:
+    """S5: it keeps error 0x8130 until NMT resets its communication, then its control word."""
+    with bench_of("cia402") as bench:
+        bench.drives[1].clings = True
+        bench.connect()
+        bench.follow(POSITION, 30)
+        bench.pass_time(5.0 * bench.timeout)
+        assert bench.drives[1].state is State.FAULT
+        if anew:
+            bench.connect()
+        for _ in range(200):
+            for joint, fault in enumerate(bench.follow(OFF).faults):
+                if fault:
+                    bench.plant.clear_fault(joint)
+        assert bench.drives[1].state is not State.FAULT
+        assert not any(bench.follow(POSITION, 30).faults)
+        assert law_of(bench.drives[1]) is POSITION
 
 
 @pytest.mark.parametrize("driver", ["dynamixel", "feetech", "cia402"])

@@ -52,6 +52,9 @@ LOST = DriveFault(0, "drive disabled itself or restarted; check that safe torque
 POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 FAULTED = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 NOTHING = Question((), lambda _: None)
+#: Exchanges with the reset of a fault after which its communication is reset: an EPOS4 keeps error
+#: 0x8130 until then (maxon's EPOS4 Firmware Specification, error 0x8130).
+CLINGING = 20
 #: The control word by SDO, which needs no SYNC and no mapping.
 POWER_OFF = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
 
@@ -69,6 +72,7 @@ class Drive:
         counts: Its position.
         word: The last control word.
         idle: Whether it had no power since it was set up.
+        resets: Exchanges in which it was told to clear the fault of its watchdog, so far.
     """
 
     scale: Scale = UNKNOWN
@@ -80,6 +84,7 @@ class Drive:
     counts: int = 0
     word: int = 0
     idle: bool = True
+    resets: int = 0
 
 
 class Cia402Drives(CanDrives):
@@ -118,8 +123,7 @@ class Cia402Drives(CanDrives):
                 "supported"
             )
         yield replace(NOTHING, request=[(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))])
-        for word in (0, FAULT_RESET, 0):  # an earlier fault, as that of its watchdog, is cleared
-            yield from sdo.put(o.CONTROL, 0, "<H", word)
+        yield from self._clear(axis.id, sdo)
         modes = yield from sdo.get(o.SUPPORTED_MODES, 0, "<I")
         for wanted in self.traits.set_points:
             if not modes >> MODES[wanted] - 1 & 1:
@@ -143,6 +147,17 @@ class Cia402Drives(CanDrives):
         yield replace(NOTHING, request=[(o.NMT, bytes([o.START, axis.id]))])
         self._drives[k] = drive
         return replace(found, limits=limits)
+
+    def _clear(self, number: int, sdo: Sdo) -> Questions[None]:
+        """Clear an earlier fault, as that of its watchdog; see CLINGING."""
+        for again in (False, True):
+            for word in (0, FAULT_RESET, 0):
+                yield from sdo.put(o.CONTROL, 0, "<H", word)
+            error = yield from sdo.maybe(o.ERROR_CODE, 0, "<H")
+            status = yield from sdo.get(o.STATUS, 0, "<H")
+            if again or error != o.HEARTBEAT_LOST or state_of(status) not in FAULTED:
+                return
+            yield replace(NOTHING, request=[(o.NMT, bytes([o.RESET_COMMUNICATION, number]))])
 
     def _set_watchdog(self, k: int, sdo: Sdo) -> Questions[None]:
         """The consumer's heartbeat, and what follows when it is missing."""
@@ -206,6 +221,10 @@ class Cia402Drives(CanDrives):
         word = TOWARDS_POWER.get(drive.state, 0) if on else 0
         if order.action is Action.RESET or waited(drive):
             word = 0 if drive.word & FAULT_RESET else FAULT_RESET
+            drive.resets = drive.resets + 1 if drive.error == o.HEARTBEAT_LOST else 0
+            if drive.resets == CLINGING:  # it boots, and is set up again
+                drive.resets = 0
+                yield o.NMT, bytes([o.RESET_COMMUNICATION, number])
         drive.word = word
         mode = MODES[kind if on else self.traits.set_points[0]]
         position, speed, target, offset = drive.counts, 0, 0, 0

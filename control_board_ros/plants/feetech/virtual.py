@@ -133,9 +133,6 @@ class VirtualFeetech:
             if mine and self.table.get(m.RETURN_LEVEL):
                 yield answer
 
-    def _is_read(self, packet: Packet) -> bool:
-        return packet.instruction == SYNC_READ and self.id in packet.parameters[2:]
-
     def _obey(self, instruction: int, data: bytes) -> None:
         if instruction == WRITE and len(data) > 1:
             self._write(data[0], data[1:])
