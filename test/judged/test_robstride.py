@@ -62,8 +62,7 @@ def test_all_its_parameters_are_read(bus: Any) -> None:
 
 def test_it_is_enabled_and_moves(far: Any, bus: Any) -> None:
     bus.enable("joint")
-    until(lambda: near(held(bus, 0.5)[0], 0.5))
-    assert near(far.position(), 0.5)
+    until(lambda: near(held(bus, 0.5)[0], 0.5) and near(far.position(), 0.5))
     assert held(bus, 0.5)[3] == pytest.approx(30.0)
     bus.disable("joint")
     assert far.drive.state == 0
