@@ -39,7 +39,7 @@ FIGURES = {
     "B17": 2,
     "B18": 3 if find_spec("gymnasium") and find_spec("mujoco") else 0,
     "B19": 2 * sum(HAS_ICUB and bool(find_spec(name)) for name in ("pybullet", "mujoco")),
-    "B20": 3 if find_spec("moteus") and find_spec("msgpack") else 0,
+    "B20": 4 if find_spec("moteus") and find_spec("msgpack") else 0,
     "B21": 2,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14", "B21")

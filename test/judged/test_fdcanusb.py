@@ -21,7 +21,6 @@ import moteus
 from moteus import fdcanusb_device
 from moteus.protocol import Register
 
-from control_board_ros.plants.drives.can_frame import message
 from control_board_ros.plants.drives.can_line import CanLine
 from control_board_ros.plants.drives.fdcanusb import parse
 from control_board_ros.plants.errors import PlantSettingsError
@@ -84,7 +83,7 @@ def test_a_refusal_and_a_missing_device_are_one_line() -> None:
     assert caught.value.errno in (None, errno.ENOENT)
     master, slave = pty.openpty()
     with CanLine(f"fdcanusb:{os.ttyname(slave)}", fd=True) as line:
-        line.bus.send(message(1, b"", fd=True))
+        line.send(1, b"")
         os.write(master, b"ERR bus off\r\n")
         with pytest.raises(OSError, match="the adapter says: ERR bus off"):
             line.collect(1.0)

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,11 +18,14 @@ from iiwa import JOINTS
 from waiting import GUARD
 
 from control_board_ros.core.terms.drives import SetPoint
-from control_board_ros.plants.drives.can_line import open_bus
+from control_board_ros.plants.drives.can_frame import EXTENDED, REMOTE, message
+from control_board_ros.plants.drives.can_line import CanLine
+from control_board_ros.plants.drives.can_socket import received
 from control_board_ros.plants.interface import Setup
 from control_board_ros.testing.plant_contract import set_points
 
 can = pytest.importorskip("can")
+msgpack = pytest.importorskip("msgpack")
 GROUP = "239.74.163.2"
 DRIVERS = ("moteus", "mit_can", "cia402", "odrive_can")
 
@@ -79,14 +84,41 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
 
 
 def test_two_buses_of_one_computer_are_separate(address: str) -> None:
-    """By their ports: each group of multicast reaches every socket of its port."""
+    """By their ports, and by their groups."""
     group, _, port = address.rpartition(":")
-    with open_bus(address) as one, open_bus(f"{group}:{int(port) + 1}") as other:
-        other.send(can.Message(arbitration_id=5, is_extended_id=False))
-        one.send(can.Message(arbitration_id=7, is_extended_id=False))
-        received = []
-        while not received or received[-1] != 7:
-            frame = one.recv(GUARD)
-            assert frame is not None
-            received.append(frame.arbitration_id)
-        assert received == [7]
+    others = f"{group}:{int(port) + 1}", f"udp_multicast:239.74.163.3:{port}"
+    with contextlib.ExitStack() as stack:
+        one, *rest = [stack.enter_context(CanLine(where)) for where in (address, *others)]
+        sender = stack.enter_context(CanLine(address))
+        for line in (*rest, one):  # its own frames do not come back
+            line.send(5, b"")
+        sender.send(7, b"")
+        received = one.bus.recv(GUARD)
+        assert received is not None
+        assert received.arbitration_id == 7
+
+
+@pytest.mark.parametrize("fd", [False, True])
+def test_its_frames_are_those_of_python_can(address: str, fd: bool) -> None:
+    """Both ways; one that is no message is nothing, and one of CAN FD is none of plain CAN."""
+    group, _, port = address.partition(":")[2].partition(":")
+    sent = [(0x7FF, b"\1"), (0x800, bytes(8)), (0x12 | EXTENDED, b"")]
+    sent += [(0x8001, bytes(64))] if fd else [(0x12 | REMOTE, b"")]
+    with (
+        CanLine(address, fd=fd) as line,
+        can.Bus(interface="udp_multicast", channel=group, port=int(port), fd=True) as judge,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+    ):
+        for frame in sent:
+            line.send(*frame)
+            found, meant = judge.recv(GUARD), message(*frame, fd=fd)
+            assert found is not None
+            assert found.equals(meant, timestamp_delta=None)
+        for noise in (b"", b"?", msgpack.packb({"is_fd": fd})):
+            stranger.sendto(noise, (group, int(port)))
+        if not fd:
+            judge.send(message(1, bytes(64), fd=True))
+        for frame in sent:
+            judge.send(message(*frame, fd=fd))
+            assert line.bus.recv(GUARD) == received(*frame)
+        assert line.bus.recv(0.0) is None

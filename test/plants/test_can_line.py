@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A CAN bus as drivers use it, over a scripted bus of python-can."""
+"""A CAN bus as drivers use it, over a scripted bus."""
 
 from __future__ import annotations
 
 import errno
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -14,6 +15,7 @@ can = pytest.importorskip("can")
 from control_board_ros.plants.drives import can_line  # noqa: E402
 from control_board_ros.plants.drives.can_drives import CanDrives  # noqa: E402
 from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, CanLine  # noqa: E402
+from control_board_ros.plants.drives.can_socket import MessageBus  # noqa: E402
 from control_board_ros.plants.drives.clock import ManualClock  # noqa: E402
 from control_board_ros.plants.drives.interview import Question  # noqa: E402
 
@@ -37,8 +39,8 @@ class Bus:
         self.fails: list[Exception] = []
         self.shut = 0
 
-    def send(self, message: Any) -> None:
-        self.sent.append(message)
+    def put(self, frame_id: int, data: bytes) -> None:
+        self.sent.append((frame_id, data))
         if self.fails:
             raise self.fails.pop(0)
 
@@ -99,15 +101,26 @@ def test_how_it_is_opened() -> None:
          {"interface": "virtual", "channel": "x", "protocol": can.CanProtocol.CAN_FD}),
         ("udp_multicast:239.0.0.1:4321", {},
          {"interface": "udp_multicast", "channel": "239.0.0.1", "port": 4321}),
-        ("udp_multicast:239.0.0.1", {}, {"interface": "udp_multicast", "channel": "239.0.0.1"}),
-        ("udp_multicast:ff15::1", {}, {"interface": "udp_multicast", "channel": "ff15::1"}),
+        ("udp_multicast:239.0.0.1", {},
+         {"interface": "udp_multicast", "channel": "239.0.0.1", "port": 43113}),
+        ("udp_multicast:ff15::1", {},
+         {"interface": "udp_multicast", "channel": "ff15::1", "port": 43113}),
+        ("socketcan:can0", {"fd": True},
+         {"interface": "socketcan", "channel": "can0", "fd": True}),
     ],
 )  # fmt: skip
 def test_what_python_can_is_asked_for(
     text: str, options: dict[str, Any], made: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(can, "Bus", lambda **given: given)
-    assert can_line.open_bus(text, **options) == made
+    asked: list[Any] = []
+    monkeypatch.setattr(can, "Bus", lambda **given: asked.append(given) or Mock())
+    for name in ("Multicast", "SocketCan"):
+        monkeypatch.setattr(can_line, name, lambda *given, **_: given)
+    found = can_line.open_bus(text, **options)
+    assert asked == [made]
+    assert isinstance(found, MessageBus) == (made["interface"] in ("virtual", "pcan"))
+    if made["interface"] == "udp_multicast":
+        assert found[1:] == (made["channel"], made["port"])  # type: ignore[index]
 
 
 @pytest.mark.parametrize(
@@ -125,12 +138,12 @@ def test_a_bus_that_does_not_open_is_an_error_of_one_line(error: Exception) -> N
 
 def test_a_full_queue_is_counted_and_any_other_error_ends_it(line: Any) -> None:
     line.send(0x123, b"\1")
-    assert (line.bus.sent[0].arbitration_id, bytes(line.bus.sent[0].data)) == (0x123, b"\1")
-    assert not line.bus.sent[0].is_fd
-    line.bus.fails = [can.CanOperationError("full", errno.ENOBUFS), OSError(errno.ENOBUFS, "full")]
-    for _ in range(3):
+    assert line.bus.sent == [(0x123, b"\1")]
+    line.bus.fails = [can.CanOperationError("full", errno.ENOBUFS), OSError(errno.ENOBUFS, "full"),
+                      BlockingIOError(errno.EAGAIN, "full")]  # fmt: skip
+    for _ in range(4):
         line.send(1, b"")
-    assert line.dropped == 2
+    assert line.dropped == 3
     line.bus.fails = [OSError(errno.ENETDOWN, "down")]
     with pytest.raises(OSError, match="it is down"):
         line.send(1, b"")
@@ -207,14 +220,14 @@ def test_it_collects_for_a_time(line: Any) -> None:
 def test_it_asks_a_question(line: Any, several: bool, answers: list[bytes]) -> None:
     line.bus.queue = [(0.0, frame(1, b"late"))]
 
-    def send(message: Any) -> None:
-        line.bus.sent.append(message)
+    def put(*sent: Any) -> None:
+        line.bus.sent.append(sent)
         line.bus.queue = [
             (1e-3, frame(2, b"other")), (1e-3, frame(1, b"?")), (1e-3, frame(1, b"a")),
             (1e-3, frame(1, b"b")),
         ]  # fmt: skip
 
-    line.bus.send = send
+    line.bus.put = put
     question = Question([(5, b"")], lambda data: data if data != b"?" else None, several)
 
     def said(found: Any) -> Any:
@@ -230,7 +243,7 @@ def test_it_is_closed_with_last_frames_and_twice(line: Any) -> None:
     bus = line.bus
     bus.fails = [OSError("down")]
     line.close([(1, b""), (2, b"")])
-    assert [message.arbitration_id for message in bus.sent] == [1, 2]
+    assert bus.sent == [(1, b""), (2, b"")]
     line.close([(3, b"")])
     assert (bus.shut, len(bus.sent)) == (1, 2)
     with pytest.raises(ConnectionError):

@@ -10,28 +10,28 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from control_board_ros.plants.drives.can_frame import message
+from control_board_ros.plants.drives.can_socket import received
 from control_board_ros.plants.drives.clock import ManualClock
-from control_board_ros.plants.virtual.can_bus import VirtualCan, frames_of
+from control_board_ros.plants.virtual.can_bus import VirtualCan
 from control_board_ros.plants.virtual.pty_bus import VirtualSerial
 
 
 class DirectCan:
-    """A bus as python-can has it.
+    """A ``can_socket.CanBus``.
 
-    Attributes: received (messages for the driver, oldest first).
+    Attributes: received (frames for the driver, oldest first).
     """
 
-    def __init__(self, drives: VirtualCan, clock: ManualClock, *, fd: bool = False) -> None:
-        self._drives, self._clock, self._fd = drives, clock, fd
+    def __init__(self, drives: VirtualCan, clock: ManualClock) -> None:
+        self._drives, self._clock = drives, clock
         self.received: deque[Any] = deque()
 
-    def send(self, sent: Any) -> None:
+    def put(self, frame_id: int, data: bytes) -> None:
         """The drives answer at once."""
-        self._exchange(frames_of(sent))
+        self._exchange([(frame_id, data)])
 
     def recv(self, timeout: float) -> Any:
-        """The next message, or None after a timeout, s."""
+        """The next frame, or None after a timeout, s."""
         if not self.received:
             self._clock.pass_by(timeout)
             self._exchange([])
@@ -45,7 +45,7 @@ class DirectCan:
 
     def arrive(self, frames: Sequence[tuple[int, bytes]]) -> None:
         """Frames for the driver."""
-        self.received.extend(message(name, data, fd=self._fd) for name, data in frames)
+        self.received.extend(received(*frame) for frame in frames)
 
 
 class DirectPort:

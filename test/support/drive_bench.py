@@ -104,7 +104,7 @@ class Bench:
         framer = Framer(module.HEADER, head, module.length_of, module.unpacked)
         return VirtualSerial(self.world, self.drives, framer)
 
-    def _connect(self, *where: object, **options: Any) -> Any:
+    def _connect(self, *where: object, **_options: object) -> Any:
         """The end of the bus that a driver opens; at another baud rate nothing gets through."""
         if isinstance(self.bus, VirtualSerial):
             lost = self.baudrate not in (0, where[-1])
@@ -113,7 +113,7 @@ class Bench:
                 self.bus.to_drives = iter
             self.wire_end: Any = DirectPort(self.bus, self.clock)
             return self.wire_end
-        self.wire_end = DirectCan(self.bus, self.clock, fd=bool(options.get("fd")))
+        self.wire_end = DirectCan(self.bus, self.clock)
         return self.wire_end
 
     def arrive(self, frames: Sequence[Frame]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Self
 
 from ..errors import PlantSettingsError
-from .can_frame import message
+from .can_socket import CanBus, MessageBus, Multicast, SocketCan
 from .clock import Clock
 from .interview import Question
 from .remedies import bus_error
@@ -20,16 +20,18 @@ FLOOD = 8
 PATIENCE = 0.05
 #: Bit of an error frame, as socketcan numbers them: the interface left the bus.
 BUS_OFF = 0x40
+#: Errors of an interface whose queue has no room.
+FULL = (errno.ENOBUFS, errno.EAGAIN)
+#: Of ``udp_multicast``, where none is given.
+PORT = 43113
 
 
-def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
-    """A bus of python-can, or an adapter that behaves as one, see ``fdcanusb``.
-
-    On one computer a group of ``udp_multicast`` receives all groups of its port.
+def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> CanBus:
+    """A bus of python-can, or of the adapter ``fdcanusb``.
 
     Args:
         text: Interface and channel, as ``socketcan:can0``; of ``udp_multicast`` with a port, as
-            ``udp_multicast:239.74.163.2:43200``; without: 43113.
+            ``udp_multicast:239.74.163.2:43200``; without: PORT.
         fd: With CAN FD frames.
         bitrate: Of interfaces that set it themselves, bit/s; 0: theirs.
     """
@@ -39,16 +41,23 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
     if interface == "fdcanusb":
         from .fdcanusb import Fdcanusb
 
-        return Fdcanusb(channel)
+        return Fdcanusb(channel, fd=fd)
     more: dict[str, Any] = {}
     if fd:
         more = {"protocol": can.CanProtocol.CAN_FD} if interface == "virtual" else {"fd": True}
-    if interface == "udp_multicast" and channel.count(":") == 1:
-        channel, _, port = channel.partition(":")
-        more["port"] = int(port)
+    if interface == "udp_multicast":
+        if channel.count(":") == 1:
+            channel, _, port = channel.partition(":")
+            more["port"] = int(port)
+        more.setdefault("port", PORT)
     if bitrate:
         more["bitrate"] = bitrate
-    return can.Bus(interface=interface, channel=channel or None, **more)
+    bus = can.Bus(interface=interface, channel=channel or None, **more)
+    if interface == "socketcan":
+        return SocketCan(bus, fd=fd)
+    if interface == "udp_multicast" and channel:
+        return Multicast(bus, channel, more["port"], fd=fd)
+    return MessageBus(bus, fd=fd)
 
 
 #: The id of a frame with its flags REMOTE and EXTENDED, and its data.
@@ -56,7 +65,7 @@ Frame = tuple[int, bytes]
 
 
 class CanLine:
-    """A bus of python-can, open within ``with`` or from ``open`` to ``close``; see ``open_bus``.
+    """A bus, open within ``with`` or from ``open`` to ``close``; see ``open_bus``.
 
     A failure is an OSError of one line.
 
@@ -67,13 +76,13 @@ class CanLine:
     def __init__(self, text: str, *, fd: bool = False, bitrate: int = 0) -> None:
         self._text, self._fd, self._bitrate = text, fd, bitrate
         self.clock = Clock()
-        self.connect: Callable[..., Any] = open_bus
-        self._bus: Any = None
+        self.connect: Callable[..., CanBus] = open_bus
+        self._bus: CanBus | None = None
         self.dropped = 0
 
     @property
-    def bus(self) -> Any:
-        """That of python-can.
+    def bus(self) -> CanBus:
+        """The open one.
 
         Raises:
             ConnectionError: it is not open.
@@ -115,10 +124,10 @@ class CanLine:
         """Send a frame; where the interface's queue is full it is dropped, and counted (S11)."""
         bus = self.bus
         try:
-            bus.send(message(frame_id, data, fd=self._fd))
+            bus.put(frame_id, data)
         except self._errors as error:
             number = getattr(error, "error_code", None) or getattr(error, "errno", None)
-            if number != errno.ENOBUFS:
+            if number not in FULL:
                 raise bus_error(self._text, error) from None
             self.dropped += 1
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The adapter of moteus' maker, as a bus of python-can: ``bus=fdcanusb:/dev/fdcanusb``.
+"""The adapter of moteus' maker, as a ``can_socket.CanBus``: ``bus=fdcanusb:/dev/fdcanusb``.
 
 It speaks lines: ``can send ID DATA FLAGS`` is answered by OK or ERR, and what comes is
 ``rcv ID DATA FLAGS``; ids and data are hexadecimal; of the flags F is CAN FD, B its fast data.
@@ -10,10 +10,9 @@ from __future__ import annotations
 import contextlib
 import select
 import time
-from typing import Any
 
 from ..errors import PlantSettingsError
-from .can_frame import message
+from .can_socket import Received, received
 
 #: Bytes of an unfinished line after which it is dropped.
 LONGEST = 512
@@ -26,13 +25,14 @@ class Fdcanusb:
 
     Args:
         device: As ``/dev/fdcanusb``.
+        fd: Frames that are sent are CAN FD.
 
     Raises:
         PlantSettingsError: there is no pyserial.
         OSError: it cannot be opened.
     """
 
-    def __init__(self, device: str) -> None:
+    def __init__(self, device: str, *, fd: bool) -> None:
         try:
             import serial
         except ImportError:
@@ -41,16 +41,13 @@ class Fdcanusb:
             ) from None
         self._port = serial.Serial(device, timeout=0, write_timeout=STUCK, exclusive=True)
         self._port.reset_input_buffer()
-        self._bytes = b""
+        self._bytes, self._flags = b"", "BF" if fd else "bf"
 
-    def send(self, sent: Any) -> None:
-        """Send a message of python-can."""
-        flags = "BF" if sent.is_fd else "bf"
-        line = f"can send {sent.arbitration_id:04x} {bytes(sent.data).hex()} {flags}\n"
-        self._port.write(line.encode())
+    def put(self, frame_id: int, data: bytes) -> None:
+        self._port.write(f"can send {frame_id:04x} {data.hex()} {self._flags}\n".encode())
 
-    def recv(self, timeout: float) -> Any:
-        """The next message, or None after a timeout, s.
+    def recv(self, timeout: float) -> Received | None:
+        """The next frame, or None after a timeout, s.
 
         Raises:
             OSError: the adapter says that it could not send, or it is gone.
@@ -61,8 +58,8 @@ class Fdcanusb:
                 line, _, self._bytes = self._bytes.partition(b"\n")
                 if line.startswith(b"ERR"):
                     raise OSError(f"the adapter says: {line.decode('latin1').strip()}")
-                if (received := parse(line)) is not None:
-                    return received
+                if (found := parse(line)) is not None:
+                    return found
             left = end - time.monotonic()
             if not select.select([self._port.fileno()], [], [], max(0.0, left))[0]:
                 return None
@@ -73,11 +70,11 @@ class Fdcanusb:
         self._port.close()
 
 
-def parse(line: bytes) -> Any:
-    """The message of a line, or None: it is none, or damaged."""
+def parse(line: bytes) -> Received | None:
+    """The frame of a line, or None: it is none, or damaged."""
     words = line.split()
     if len(words) < 3 or words[0] != b"rcv":
         return None
     with contextlib.suppress(ValueError):
-        return message(int(words[1], 16), bytes.fromhex(words[2].decode()), fd=b"F" in words[3:])
+        return received(int(words[1], 16), bytes.fromhex(words[2].decode()))
     return None

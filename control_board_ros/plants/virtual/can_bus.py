@@ -9,12 +9,14 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_frame import EXTENDED, REMOTE, SHORT, message
+from ..drives.can_frame import EXTENDED, REMOTE, SHORT
 from ..drives.can_line import open_bus
 from .world import World
 
 #: s of silence on the bus after which the world is stepped anyway.
 QUIET = 5e-3
+#: Frames that are answered together.
+MOST = 16
 _numbers = itertools.count(1)
 
 #: The id of a frame, and its data.
@@ -88,7 +90,6 @@ class VirtualCanBus(VirtualCan):
     ) -> None:
         super().__init__(world, drives)
         self.address = address or f"virtual:drives {next(_numbers)}"
-        self._fd = fd
         self.bus = open_bus(self.address, fd=fd)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="virtual drives", daemon=True)
@@ -104,12 +105,21 @@ class VirtualCanBus(VirtualCan):
     def _run(self) -> None:
         while not self._ending.is_set():
             try:
-                received = self.bus.recv(QUIET)
+                frames = self._receive()
             except Exception:  # noqa: BLE001 - the bus is gone
                 return
-            for frame_id, data in self.step(frames_of(received)):
+            for frame in self.step(frames):
                 with contextlib.suppress(Exception):  # there is no receiver
-                    self.bus.send(message(frame_id, data, fd=self._fd))
+                    self.bus.put(*frame)
+
+    def _receive(self) -> list[Frame]:
+        """The frames that have arrived; none after QUIET."""
+        received = self.bus.recv(QUIET)
+        frames = frames_of(received)
+        while received is not None and len(frames) < MOST:
+            received = self.bus.recv(0.0)
+            frames += frames_of(received)
+        return frames
 
 
 def frames_of(received: Any) -> list[Frame]:

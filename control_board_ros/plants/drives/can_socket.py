@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CAN buses as drivers use them: frames by their ids, without an object of python-can for each.
+
+python-can opens all of them, but the adapter of ``fdcanusb``. Where a bus is a socket with one
+frame per datagram, that is written and read here: socketcan, and udp_multicast.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import struct
+import time
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple, Protocol
+
+from .can_frame import EXTENDED, REMOTE, SHORT, message
+
+#: A frame of socketcan: id with flags, length, flags of CAN FD; its data fill 8 or 64 bytes.
+HEAD, CLASSIC, LONGEST = struct.Struct("=IBB2x"), 8, 64
+#: Flag of an id: a frame of the interface about errors; its id is a mask of these.
+ERROR = 0x20000000
+#: Flags of a frame of CAN FD with fast data (CANFD_BRS, CANFD_FDF).
+FAST = 0x05
+#: Bytes of the longest datagram.
+DATAGRAM = 4096
+#: Of IPv4 on Linux: whether a socket receives the groups that others joined.
+MULTICAST_ALL = 49
+
+
+class Received(NamedTuple):
+    """A frame, by the names that python-can's messages have."""
+
+    arbitration_id: int
+    data: bytes
+    is_extended_id: bool = False
+    is_remote_frame: bool = False
+    is_error_frame: bool = False
+
+
+def received(frame_id: int, data: bytes) -> Received:
+    """A frame by its id with flags; see ``can_frame``."""
+    number = frame_id & ~(REMOTE | EXTENDED)
+    return Received(number, data, frame_id & ~REMOTE > SHORT, bool(frame_id & REMOTE))
+
+
+class CanBus(Protocol):
+    """An open bus. It raises OSError, or can.CanError."""
+
+    def put(self, frame_id: int, data: bytes) -> None:
+        """Send a frame; its id may have the flags of ``can_frame``."""
+        ...
+
+    def recv(self, timeout: float) -> Any:
+        """The next frame, see ``Received``; None after a timeout, s."""
+        ...
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        ...
+
+
+class MessageBus:
+    """A bus of python-can, by its messages.
+
+    Args:
+        bus: That is open.
+        fd: Frames that are sent are CAN FD.
+    """
+
+    def __init__(self, bus: Any, *, fd: bool) -> None:
+        self._bus, self._fd = bus, fd
+        self.recv, self.shutdown = bus.recv, bus.shutdown
+
+    def put(self, frame_id: int, data: bytes) -> None:
+        self._bus.send(message(frame_id, data, fd=self._fd))
+
+
+class SocketBus(ABC):
+    """A bus that is a socket with one frame per datagram.
+
+    Args:
+        bus: Of python-can, which opened the socket and closes it.
+        fd: Frames that are sent are CAN FD.
+    """
+
+    def __init__(self, bus: Any, *, fd: bool) -> None:
+        self._bus, self._fd = bus, fd
+        self._socket = socket.socket(fileno=os.dup(bus.fileno()))
+        self._socket.setblocking(False)
+        self._own: Any = None  # where its own datagrams come from
+
+    def recv(self, timeout: float) -> Received | None:
+        end: float | None = None
+        while True:
+            try:
+                datagram, source = self._socket.recvfrom(DATAGRAM)
+            except BlockingIOError:
+                now = time.monotonic()
+                end = now + timeout if end is None else end
+                if end <= now or not select.select([self._socket], [], [], end - now)[0]:
+                    return None
+                continue
+            if self._own is not None and source[:2] == self._own:
+                continue
+            if (found := self._read(datagram)) is not None:
+                return found
+
+    def shutdown(self) -> None:
+        self._socket.close()
+        self._bus.shutdown()
+
+    @abstractmethod
+    def _read(self, datagram: bytes) -> Received | None:
+        """The frame of a datagram, or None: it has none."""
+
+
+class SocketCan(SocketBus):
+    """An interface of socketcan."""
+
+    def put(self, frame_id: int, data: bytes) -> None:
+        if frame_id & ~(REMOTE | EXTENDED) > SHORT:
+            frame_id |= EXTENDED
+        room, flags = (LONGEST, FAST) if self._fd else (CLASSIC, 0)
+        self._socket.send(HEAD.pack(frame_id, len(data), flags) + data.ljust(room, b"\0"))
+
+    def _read(self, datagram: bytes) -> Received:
+        number, length, _ = HEAD.unpack_from(datagram)
+        flags = (bool(number & flag) for flag in (EXTENDED, REMOTE, ERROR))
+        data = datagram[HEAD.size : HEAD.size + length]
+        return Received(number & ~(EXTENDED | REMOTE | ERROR), data, *flags)
+
+
+class Multicast(SocketBus):
+    """A group of udp_multicast: each datagram is a message of python-can, by names.
+
+    Args:
+        group, port: Its address.
+    """
+
+    def __init__(self, bus: Any, group: str, port: int, *, fd: bool) -> None:
+        super().__init__(bus, fd=fd)
+        import msgpack
+
+        self._packb, self._unpackb = msgpack.packb, msgpack.unpackb
+        if self._socket.family == socket.AF_INET:
+            with contextlib.suppress(OSError):  # the other groups of its port are received, too
+                self._socket.setsockopt(socket.IPPROTO_IP, MULTICAST_ALL, 0)
+        self._out = socket.socket(self._socket.family, socket.SOCK_DGRAM)
+        self._out.connect((group, port))
+        self._own = self._out.getsockname()[:2]
+
+    def put(self, frame_id: int, data: bytes) -> None:
+        number = frame_id & ~(REMOTE | EXTENDED)
+        sent = {
+            "timestamp": 0.0,
+            "arbitration_id": number,
+            "is_extended_id": frame_id & ~REMOTE > SHORT,
+            "is_remote_frame": bool(frame_id & REMOTE),
+            "is_error_frame": False,
+            "channel": None,
+            "dlc": len(data),
+            "data": data,
+            "is_fd": self._fd,
+            "bitrate_switch": self._fd,
+            "error_state_indicator": False,
+        }
+        self._out.send(self._packb(sent))
+
+    def _read(self, datagram: bytes) -> Received | None:
+        try:
+            said = self._unpackb(datagram)
+            if said["is_fd"] and not self._fd:
+                return None
+            number, data, *flags = (said[name] for name in Received._fields)
+            return Received(int(number), bytes(data), *flags)
+        except Exception:  # noqa: BLE001 - it is no message, whatever the reason
+            return None
+
+    def shutdown(self) -> None:
+        self._out.close()
+        super().shutdown()
