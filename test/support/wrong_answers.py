@@ -62,22 +62,20 @@ def refusals_in_the_boards_order(old: Any, self: Any, request: Any, response: An
 def a_state_with_fields_of_length_one() -> None:
     from control_board_ros.node.wiring import publishing
 
-    made = publishing.prepared_state
+    made = publishing.of_snapshots
 
     def shortened(*given: Any) -> Any:
-        state = made(*given)
-        whole, state.fallback = state._message, "wrong"
+        fill = made(*given)
 
         def short(snapshot: Any, nanoseconds: int) -> Any:
-            message = whole(snapshot, nanoseconds)
+            message = fill(snapshot, nanoseconds)
             if hasattr(message, "torque"):
                 message.torque = message.torque[:1]
             return message
 
-        state._message = short
-        return state
+        return short
 
-    publishing.prepared_state = shortened
+    publishing.of_snapshots = shortened
 
 
 @replaces("D2", "core.machine.commands:Commands.command")
