@@ -475,11 +475,13 @@ def test_param(cbctl: Any, ask: Any, tmp_path: Any) -> None:
 
 
 def test_the_simulation(cbctl: Any, ask: Any) -> None:
-    """The verbs that concern the whole board: pause, step, resume, reset, configure."""
-    assert ask("step", "10")["message"].endswith("; pause it first: ~/pause")
+    """The verbs that concern the whole board: pause, advance, resume, reset, configure."""
+    assert ask("advance", "10")["message"].endswith("; pause it first: ~/pause")
     assert "cbctl resume" in cbctl("pause").out
-    assert cbctl("step", "10").out == "advanced by 10\n"
-    assert "is not valid" in ask("step", "0")["message"]
+    assert cbctl("advance", "10").out == "advanced by 10\n"
+    for wrong in ("0", "1.5", "4294967296"):
+        assert f"cycles {wrong} is not valid; give 1 to" in ask("advance", wrong)["message"]
+    assert "to advance a paused simulation: cbctl advance" in ask("step", "10")["message"]
     assert ask("resume")["success"] is True
     refused = cbctl("configure")
     assert refused.code == 1

@@ -162,7 +162,7 @@ def test_a_program_is_reported_why(process: BoardProcess) -> None:
 @ALONE
 def test_cbctl_says_why(process: BoardProcess) -> None:
     with closing(Cbctl(process.environment)) as cbctl:
-        for line in ("pause", "resume", "reset", "inject 0 encoder", "inject --clear"):
+        for line in ("pause", "resume", "advance", "reset", "inject 0 encoder", "inject --clear"):
             done = cbctl(*line.split())
             assert done.code == 1, line
             assert REASON in done.err

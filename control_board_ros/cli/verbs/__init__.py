@@ -60,7 +60,7 @@ SECTIONS = {
         "conformance": "conformance",
         "drives": "drives",
     },
-    "Simulation": dict.fromkeys(("pause", "resume", "reset", "inject"), "simulation"),
+    "Simulation": dict.fromkeys(("pause", "resume", "advance", "reset", "inject"), "simulation"),
     "Terminal": dict.fromkeys(("shell", "completion"), "terminal"),
 }
 VERBS = {name: module for verbs in SECTIONS.values() for name, module in verbs.items()}

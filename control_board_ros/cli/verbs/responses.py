@@ -16,7 +16,7 @@ from ..board.session import Session
 from ..line.arguments import amount, argument, with_arguments
 from ..line.offers import joints
 from ..line.words import DEGREE, Refused, UsageError, quantity
-from ..text.output import DONE, conclude, show
+from ..text.output import DONE, show
 
 if TYPE_CHECKING:
     from control_board_ros.recording.figures import Response
@@ -29,34 +29,25 @@ HIGHEST = 100.0
 
 
 @with_arguments(
-    argument(
-        "word",
-        nargs="?",
-        metavar="JOINT",
-        help="A joint; without --size, control cycles.",
-        offers=joints,
-    ),
+    argument("word", metavar="JOINT", help="A joint.", offers=joints),
     argument("--size", metavar="SIZE", help="Size of the step, e.g. 5deg or -5deg."),
     amount(
         "--for", "time", dest="time", default="2s", metavar="TIME", help="Duration of each step."
     ),
     OUTPUT,
 )
-def step(
-    session: Session, word: str | None, size: str | None, time: float, output: str | None
-) -> int:
-    """Step a joint there and back and measure its response; or advance a paused simulation.
+def step(session: Session, word: str, size: str | None, time: float, output: str | None) -> int:
+    """Step a joint there and back and measure its response.
 
     cbctl step joint_1 --size 5deg steps the position reference, records, and reports rise,
     settling, overshoot and steady-state error. The joint must hold its position, and the step must
     stay within its limits.
-
-    cbctl step 10 advances a paused simulation by 10 control cycles.
     """
     if size is None:
-        return advance(session, word, output)
-    if word is None:
-        raise UsageError("name a joint, e.g. cbctl step joint_1 --size 5deg")
+        raise UsageError(
+            f"to step joint {word}, give its size, e.g. cbctl step {word} --size 5deg; "
+            "to advance a paused simulation: cbctl advance 10"
+        )
     experiment = prepare(session, word)
     change = session.value(experiment.joint, quantity(size, "position"))
     if not change:
@@ -74,24 +65,6 @@ def step(
 
     recording, folder = measured(session, experiment, run, output)
     return show_steps(session, experiment, recording, folder)
-
-
-def advance(session: Session, word: str | None, output: str | None) -> int:
-    """Advance a paused simulation.
-
-    Raises:
-        UsageError: no number of cycles.
-    """
-    text = "1" if word is None else word
-    if output is not None or not text.lstrip("-").isdigit():
-        raise UsageError(
-            f"to step joint {text}, give its size, e.g. cbctl step {text} --size 5deg; "
-            "to advance a paused simulation, a number of cycles"
-        )
-    steps = int(text)
-    if not 0 < steps < 2**32:
-        raise UsageError(f"steps {steps} is not valid; give 1 to {2**32 - 1}")
-    return conclude(session, session.client.step(steps), f"advanced by {steps}")
 
 
 def show_steps(session: Session, experiment: Experiment, recording: Any, folder: Any) -> int:

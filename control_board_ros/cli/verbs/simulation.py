@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl pause, resume, reset and inject, for simulated boards only."""
+"""cbctl pause, resume, advance, reset and inject, for simulated boards only."""
 
 from __future__ import annotations
 
@@ -21,6 +21,15 @@ def pause(session: Session) -> int:
 def resume(session: Session) -> int:
     """Resume a paused simulation."""
     return conclude(session, session.client.pause(False), "running")
+
+
+@with_arguments(argument("cycles", nargs="?", default="1", metavar="CYCLES", help="How many."))
+def advance(session: Session, cycles: str) -> int:
+    """Advance a paused simulation by control cycles."""
+    steps = int(cycles) if cycles.isdecimal() else 0
+    if not 0 < steps < 2**32:
+        raise UsageError(f"cycles {cycles} is not valid; give 1 to {2**32 - 1}")
+    return conclude(session, session.client.step(steps), f"advanced by {steps}")
 
 
 def reset(session: Session) -> int:
