@@ -16,8 +16,10 @@ The motor, with the joint's torque limit T, speed limit v, gravity torque g, and
 
 The rotor is matched to its load, so that the felt inertia varies little with the pose, with the
 least inertia of motors of this torque (the shipped robots have 2 to 3 ms² of T). The last bound
-keeps the back-EMF stable in a physics step h. All quantities on the joint side, with kt in N·m/A;
-N and m/s for sliding joints.
+keeps the back-EMF stable in a physics step h. Where the URDF gives no T, the rotor is so heavy
+that T accelerates the joint by no more than three times its target, whatever it carries: a
+stronger joint in TORQUE would tear along those that its arm carries, whose T is for the targets.
+All quantities on the joint side, with kt in N·m/A; N and m/s for sliding joints.
 """
 
 from __future__ import annotations
@@ -47,6 +49,7 @@ NOMINAL_SHARE = 0.6
 ELECTRICAL_TIME = 1.5e-3  # s
 ROTOR_SHARE = 0.5
 ROTOR_PER_TORQUE = 1e-3  # s²
+QUICKEST = 3.0  # acceleration by an assumed torque limit, in target accelerations
 STEP = 1e-3  # s, the longest derived physics step
 TEMPERATURE_MARGIN = 20.0  # K below the temperature limit, at the nominal current
 THERMAL_TIME = 120.0  # s
@@ -79,7 +82,7 @@ def speed_limit(values: dict[str, Any], joint: UrdfJoint, assumed: Assumed) -> N
 
 def torque_limit(
     values: dict[str, Any], joint: UrdfJoint, load: Load, shared: float, assumed: Assumed
-) -> None:
+) -> bool:
     """The URDF's where plausible; else what all joints ask for when they accelerate together.
 
     Args:
@@ -88,16 +91,20 @@ def torque_limit(
         load: that it moves.
         shared: torque (force) of all joints' target accelerations at once.
         assumed: what is assumed.
+
+    Returns:
+        Whether it is assumed.
     """
     name, unit = joint.name, joint.kind.force_unit
     need = required_torque(load, values["limits.velocity"])
+    chosen = False
     if "limits.torque" not in values:
         damping = joint.damping or 0.0
         if joint.kind.slides:
             damping = min(damping, stable_damping(load))
         rubbing = (joint.friction or 0.0) + damping * values["limits.velocity"]
-        together = load.gravity + shared + ROTOR_SHARE * (need - load.gravity) + rubbing
-        enough = max(3.0 * load.gravity, 1.25 * max(need, together))
+        together = load.gravity + shared + rubbing
+        enough = max(3.0 * load.gravity, together / (ACCELERATION_SHARE - 1.0 / QUICKEST))
         effort = joint.effort
         if effort is None:
             text = f"{enough:.3g} {unit}"
@@ -111,11 +118,13 @@ def torque_limit(
             )
             assumed.warn(name, text, what, "give limits.torque")
             effort = None
+        chosen = effort is None
         values["limits.torque"] = enough if effort is None else effort
     if values["limits.torque"] < load.gravity:
         text = f"{values['limits.torque']:.3g} of {load.gravity:.3g} {unit}"
         what = "the torque limit cannot hold every pose against gravity"
         assumed.warn(name, text, what, "give limits.torque, or stay near the other poses")
+    return chosen
 
 
 def stable_damping(load: Load) -> float:
@@ -183,8 +192,15 @@ def current_loop(values: dict[str, Any], period: float) -> None:
     give("current_pid.integral_limit", values["motor.supply_voltage"])
 
 
-def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
-    """The rotor's inertia; none for sliding joints, which the physics does not support."""
+def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load, chosen: bool) -> None:
+    """The rotor's inertia; none for sliding joints, which the physics does not support.
+
+    Args:
+        values: of the joint; its rotor is set.
+        joint: of the URDF.
+        load: that it moves.
+        chosen: whether the torque limit is assumed.
+    """
     if joint.kind.slides:
         values.setdefault("motor.inertia", 0.0)
         return
@@ -192,6 +208,9 @@ def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     emf = values["motor.torque_constant"] * gear
     drag = emf**2 * values["motor.efficiency"] / values["motor.resistance"]
     heavy = max(ROTOR_SHARE * load.inertia_mean, ROTOR_PER_TORQUE * torque)
+    if chosen:
+        quickest = QUICKEST * ACCELERATION_RATE * values["limits.velocity"]
+        heavy = max(heavy, torque / quickest - load.inertia_min)
     if (acceleration := values.get("limits.acceleration")) is not None:
         heavy = min(heavy, (torque - load.gravity) / acceleration - load.inertia_max)
     heavy = max(heavy, 4.0 * STEP * (drag + values["motor.viscous"]))
@@ -268,12 +287,12 @@ def complete(
     for name, entry in values.items():
         load = load_of[name]
         entry.setdefault("inertia", max(load.inertia_mean, LEAST_INERTIA))
-        torque_limit(entry, joints[name], load, shared[name], assumed)
+        chosen = torque_limit(entry, joints[name], load, shared[name], assumed)
         friction(entry, joints[name], load, assumed)
         electrical(entry, joints[name], load)
         current_loop(entry, 1.0 / control_rate)
         entry.setdefault("brake.slip_torque", entry["limits.torque"])
-        rotor(entry, joints[name], load)
+        rotor(entry, joints[name], load, chosen)
         thermal(entry, name, assumed)
     reflected = {
         name: entry["motor.inertia"] * entry["motor.gear_ratio"] ** 2

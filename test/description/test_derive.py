@@ -13,8 +13,10 @@ import pybullet_data
 import pytest
 from plants import link, robot
 
+from control_board_ros.core.terms.measurement import Array
 from control_board_ros.description.loads import loads
 from control_board_ros.settings.loading import Settings, load
+from control_board_ros.sim.motor import reflected_inertia
 from control_board_ros.simulation import Simulation
 
 DATA = pybullet_data.getDataPath()
@@ -149,33 +151,61 @@ def test_assumed_efforts_suffice_for_all_joints_at_once(bare: Path) -> None:
         assert one.limits.acceleration == pytest.approx(10.0 * one.limits.velocity)
 
 
+def test_assumed_motors_tear_nothing_along(bare: Path) -> None:
+    """P14: by its torque limit no joint is quicker than three times its target acceleration."""
+    made = load(None, {"robot": str(bare)})
+    joints = made.board.joints
+    found = loads(made.urdf, {one.name: (one.limits.lower, one.limits.upper) for one in joints})
+    rotors = reflected_inertia(made.board, made.simulation)
+    for one, rotor in zip(joints, rotors.tolist(), strict=True):
+        moved = rotor + found.by_name[one.name].inertia_min
+        assert one.limits.torque <= 3.001 * 10.0 * one.limits.velocity * moved
+
+
+def driven_at_random(simulation: Simulation, seed: int, changes: int) -> tuple[Array, Array]:
+    """Modes and references of every kind, of some joints or all, at random.
+
+    Returns:
+        Largest speed over the limit, and way beyond a position limit (rad, m), shape (n,) each.
+    """
+    board, n = simulation.board, simulation.board.count
+    low, high, fastest, torque = np.array(
+        [
+            (one.limits.lower, one.limits.upper, one.limits.velocity, one.limits.torque)
+            for one in board.config.joints
+        ]
+    ).T
+    near, far = np.maximum(low, -10.0), np.minimum(high, 10.0)
+    simulation.run(0.3)
+    random = np.random.default_rng(seed)
+    speed, beyond = np.zeros(n), np.zeros(n)
+    for _ in range(changes):
+        some = sorted(random.choice(n, random.integers(1, n + 1), replace=False).tolist())
+        mode = str(random.choice(["pos", "posd", "vel", "mix", "torq"]))
+        board.set_control_mode(some, mode)
+        board.set_interaction_mode(some, str(random.choice(["stiff", "compliant"])))
+        simulation.step()
+        target = random.uniform(near[some], far[some])
+        board.position_move(some, target, fastest[some])
+        board.set_position(some, target)
+        board.velocity_move(some, fastest[some] * random.uniform(-1.0, 1.0, len(some)), 20.0)
+        board.set_ref_torque(some, torque[some] * random.uniform(-0.5, 0.5, len(some)))
+        for _ in range(round(random.uniform(0.01, 0.4) / board.period)):
+            simulation.step()
+            now = board.snapshot()
+            speed = np.maximum(speed, np.abs(now.velocity) / fastest)
+            out = np.maximum(low - now.position, now.position - high)
+            beyond = np.maximum(beyond, out)
+    return speed, beyond
+
+
 @pytest.mark.slow
 def test_an_arm_of_assumptions_keeps_its_limits(bare: Path) -> None:
     """P9, P14: whatever modes and commands its joints get, all at once."""
     with Simulation.load(robot=str(bare)) as simulation:
-        board, n = simulation.board, simulation.board.count
-        limits = [joint.limits for joint in board.config.joints]
-        low, high, fastest, torque = np.array(
-            [(one.lower, one.upper, one.velocity, one.torque) for one in limits]
-        ).T
-        simulation.run(0.3)
-        random = np.random.default_rng(3)
-        for _ in range(80):
-            some = sorted(random.choice(n, random.integers(1, n + 1), replace=False).tolist())
-            mode = str(random.choice(["pos", "posd", "vel", "mix", "torq"]))
-            board.set_control_mode(some, mode)
-            board.set_interaction_mode(some, str(random.choice(["stiff", "compliant"])))
-            simulation.step()
-            target = random.uniform(low[some], high[some])
-            board.position_move(some, target, fastest[some])
-            board.set_position(some, target)
-            board.velocity_move(some, fastest[some] * random.uniform(-1.0, 1.0, len(some)), 20.0)
-            board.set_ref_torque(some, torque[some] * random.uniform(-0.5, 0.5, len(some)))
-            for _ in range(round(random.uniform(0.01, 0.4) / board.period)):
-                simulation.step()
-                now = board.snapshot()
-                assert (np.abs(now.velocity) / fastest).max() <= 1.05
-                assert np.maximum(low - now.position, now.position - high).max() <= 5e-3
+        speed, beyond = driven_at_random(simulation, 3, 80)
+    assert speed.max() <= 1.05
+    assert beyond.max() <= 5e-3
 
 
 def test_damping_too_high_for_a_sliding_mass_is_reported(tmp_path: Path) -> None:
