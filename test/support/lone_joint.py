@@ -31,7 +31,7 @@ def joint(**changes: float) -> Any:
     made = LAWS.Joint()
     for k, name in enumerate(NUMBERS):
         setattr(made, name, 100.0 + k)
-    quiet = ("age", "wire", "missed", "blind", "coasts", "stepping", "smooth", "sampled",
+    quiet = ("age", "wire", "missed", "blind", "coasts", "stepping", "smooth", "sampled", "behind",
              "contact", "had_contact", "max_jerk", "move_acceleration",
              "moved_acceleration")  # fmt: skip
     fresh = dict.fromkeys(quiet, 0.0) | {"calm": 1.0}

@@ -908,6 +908,7 @@ class Joint:
     current = cython.declare(cython.double, visibility="public")
     current_before = cython.declare(cython.double, visibility="public")  # a cycle ago
     sampled = cython.declare(cython.double, visibility="public")  # velocity of the reading
+    behind = cython.declare(cython.double, visibility="public")  # way since the reading, rad
     acceleration = cython.declare(cython.double, visibility="public")
     load = cython.declare(cython.double, visibility="public")  # filtered, without inertia
     motion = cython.declare(cython.double, visibility="public")  # torque of the acceleration
@@ -1306,6 +1307,7 @@ def observe(
     between: cython.double = j.elapsed + j.age - age
     if not is_number(position + velocity):  # there is no reading yet
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
+        j.behind = 0.0
         return
     if age > 0.0 or j.wire > 0.0 or j.missed > 0.0:
         note_feed(j)
@@ -1316,10 +1318,8 @@ def observe(
     elif j.missed == 0.0 and between > 0.0:
         j.acceleration = (velocity - j.sampled) / between
     j.age, j.sampled = age, velocity
-    j.position, j.velocity = position, velocity
-    if age > 0.0:
-        j.position += age * (velocity + 0.5 * ahead)
-        j.velocity += ahead
+    j.behind = age * (velocity + 0.5 * ahead) if age > 0.0 else 0.0
+    j.position, j.velocity = position + j.behind, velocity + ahead
     if not j.has_torque_sensor:
         j.torque = j.current * j.torque_per_ampere
     j.motion = j.inertia * j.acceleration

@@ -132,16 +132,20 @@ class References:
             self.speed[j], self.acceleration[j] = own.reference_speed, own.reference_acceleration
 
     def reset(self, joints: Sequence[int], *, bounded: bool) -> None:
-        """Hold joints where they are measured to be, or come to rest (M9).
+        """Hold joints where they are, or come to rest (M9).
 
         A joint found outside its software limits may stay there or move inwards, never
         further out (P9); one that is not calibrated has no limits.
         """
         for j in joints:
             self._joints[j].lower, self._joints[j].upper = -math.inf, math.inf
-        self.hold(joints, [float(self._state.position[j]) for j in joints])
+        self.hold(joints, self.places(joints))
         if bounded:
             self.bound(joints)
+
+    def places(self, joints: Sequence[int]) -> list[float]:
+        """Where joints are: as measured, and as they went on since (B7), rad."""
+        return [float(self._state.position[j]) + self._joints[j].behind for j in joints]
 
     def bound(self, joints: Sequence[int]) -> None:
         """Bound position references by the limits, from their present values (P9)."""

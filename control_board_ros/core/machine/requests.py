@@ -202,7 +202,7 @@ class Requests:
         """Stop joints; where the law is the impedance, keep the load (I10)."""
         machine, state = self._machine, self._machine.state
         laws = [machine.controller.joints[j] for j in chosen]
-        places = [float(state.position[j]) for j in chosen]
+        places = machine.references.places(chosen)
         inside = [min(max(q, j.lower), j.upper) for q, j in zip(places, laws, strict=True)]
         machine.references.hold(chosen, inside)
         machine.timeouts.cancel(chosen)
