@@ -12,9 +12,10 @@ reason in words, while
 After an error the thread reconnects, every RETRY seconds, with all joints without power.
 
 The thread also monitors the control loop (B5): outputs older than ``timeout`` are void, and it
-disables all joints. A loop that continues finds an alarm of each joint that it drove, and enables
-none before it has read that alarm. Before its first outputs the thread reads in every period: the
-loop begins with a reading of now, however long ago the plant was opened.
+disables all joints; also after the computer was suspended. A loop that continues finds an alarm of
+each joint that it drove, and enables none before it has read that alarm. Before its first outputs
+the thread reads in every period: the loop begins with a reading of now, however long ago the plant
+was opened.
 """
 
 from __future__ import annotations
@@ -55,10 +56,17 @@ CYCLES = 3.0
 LEAST_WAIT = 1e-4
 #: Lines that are kept until the node reads them.
 NEWS = 1000
+#: Where there is none that goes on while the computer is suspended (Linux), the usual one.
+CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 #: s that a start waits for the first sample; after it the joints begin in HW_FAULT.
 FIRST_SAMPLE = 5.0
 AGES = [Row.ENCODER_AGE, Row.TORQUE_AGE]
 ALARM, DRIVE = 1.0 + FaultCode.PLANT, 1.0 + FaultCode.DRIVE
+
+
+def clock() -> float:
+    """Time since some instant, also while the computer was suspended, s."""
+    return time.clock_gettime(CLOCK)
 
 
 def patience(timeout: float, period: float) -> float:
@@ -101,7 +109,7 @@ class GuardedPlant:
         plant: RobotPlant | DrivePlant,
         board: BoardConfig,
         timeout: float,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = clock,
         first: float = FIRST_SAMPLE,
         remark: str = "",
     ) -> None:

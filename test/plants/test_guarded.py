@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from inspect import signature
 from itertools import repeat
 from typing import Any
 
@@ -24,7 +25,7 @@ from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.plants import Description, DriveLimits, Readings
-from control_board_ros.plants.guarded import GuardedPlant
+from control_board_ros.plants.guarded import GuardedPlant, clock
 from control_board_ros.testing.plant_contract import board_for
 
 TIMEOUT = 0.1
@@ -294,6 +295,14 @@ def test_a_silent_loop_leaves_no_power(bench: Bench) -> None:
         "plant, the control loop was silent for 200 ms > 100 ms; the motors lost their power"
     )
     recovers(bench)
+
+
+def test_a_loop_is_silent_while_the_computer_is_suspended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """B5, B6: time passes there, too; a move of an hour ago does not go on."""
+    now = {time.CLOCK_MONOTONIC: 10.0, time.CLOCK_BOOTTIME: 3610.0}
+    monkeypatch.setattr(time, "clock_gettime", now.get)
+    assert clock() == 3610.0
+    assert signature(GuardedPlant).parameters["clock"].default is clock
 
 
 def test_a_silent_loop_leaves_no_power_on_a_slow_plant(bench: Bench) -> None:
