@@ -28,8 +28,8 @@ from .console import KnownError, temporary_folder
 NODE = "control_board"
 #: End of the reason of a silence where nothing but a process of ours can be silent.
 TOO_SLOW = (
-    "; this computer is too slow for virtual drives, which run in real time: end other programs, "
-    "or lower control_rate"
+    "; virtual drives run in real time, and this process was stopped, or the computer is too slow "
+    "for it: end other programs, or lower control_rate"
 )
 
 #: s that a start waits for the set-up of virtual drives: nothing but this computer delays it.
