@@ -101,3 +101,27 @@ def test_an_error_in_the_end_of_the_last_goal_is_not_one_of_the_new(
     assert follow._goal.handle is handle
     assert resets
     assert [type(error) for error in errors] == [AssertionError]
+
+
+def test_an_error_in_the_end_of_a_goal_is_none_of_the_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """T: the new trajectory runs, is watched, and is not reported as refused."""
+    monkeypatch.setattr(trajectories, "read_goal", lambda _: ((), ()))
+    monkeypatch.setattr(trajectories, "start_time", lambda *_: 0.0)
+    done: list[str] = []
+    loop = SimpleNamespace(time_base=None, hooks=[])
+    board = nullcontext(SimpleNamespace(count=1))
+    timer = SimpleNamespace(reset=lambda: done.append("watched"))
+    server = object.__new__(trajectories.FollowTrajectory)
+    server._member = cast(Any, SimpleNamespace(exclusive=lambda: board, loop=loop))
+    server._start_goal = cast(Any, lambda *_: SimpleNamespace(take_over=lambda _: None))
+    server._timer = cast(Any, timer)
+    server._on_error = lambda error, _: done.append(str(error))
+    ended = SimpleNamespace(outcome=SimpleNamespace(code=0, text=""), cancelled=False)
+    old = SimpleNamespace(task=ended, close=lambda **_: 1 / 0)
+    server._goal = cast(Any, old)
+    goal = SimpleNamespace(header=SimpleNamespace(stamp=0), joint_names=[])
+    server._start(SimpleNamespace(request=SimpleNamespace(trajectory=goal)))
+    assert done == ["watched", "division by zero"]
+    assert server._goal is not old
