@@ -58,6 +58,9 @@ def write(args: argparse.Namespace) -> int:
         raise IdentificationError("a log does not say of which robot it is: give --robot")
     if words:
         robot, records, joints = read_robot(args.data, args.robot, words)
+        rows = sum(record.time.size for record in records)
+        minutes = sum(float(record.time[-1] - record.time[0]) for record in records) / 60.0
+        print(f"used: {rows} rows, {minutes:.1f} min, stretches without a gap: {len(records)}")
     elif len(args.data) > 1:
         raise IdentificationError("several recordings: give one, or tables with --column")
     else:

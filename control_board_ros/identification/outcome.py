@@ -100,8 +100,9 @@ QUANTITIES = {
 #: delays in cycles. Greatest half width of the interval of a payload's centre, m.
 LITTLE_FRICTION, LITTLE_ROTOR, LITTLE_DELAY = 5e-4, 0.01, 0.25
 SURE_CENTER = 0.01
-#: Relative deviation of k_t N from the configured one beyond any motor's tolerance.
-WRONG = 0.25
+#: Relative deviation of k_t N from the configured one beyond any motor's tolerance, and its factor
+#: beyond any derived one's.
+WRONG, FOREIGN = 0.25, 50.0
 #: Found as torques, where no sensor measures one: as sure as the torque constant.
 OF_TORQUE = (COULOMB, VISCOUS, BREAKAWAY, ROTOR)
 NO_CONSTANT = "not shown: its torque constant is not, and no sensor measures the torque"
@@ -229,7 +230,7 @@ def of_threshold(
     value = Estimate(learned.value, learned.sure)
     why = unsure(value, THRESHOLD) if value.relative > QUANTITIES[THRESHOLD].sure else ""
     remark = (
-        f"{learned.value / learned.rms:.1f} × the residual, {alarms:g} false alarms an hour; "
+        f"{learned.value / learned.rms:.1f} × the residual, false alarms: {alarms:g} an hour; "
         f"the greatest was {learned.worst:.3g}"
     )
     return Finding(joint, THRESHOLD, (value.value,), (value.sure,), before, why, remark)
@@ -281,9 +282,16 @@ def without_torque(finding: Finding) -> Finding:
 def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
     """Why motor constants are beyond a motor's tolerance; empty: within it."""
     estimate, key = fitted.estimates.get((joint, KT)), "motor.torque_constant"
-    if estimate is None or estimate.relative > WRONG or joint in robot.derived:
+    if estimate is None or estimate.relative > WRONG:
         return ""
     factor = estimate.value / robot.number(joint, key)
+    if joint in robot.derived:
+        if 1.0 / FOREIGN < abs(factor) < FOREIGN:
+            return ""
+        return (
+            f"its current is {1.0 / abs(factor):.3g} times what its limits let expect: are its "
+            "unit and motor.gear_ratio right?"
+        )
     if abs(factor - 1.0) <= WRONG:
         return ""
     return (

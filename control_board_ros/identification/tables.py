@@ -15,6 +15,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -49,9 +50,11 @@ UNITS: dict[str, dict[str, float]] = {
 }
 #: Lowest rate of readings, Hz; a gap, s and median periods: no value is made up within.
 LOWEST, GAP, GAP_PERIODS = 50.0, 0.1, 10.0
+#: Period beyond which a log is taken to have another unit of time, s.
+SLOWEST = 1.0
 #: Numbers that nothing measures: what a torn cell reads as. Times are below, in ns, too.
 BEYOND = 1e20
-#: A multiple of ``limits.velocity`` and of the hard limits that nothing is at: a torn row.
+#: A multiple of the limits of speed, torque and position that nothing is at: a torn row.
 TORN = 5.0
 #: Travel below which a joint did not move, rad and m.
 MOVED, MOVED_SLIDING = 0.05, 5e-3
@@ -181,7 +184,7 @@ def table_of(path: Path) -> dict[str, Floats]:
         raise IdentificationError(f"{path} cannot be read: {error}") from error
     if len(lines) < 2:
         raise IdentificationError(f"{path} is empty")
-    mark = next((separator for separator in ",;\t" if separator in lines[0]), " ")
+    mark = next((separator for separator in ";\t," if separator in lines[0]), " ")
     rows = csv.reader(lines, delimiter=mark, skipinitialspace=mark == " ")
     head = [cell.strip() for cell in next(rows)]
     titled = not all(is_number(cell) for cell in head if cell)
@@ -195,7 +198,8 @@ def table_of(path: Path) -> dict[str, Floats]:
             ndmin=2,
         )
     except ValueError as error:
-        raise IdentificationError(f"{path} is no table of numbers: {error}") from error
+        why = str(error).partition("; use ")[0]
+        raise IdentificationError(f"{path} is no table of numbers: {why}") from error
     values[np.abs(values) > BEYOND] = np.nan
     table: dict[str, Floats] = {str(k + 1): row for k, row in enumerate(values.T)}
     return table | dict(zip(head, values.T, strict=False)) if titled else table
@@ -203,15 +207,15 @@ def table_of(path: Path) -> dict[str, Floats]:
 
 def is_number(text: str) -> bool:
     try:
-        float(text)
+        cell_value(text)
     except ValueError:
         return False
     return True
 
 
 def cell_value(text: str) -> float:
-    """The number of a cell; NaN where it is empty."""
-    return float(text) if text.strip() else math.nan
+    """The number of a cell, maybe with a decimal comma; NaN where it is empty."""
+    return float(text.replace(",", ".")) if text.strip() else math.nan
 
 
 def series_of_table(path: Path, sources: Mapping[str, Source]) -> dict[str, list[Series]]:
@@ -225,8 +229,9 @@ def series_of_table(path: Path, sources: Mapping[str, Source]) -> dict[str, list
         raise IdentificationError("no time: give --column time=COLUMN:UNIT")
     missing = [c for source in sources.values() for c in source.columns if c not in table]
     if missing:
+        heads = [name for name in table if not name.isdigit()] or list(table)
         raise IdentificationError(
-            f"{path} has no column {missing[0]}; there are {', '.join(list(table)[:40])}"
+            f"{path} has no column {missing[0]}; there are {', '.join(heads[:40])}"
         )
     time = sources[TIME].factor * table[sources[TIME].columns[0]]
     return {
@@ -304,19 +309,17 @@ def field_of(message: Any, field: Sequence[str], column: str) -> float:
 def records_of(
     series: Mapping[str, Sequence[Series]],
     names: Sequence[str],
-    speeds: Floats | float = np.inf,
-    places: Floats | float = np.inf,
+    bounds: Mapping[str, Floats] = MappingProxyType({}),
 ) -> list[Record]:
     """The stretches of a log without gaps, at the times of its positions.
 
     Args:
         series: By signal, one per joint.
         names: Of the joints.
-        speeds: Greatest ones, rad/s: rows with more are torn.
-        places: Positions farthest from 0, rad, likewise.
+        bounds: Of signals, shape (n,): rows with more, of either sign, are torn.
 
     Raises:
-        IdentificationError: it is too slow, or has nothing but gaps.
+        IdentificationError: it is too slow, has nothing but gaps, or is torn for the most part.
     """
     time = series[POSITION][0].time
     signals = {
@@ -325,8 +328,15 @@ def records_of(
         else np.full((time.size, len(names)), np.nan)
         for name in SIGNALS
     }
-    known = np.isfinite(time) & ~(np.abs(signals[VELOCITY]) > speeds).any(axis=1)
-    known &= ~(np.abs(signals[POSITION]) > places).any(axis=1)
+    known = np.isfinite(time)
+    for signal, most in bounds.items():
+        torn = (np.abs(signals[signal]) > most).any(axis=1)
+        if 2 * torn.sum() > torn.size:
+            raise IdentificationError(
+                f"{signal}: {torn.sum()} of {torn.size} rows are far beyond the limits of the "
+                "robot; is the unit right?"
+            )
+        known &= ~torn
     for name in series.keys() & set(SIGNALS):
         known &= np.isfinite(signals[name]).all(axis=1)
     return stretches(time[known], {name: row[known] for name, row in signals.items()}, names)
@@ -346,7 +356,8 @@ def stretches(time: Floats, signals: dict[str, Floats], names: Sequence[str]) ->
     period = float(np.median(np.diff(time)))
     if period > 1.05 / LOWEST:
         raise IdentificationError(
-            f"the log has {1.0 / period:.0f} readings a second, and {LOWEST:.0f} are needed"
+            f"the log has {1.0 / period:.3g} readings a second, and {LOWEST:.0f} are needed"
+            + ("; is the unit of time right?" if period > SLOWEST else "")
         )
     cuts = np.flatnonzero(np.diff(time) > max(GAP, GAP_PERIODS * period)) + 1
     records = []
@@ -390,8 +401,12 @@ def read_log(path: Path, words: Mapping[str, str], robot: Robot) -> list[Record]
     bag = path.is_dir() or path.suffix in (".mcap", ".db3")
     whole = series_of_bag(path, sources) if bag else series_of_table(path, sources)
     ends = [np.abs(robot.numbers(f"limits.hard_{side}")) for side in ("lower", "upper")]
-    speeds = TORN * robot.numbers("limits.velocity")
-    return records_of(whole, robot.names, speeds, TORN * np.maximum(*ends))
+    bounds = {
+        POSITION: TORN * np.maximum(*ends),
+        VELOCITY: TORN * robot.numbers("limits.velocity"),
+        "torque": TORN * robot.numbers("limits.torque"),
+    }
+    return records_of(whole, robot.names, bounds)
 
 
 def read_robot(

@@ -27,6 +27,9 @@ PLAY, PLAY_SLIDING = 2e-3, 2e-4
 SURE_SPEED = 0.1
 #: Travel after a reversal in which play is taken up, rad and m.
 TAKEN_UP, TAKEN_UP_SLIDING = 0.015, 1.5e-3
+#: Travel, in ranges, over which weight takes no power on the whole; share of the power that a
+#: current takes out of the motion where it is of the other sign.
+AROUND, TAKEN = 5.0, 0.1
 #: Minimum travel that shows a gear ratio, rad and m.
 TRAVEL, TRAVEL_SLIDING = 5e-3, 5e-4
 
@@ -47,7 +50,7 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
         return "was not moved: no readings"
     rows = {
         name: np.concatenate([r.signals[name][:, column] for r in records if r.time.size])
-        for name in ("position", "velocity", "position_reference", "motor_position")
+        for name in ("position", "velocity", "position_reference", "motor_position", "current")
     }
     kind, ratio = robot.kind(joint), robot.number(joint, "motor.gear_ratio")
     wanted, moved = float(np.ptp(rows["position_reference"])), float(np.ptp(rows["position"]))
@@ -65,7 +68,7 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
                 f"does not move: {kind.position(moved)} of {kind.position(wanted)} requested; a "
                 f"closed brake, an obstacle, a hard stop, or a motor without power{after(why)}"
             )
-    if (text := of_gearbox(rows, kind, ratio)) or not why:
+    if (text := of_gearbox(rows, kind, ratio) or of_current(rows)) or not why:
         return text
     if moved < MOVED * wanted:
         ways = f"{kind.position(moved)} of {kind.position(wanted)} requested"
@@ -123,6 +126,22 @@ def of_gearbox(rows: dict[str, Floats], kind: JointKind, ratio: float) -> str:
             "identify it again"
         )
     return ""
+
+
+def of_current(rows: dict[str, Floats]) -> str:
+    """Friction takes power from a motor, whatever it lifts; empty unless the current gives some.
+
+    Args:
+        rows: Of one joint: ``position``, ``velocity``, ``current``.
+    """
+    position, velocity, current = (rows[name] for name in ("position", "velocity", "current"))
+    travel = float(np.abs(np.diff(position)).sum())
+    if not np.isfinite(current).all() or travel < AROUND * float(np.ptp(position)):
+        return ""
+    most = float(np.linalg.norm(current) * np.linalg.norm(velocity))
+    if float(current @ velocity) >= -TAKEN * most:
+        return ""
+    return "its current drives it against its motion: the other direction of one of them is right"
 
 
 def since_reversal(position: Floats, velocity: Floats) -> Floats:

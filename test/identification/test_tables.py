@@ -111,7 +111,7 @@ def test_a_threshold_holds_over_other_motions_and_a_push_is_above(urdf: Path) ->
     assert np.median(felt.torque[inside], axis=0) == pytest.approx(push, rel=0.25)
     before = felt.time < 39.9
     assert (np.abs(felt.torque[before]).max(axis=0) < limits).all()
-    assert "false alarms an hour" in found["lift.contact.threshold"].remark
+    assert "false alarms: 1 an hour" in found["lift.contact.threshold"].remark
 
 
 def test_what_a_log_does_not_show_is_refused(urdf: Path) -> None:
@@ -147,7 +147,9 @@ def test_what_a_log_does_not_show_is_refused(urdf: Path) -> None:
         (WORDS | {"position": "q {joint}:rad"}, "{name}"),
         ({"time": "t:s", "position": "q {0}:deg"}, "no torque and no current"),
         ({"time": "t:s", "current": "mA {0}:mA"}, "no position"),
-        (WORDS | {"position": "q {1}:deg"}, "has no column q 3; there are 1, 2"),
+        (WORDS | {"position": "q {1}:deg"}, "has no column q 3; there are t, q 0"),
+        (WORDS | {"position": "q {0}:rad"}, "of 200 rows are far beyond the limits"),
+        (WORDS | {"torque": "q {0}:kNm"}, "torque: 200 of 200 rows are far beyond the limits"),
         (WORDS | {"time": "t:ns"}, "a second"),
     ],
 )
@@ -173,6 +175,30 @@ def test_numbers_of_columns_stand_for_names(urdf: Path, tmp_path: Path) -> None:
     found = read_log(path, words, Robot.of_metal(str(urdf)))[0]
     for name in ("position", "velocity", "current"):
         np.testing.assert_array_equal(found.signals[name], named.signals[name])
+
+
+def test_a_table_with_decimal_commas_is_read(urdf: Path, tmp_path: Path) -> None:
+    """As spreadsheets write it: the same records."""
+    path = Log(urdf, seconds=3.0).csv(tmp_path / "log.csv")
+    (named,) = read_log(path, WORDS, Robot.of_metal(str(urdf)))
+    path.write_text(path.read_text("utf-8").replace(",", ";").replace(".", ","), "utf-8")
+    (found,) = read_log(path, WORDS, Robot.of_metal(str(urdf)))
+    np.testing.assert_array_equal(found.signals["current"], named.signals["current"])
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"), [(-1.0, "against its motion"), (1e3, "times what its limits let expect")]
+)
+def test_a_current_of_another_unit_or_direction_is_named(
+    urdf: Path, factor: float, text: str
+) -> None:
+    """G3: nothing is written by it."""
+    own = records(Log(urdf, seconds=30.0), "velocity", "current")
+    for record in own:
+        record.signals["current"] *= factor
+    outcome = identify(Robot.of_metal(str(urdf)), own, NAMES, payload=False)
+    assert not outcome.written
+    assert all(text in outcome.troubles[name] for name in NAMES)
 
 
 def test_a_bag_of_anybody_is_the_same(urdf: Path, tmp_path: Path) -> None:
