@@ -9,7 +9,8 @@ Simulated time, without ROS. Each cell (arm, engine) takes minutes and replaces 
 
 1. random moves of all joints at full speed, from which the thresholds are learned,
 2. an hour of other ones with the same payloads, in which every contact is a false alarm,
-3. pushes amid such moves, of a random joint, direction and size,
+3. pushes amid such moves, of a random joint, direction and size; and again, with sensors without
+   noise and motors that the board knows exactly,
 4. moves with a payload that is a tenth heavier than the board knows.
 
 The sensors have noise and steps, and the motors differ from what the board knows as much as
@@ -144,17 +145,20 @@ class Cell:
     worst: list[float] = field(default_factory=list)
     alarms: int = 0
     pushes: list[dict[str, Any]] = field(default_factory=list)
+    exact: list[float] = field(default_factory=list)  # errors, as shares, without noise
     unknown: list[float] = field(default_factory=list)
 
 
 class NoisyPlant(SimulatedPlant):
     """A simulated plant whose sensors have the noise of test/support/hidden.py."""
 
-    def disturb(self, joints: Sequence[JointConfig], random: np.random.Generator) -> None:
+    def disturb(
+        self, joints: Sequence[JointConfig], random: np.random.Generator, share: float
+    ) -> None:
         scales = np.zeros((SIGNALS, len(joints)))
         rows = (Row.POSITION, Row.VELOCITY, Row.TORQUE, Row.CURRENT)
         for row, noise in zip(rows, NOISE, strict=True):
-            scales[row] = noise
+            scales[row] = share * noise
         scales[Row.TORQUE] *= [joint.limits.torque for joint in joints]
         scales[Row.CURRENT] *= [joint.limits.nominal_current for joint in joints]
         self._scales, self._random = scales, random
@@ -181,9 +185,18 @@ class Arm:
         engine: The physics.
         values: Parameters on top, as its URDF.
         seed: Of motions, noise and errors.
+        disturbed: Share of the usual noise and errors.
     """
 
-    def __init__(self, name: str, engine: str, values: Mapping[str, Any], seed: int) -> None:
+    def __init__(
+        self,
+        name: str,
+        engine: str,
+        values: Mapping[str, Any],
+        seed: int,
+        disturbed: float = 1.0,
+    ) -> None:
+        self._disturbed = disturbed
         base = {"physics": engine, "joint_defaults.calibration.required": False}
         self._source = None if "robot" in values else name
         self._base = base | ARMS[name] | dict(values)
@@ -193,7 +206,7 @@ class Arm:
         self.payload = usual_payload(self.known)
         truth = {
             f"{joint.name}.motor.{key}": self.known.values[f"{joint.name}.motor.{key}"]
-            * (1.0 + error * self._random.choice([-1.0, 1.0]))
+            * (1.0 + disturbed * error * self._random.choice([-1.0, 1.0]))
             for joint in self.joints
             for key, error in ERRORS.items()
         }
@@ -216,7 +229,7 @@ class Arm:
         if mass:
             body = replace(body, urdf=with_payload(body.urdf, true.board.names, mass))
         plant = NoisyPlant(true.board, body)
-        plant.disturb(self.joints, self._random)
+        plant.disturb(self.joints, self._random, self._disturbed)
         made = Simulation(settings.board, settings.simulation)
         made.plant.close()
         made.plant = plant
@@ -363,10 +376,22 @@ def measure(name: str, engine: str, values: Mapping[str, Any], effort: Effort) -
     row.worst = [one.worst for one in found_in(others)]
     for simulation in arm.carrying(masses[1], masses[1], row.thresholds):
         row.pushes = [asdict(one) for one in arm.pushed(simulation, count, row.thresholds)]
+    row.exact = exact(name, engine, values, row.thresholds, count)
     longer = learning * len(masses)
     shown = watch((1.0 + UNKNOWN) * arm.payload, arm.payload, longer)
     row.unknown = [one.value for one in found_in([shown])]
     return row
+
+
+def exact(
+    name: str, engine: str, values: Mapping[str, Any], thresholds: Sequence[float], count: int
+) -> list[float]:
+    """Errors of pushes, as shares of them, without noise and errors of what the board knows."""
+    arm = Arm(name, engine, values, seed=1, disturbed=0.0)
+    mass = 0.5 * arm.payload
+    for simulation in arm.carrying(mass, mass, thresholds):
+        pushes = list(arm.pushed(simulation, count, thresholds))
+    return [round(abs(push.shown / push.torque - 1.0), 4) for push in pushes]
 
 
 def cost() -> list[float]:
@@ -434,6 +459,7 @@ def table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
         "after (median, last)",
         "right within 10 %",
         "greatest error",
+        "without noise and errors",
         "ended in a fault",
         "threshold with 10 % more payload",
     ]
@@ -454,6 +480,8 @@ def table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
             f"{1e3 * median(seen):.0f} ms, {1e3 * max(seen):.0f} ms",
             f"{sum(one <= RIGHT for one in errors)} of {len(pushes)}",
             f"{100.0 * max(errors):.0f} %",
+            f"{sum(one <= RIGHT for one in row['exact'])} of {len(row['exact'])}, "
+            f"{100.0 * max(row['exact']):.1f} %",
             str(sum(bool(push.get("fault")) for push in pushes)),
             span(np.array(row["unknown"])[some] / limits[some]),
         ]
