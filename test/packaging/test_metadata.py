@@ -31,6 +31,7 @@ OPTIONAL = {
     "icub_models",
     "matplotlib",
     "moteus",
+    "msgpack",  # of a bus by UDP multicast
     "mujoco",
     "optuna",
     "scipy",
