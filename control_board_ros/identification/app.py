@@ -44,7 +44,7 @@ def write(args: argparse.Namespace) -> int:
         from .files import summary, write_parameters, write_report
         from .outcome import identify
         from .recorded import recorded
-        from .tables import read_robot, words_of
+        from .tables import BAGS, read_robot, words_of
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "scipy":
             raise
@@ -61,6 +61,11 @@ def write(args: argparse.Namespace) -> int:
         rows = sum(record.time.size for record in records)
         minutes = sum(float(record.time[-1] - record.time[0]) for record in records) / 60.0
         print(f"used: {rows} rows, {minutes:.1f} min, stretches without a gap: {len(records)}")
+    elif args.data[0].is_file() and args.data[0].suffix not in BAGS:
+        raise IdentificationError(
+            f"{args.data[0]} is a table: give --robot, and --column SIGNAL=COLUMNS:UNIT for time, "
+            "position, and current or torque"
+        )
     elif len(args.data) > 1:
         raise IdentificationError("several recordings: give one, or tables with --column")
     else:

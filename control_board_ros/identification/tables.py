@@ -60,6 +60,8 @@ TORN = 5.0
 MOVED, MOVED_SLIDING = 0.05, 5e-3
 #: Fields of messages with the names of joints.
 NAMED = ("name", "names", "joint_names")
+#: Files of bags.
+BAGS = (".mcap", ".db3")
 #: Kind of motion of a log.
 LOG = "log"
 RANGE = re.compile(r"(\d+)-(\d+)")
@@ -398,7 +400,7 @@ def read_log(path: Path, words: Mapping[str, str], robot: Robot) -> list[Record]
         IdentificationError, RecordingError: it cannot be read, or shows nothing.
     """
     sources = sources_of(words, robot.names, [robot.kind(name) for name in robot.names])
-    bag = path.is_dir() or path.suffix in (".mcap", ".db3")
+    bag = path.is_dir() or path.suffix in BAGS
     whole = series_of_bag(path, sources) if bag else series_of_table(path, sources)
     ends = [np.abs(robot.numbers(f"limits.hard_{side}")) for side in ("lower", "upper")]
     bounds = {

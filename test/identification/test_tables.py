@@ -273,6 +273,8 @@ def test_the_command_writes_what_identify_writes(
     words = [str(log), "-o", str(output), "--no-payload", "--columns", str(columns)]
     assert main(words) == 1
     assert "give --robot" in capsys.readouterr().err
+    assert main([str(log), "-o", str(output)]) == 1
+    assert "is a table: give --robot, and --column" in capsys.readouterr().err
     assert main([*words, "--robot", str(urdf), "--alarms", "1", "--joint", "lift"]) == 0
     found = yaml.safe_load(output.read_text("utf-8"))["/**"]["ros__parameters"]
     assert list(found) == ["lift"]
