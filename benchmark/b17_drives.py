@@ -4,7 +4,8 @@
 Both talk to the same virtual drives in the same process, so that what is compared is the driver:
 set-points to frames, answers to readings. The bare one makes python-can's messages of the frames
 of one exchange, sends them, and reads as many answers without looking at them. Both wait for every
-answer. The joints are at rest: physics is part of neither; garbage is collected as in the node,
+answer. The joints hold their position; once they have power, no time passes for them: physics is
+part of neither; garbage is collected as in the node,
 of what was made since the start.
 """
 
@@ -16,14 +17,14 @@ from collections.abc import Callable
 
 import can
 import numpy as np
-from common import Effort, Figure, at_most, number
+from common import Effort, Figure, at_most, number, time_until
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import VALUES, SetPoints, Value
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Setup
 from control_board_ros.plants.moteus.driver import make
-from control_board_ros.plants.moteus.virtual import VirtualMoteus, virtual_bus
+from control_board_ros.plants.moteus.virtual import POSITION, VirtualMoteus, virtual_bus
 from control_board_ros.plants.virtual.world import free_world
 
 JOINTS, PERIOD = 6, 2e-3
@@ -39,7 +40,8 @@ def run(effort: Effort) -> list[Figure]:
     names = tuple(f"joint_{k}" for k in range(JOINTS))
     axes = make(names, {}).axes
     drives = [VirtualMoteus(axis.id) for axis in axes]
-    world = free_world(axes, drives, clock=lambda: 0.0)
+    clock = time_until(lambda: all(drive.mode == POSITION for drive in drives))
+    world = free_world(axes, drives, clock=clock)
     bus = virtual_bus(world, drives)
     plant = make(names, {"bus": bus.address})
     try:
@@ -48,8 +50,12 @@ def run(effort: Effort) -> list[Figure]:
         values[Value.POSITION] = 0.3
         kinds = np.full(JOINTS, SetPoint.POSITION, dtype=np.int8)
         wanted = SetPoints(kinds, values, np.ones(JOINTS))
+        while any(drive.mode != POSITION for drive in drives):
+            plant.exchange(wanted)
         frames = _frames(plant, wanted)
         ours, overruns = _measured(lambda: plant.exchange(wanted), seconds)
+        if any(faults := plant.exchange(wanted).faults):
+            raise RuntimeError(f"drives have faults: {faults}")
     finally:
         plant.close()
     channel = bus.address.partition(":")[2]

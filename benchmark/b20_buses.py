@@ -2,7 +2,8 @@
 """B20: twelve joints on three virtual moteus buses at 500 Hz, each bus in a thread of its own.
 
 The drives are on three processes, as they would be on three adapters, and this one is only the
-board's side: drivers and buses. Figures are of this process. The joints are at rest.
+board's side: drivers and buses. Figures are of this process. The joints hold their position; once
+they have power, no time passes for them: physics is no part of it.
 
 Beside it, what the computer allows at best: one loop on bare sockets sends as many datagrams of
 the same lengths to as many processes, which answer each unread, and waits for the answers as long.
@@ -19,11 +20,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 from common import Effort, Figure, at_most, number, percentile
 
-from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.core.terms.drives import DriveReport, SetPoint
 from control_board_ros.core.terms.measurement import VALUES, SetPoints, Value
 from control_board_ros.plants.buses import PATIENCE, Buses
 from control_board_ros.plants.interface import Setup
@@ -46,12 +48,14 @@ while (found := line.recvfrom(4096))[0]:
 #: Drives of free joints on a bus, until stdin ends.
 DRIVES = """
 import sys
+from common import time_until
 from control_board_ros.plants.moteus.driver import make
-from control_board_ros.plants.moteus.virtual import VirtualMoteus, virtual_bus
+from control_board_ros.plants.moteus.virtual import POSITION, VirtualMoteus, virtual_bus
 from control_board_ros.plants.virtual.world import free_world
 axes = make(tuple(sys.argv[2].split(",")), {"ids": sys.argv[3]}).axes
 drives = [VirtualMoteus(axis.id) for axis in axes]
-bus = virtual_bus(free_world(axes, drives, clock=lambda: 0.0), drives, sys.argv[1])
+clock = time_until(lambda: all(drive.mode == POSITION for drive in drives))
+bus = virtual_bus(free_world(axes, drives, clock=clock), drives, sys.argv[1])
 print("ready", flush=True)
 sys.stdin.read()
 bus.close()
@@ -80,9 +84,12 @@ def run(effort: Effort) -> list[Figure]:
         wanted = SetPoints(np.full(n, SetPoint.POSITION, dtype=np.int8), values, np.ones(n))
         try:
             buses.connect(Setup(period=PERIOD, timeout=TIMEOUT, joints=(None,) * n))
+            with_power(buses, wanted)
             late, took, cpu, missed = _measured(
                 lambda: int(np.count_nonzero(buses.exchange(wanted).ages)), n, seconds
             )
+            if any(faults := buses.exchange(wanted).faults):
+                raise RuntimeError(f"drives have faults: {faults}")
         finally:
             buses.close()
     with bare_lines() as lines:
@@ -113,6 +120,7 @@ def drives(addresses: list[str], names: list[tuple[str, ...]], ids: list[str]) -
             [sys.executable, "-c", DRIVES, address, ",".join(own), numbers],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            cwd=Path(__file__).parent,
         )
         for address, own, numbers in zip(addresses, names, ids, strict=True)
     ]
@@ -124,6 +132,12 @@ def drives(addresses: list[str], names: list[tuple[str, ...]], ids: list[str]) -
     finally:
         for one in made:
             one.communicate()
+
+
+def with_power(buses: Buses, wanted: SetPoints) -> None:
+    """Exchange until all drives report their power."""
+    while not all(one.power for one in buses.exchange(wanted).drives or [DriveReport()]):
+        time.sleep(PERIOD)
 
 
 @contextmanager

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Literal, TypeVar
@@ -37,6 +38,11 @@ class Goal:
         if self.sense == "≥":
             return value >= self.bound
         return value == self.bound
+
+
+def time_until(over: Callable[[], bool]) -> Callable[[], float]:
+    """A clock, s, for a virtual world: no time passes while something is so."""
+    return lambda: -math.inf if over() else time.monotonic()
 
 
 def at_most(bound: float) -> Goal:
