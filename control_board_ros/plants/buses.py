@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several buses as one plant: each exchanges in a thread of its own, in parallel.
+"""Several buses as one plant, which exchange in parallel.
+
+Those with a socket share one loop, in the thread of the caller: set-points to all, then what
+arrives on any. Each other one has a thread, as a call of its library may wait: threads that hand
+over to each other for each frame make two of three answers late on a busy computer.
 
 A bus that is late for an exchange continues with it: its joints keep their last reading, with its
 age, and the late answer is used in the next exchange. The bus then receives the present
@@ -10,12 +14,13 @@ again by itself (S10).
 from __future__ import annotations
 
 import contextlib
+import select
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -31,8 +36,28 @@ LEAVING, FIRST, RETRY = 1.0, 5.0, 0.2
 COUNTED: dict[str, Any] = {"lost": np.bool_, "dropped": np.float64}
 
 
+class Polled(DrivePlant, Protocol):
+    """A plant whose exchange is in parts, none of which waits; see ``DrivesPlant``."""
+
+    def fileno(self) -> int | None:
+        """The number of a socket that shows when an answer arrives; None: it has none now."""
+        ...
+
+    def begin(self, wanted: SetPoints) -> None:
+        """Send set-points."""
+        ...
+
+    def read(self) -> bool:
+        """Read what has arrived; true where no answer is awaited any more."""
+        ...
+
+    def finish(self) -> Readings:
+        """The readings."""
+        ...
+
+
 class Bus:
-    """A plant in a thread of its own, and its last answer.
+    """A plant, its thread, and its last answer.
 
     A bus that raises is connected again, every RETRY seconds, with all its joints without power;
     the others do not notice (S10).
@@ -72,9 +97,25 @@ class Bus:
             self._pending = self.do(lambda: self._exchange(mine, resets))
         return self._pending
 
+    def begin(self, plant: Polled, wanted: SetPoints) -> None:
+        """Send its set-points, after the faults that are to be reset."""
+        own, resets = self.columns, self._resets
+        self._resets, self.started = [], time.monotonic()
+        for joint in resets:
+            plant.clear_fault(joint)
+        plant.begin(SetPoints(wanted.kinds[own], wanted.values[:, own], wanted.released[own]))
+
     def clear_fault(self, joint: int) -> None:
         """Reset the fault of a drive with the next exchange."""
         self._resets.append(joint)
+
+    @property
+    def polled(self) -> Polled | None:
+        """Its plant, where it can exchange in parts now."""
+        number: Callable[[], int | None] | None = getattr(self.plant, "fileno", None)
+        if self._pending is not None or self.error or number is None or number() is None:
+            return None
+        return cast(Polled, self.plant)
 
     def finish(self) -> bool:
         """Store the answer of a finished exchange; false while it is pending."""
@@ -82,11 +123,15 @@ class Bus:
             return False
         done, self._pending = self._pending, None
         if (error := done.exception()) is None:
-            self.last, self.error = done.result(), ""
-            self.drives = self.last.drives or self.drives
+            self.store(done.result())
         else:
             self.fail(error)
         return True
+
+    def store(self, answer: Readings) -> None:
+        """Keep an answer."""
+        self.last, self.error = answer, ""
+        self.drives = answer.drives or self.drives
 
     def fail(self, error: BaseException) -> None:
         """Report an error, and connect again."""
@@ -156,15 +201,52 @@ class Buses:
 
     def exchange(self, wanted: SetPoints) -> Readings:
         """Exchange with all buses in parallel; only the first readings are waited for."""
-        pending = [bus.exchange(wanted) for bus in self._buses if not bus.error]
-        wait(pending, FIRST if self._first else PATIENCE * self._period)
+        polled = {k: plant for k, bus in enumerate(self._buses) if (plant := bus.polled)}
+        apart = [bus for k, bus in enumerate(self._buses) if k not in polled and not bus.error]
+        pending = [bus.exchange(wanted) for bus in apart]
+        end = time.monotonic() + PATIENCE * self._period
+        fresh = self._poll(polled, wanted, end)
+        wait(pending, FIRST if self._first else max(0.0, end - time.monotonic()))
         self._first = False
         ages = np.zeros(self._count)
         for k, bus in enumerate(self._buses):
+            if k in fresh:
+                continue
             if not bus.finish() or bus.error:
                 self.late[k] += not bus.error
                 ages[bus.columns] = time.monotonic() - bus.started + self._period
         return self._joined(ages)
+
+    def _poll(self, polled: dict[int, Polled], wanted: SetPoints, end: float) -> set[int]:
+        """Exchange with buses that have sockets, until a time, s; those without an error."""
+        waiting: dict[int, int] = {}
+        for k, plant in polled.items():
+            with self._failing(k):
+                self._buses[k].begin(plant, wanted)
+                if (number := plant.fileno()) is not None:
+                    waiting[number] = k
+        while waiting and (left := end - time.monotonic()) > 0.0:
+            for number in select.select([*waiting], [], [], left)[0]:
+                k, over = waiting[number], True
+                with self._failing(k):
+                    over = polled[k].read()
+                if over:
+                    del waiting[number]
+        fresh = set()
+        for k, plant in polled.items():
+            if not self._buses[k].error:
+                with self._failing(k):
+                    self._buses[k].store(plant.finish())
+                    fresh.add(k)
+        return fresh
+
+    @contextlib.contextmanager
+    def _failing(self, k: int) -> Iterator[None]:
+        """An error is that of one bus (S10)."""
+        try:
+            yield
+        except Exception as error:  # noqa: BLE001 - whatever it is
+            self._buses[k].fail(error)
 
     def _joined(self, ages: Array) -> Readings:
         """Readings of all joints.

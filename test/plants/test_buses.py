@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 
 import numpy as np
@@ -222,6 +223,96 @@ def test_all_buses_are_let_go(three) -> None:
     servos, buses = three
     buses.let_go()
     assert [one.went for one in servos] == [0, 0, 0]
+
+
+class Polled(Servos):
+    """Servos whose answers come by a socket; see ``buses.Polled``.
+
+    Attributes: far (sends an answer for each joint), missing (answers that are awaited), fails
+        (the part of an exchange that raises).
+    """
+
+    def __init__(self, *names: str) -> None:
+        super().__init__(*names)
+        self.near, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.near.setblocking(False)
+        self.missing, self.fails, self.silent = 0, "", False
+        self.threads: set[int] = set()
+
+    def fileno(self):
+        return self.near.fileno()
+
+    def _do(self, part):
+        self.threads.add(threading.get_ident())
+        if self.fails == part:
+            raise OSError(part)
+
+    def begin(self, wanted):
+        self._do("begin")
+        self.wanted, self.missing = wanted, len(self.position)
+        for _ in range(0 if self.silent else self.missing):
+            self.far.send(b"answer")
+
+    def read(self):
+        self._do("read")
+        while self.missing:
+            try:
+                self.near.recv(9)
+            except BlockingIOError:
+                return False
+            self.missing -= 1
+        return True
+
+    def finish(self):
+        self._do("finish")
+        return self.exchange(self.wanted)
+
+    def close(self):
+        super().close()
+        self.near.close()
+        self.far.close()
+
+
+@pytest.fixture
+def polled():
+    servos = [Polled("a", "b"), Polled("c"), Servos("d", "e", "f")]
+    buses = Buses(servos)
+    buses.connect(Setup(period=0.2, timeout=1.0, joints=(None,) * 6))
+    yield servos, buses
+    buses.close()
+
+
+def test_buses_with_sockets_share_the_loop_of_the_caller(polled) -> None:
+    """Set-points to all, then what arrives on any; a bus without one has a thread beside it."""
+    servos, buses = polled
+    found = until(buses, lambda found: not any(found.faults))
+    assert found.position.tolist() == [0.5] * 6
+    assert servos[0].threads == servos[1].threads == {threading.get_ident()}
+    assert servos[0].missing == servos[1].missing == 0
+    buses.clear_fault(2)
+    buses.exchange(at(*[0.5] * 6))
+    assert servos[1].cleared == 0
+
+
+def test_a_bus_whose_drives_are_silent_is_waited_for_once(polled) -> None:
+    """S10: the others have their answers, and its readings are as it judges them."""
+    servos, buses = polled
+    servos[0].silent = True
+    found = buses.exchange(at(1, 2, 3, 4, 5, 6))
+    assert found.position[:3].tolist() == [1.0, 2.0, 3.0]
+    assert (servos[0].missing, servos[1].missing) == (2, 0)
+
+
+@pytest.mark.parametrize("part", ["begin", "read", "finish"])
+def test_a_socket_that_raises_takes_no_other_down(polled, part: str) -> None:
+    """S10, B3: it is connected again by its own thread."""
+    servos, buses = polled
+    servos[0].fails = part
+    found = buses.exchange(at(*[0.5] * 6))
+    assert found.faults[:3] == [f"OSError: {part}"] * 2 + [None]
+    servos[0].fails = ""
+    until(buses, lambda found: not any(found.faults))
+    assert servos[0].went >= 0
 
 
 test_buses_keep_the_contract = plant_contract(lambda: Buses([Servos("a", "b"), Servos("c")]))

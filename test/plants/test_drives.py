@@ -21,6 +21,7 @@ from wire import wired
 
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
+from control_board_ros.core.terms.measurement import SetPoints
 from control_board_ros.plants.cia402.objects import MAX_SPEED
 from control_board_ros.plants.drives import can_frame, can_line
 from control_board_ros.plants.dynamixel.virtual import checksum
@@ -539,6 +540,34 @@ def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -
     to_drives.cut = from_drives.cut = False
     bench.connect()
     recover(bench)
+
+
+def test_an_exchange_in_parts_is_an_exchange(make: Make) -> None:
+    """S10: on CAN set-points go to several buses before the answers of the first are awaited."""
+    bench, apart = make(), make()
+    for one in (bench, apart):
+        one.connect()
+    if not isinstance(bench.bus, VirtualCan):
+        with pytest.raises(TypeError, match="no socket"):
+            apart.plant.begin(SetPoints.off(2))
+    else:
+        apart.plant.exchange = lambda wanted: parts(apart.plant, wanted)  # type: ignore[method-assign]
+    kind = bench.accepts[0]
+    for _ in range(40):
+        found = [one.follow(kind, position=0.1) for one in (bench, apart)]
+        np.testing.assert_array_equal(found[0].position, found[1].position)
+        assert found[0].faults == found[1].faults
+    assert bench.plant.fileno() is None  # a bus of tests has no socket
+
+
+def parts(plant: Any, wanted: SetPoints) -> Readings:
+    """An exchange, part by part."""
+    plant.begin(wanted)
+    for _ in range(3):
+        if plant.read():
+            break
+    found: Readings = plant.finish()
+    return found
 
 
 def test_a_scan_lists_the_drives_that_answer(make: Make) -> None:

@@ -246,6 +246,10 @@ class Run:
         return hash((self.phase, *self.latched, ByValue(bench.clock.now()).of(parts)))
 
 
+#: Attributes of plant and line that are of one exchange only.
+WITHIN = ("_sent", "_before", "_begun", "_missing", "_most")
+
+
 class ByValue:
     """The state of objects by value.
 
@@ -264,7 +268,7 @@ class ByValue:
         "Condition", "Queue", "lock", "NodeScanner", "MessageListener", "NmtMaster", "LssMaster",
         "EmcyProducer", "SyncProducer", "TimeProducer",
     })  # fmt: skip
-    UNREAD = frozenset({"_owed", "frames", "_serial"})
+    UNREAD = frozenset({"_owed", "frames", "_serial", *WITHIN})
 
     def __init__(self, now: float) -> None:
         self._now = now

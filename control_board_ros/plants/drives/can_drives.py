@@ -40,8 +40,13 @@ class CanDrives(ABC):
         raise NotImplementedError
 
     def exchange(self, orders: Mapping[int, Order]) -> None:
+        self.begin(orders)
+        self.line.read(self.line.clock.now() + self._wait)
+
+    def begin(self, orders: Mapping[int, Order]) -> None:
+        """Send orders, whose answers ``line.read`` then takes."""
         self._orders = orders
-        self.line.exchange(self._frames(orders), self._take, orders, self._wait)
+        self.line.begin(self._frames(orders), self._take, orders)
 
     @abstractmethod
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Self
 
@@ -160,15 +161,8 @@ class CanLine:
             missing: Drives whose answers are awaited.
             seconds: Timeout.
         """
-        left = set(missing)
-        end, frames = self.clock.now() + seconds, FLOOD * (len(left) + 1)
-        while left and frames:
-            received = self._receive(max(0.0, end - self.clock.now()))
-            if received is None:
-                return
-            frames -= 1
-            if not received.is_error_frame and (found := take(received)) is not None:
-                left.discard(found)
+        self._expect(take, missing)
+        self.read(self.clock.now() + seconds)
 
     def exchange(
         self,
@@ -178,10 +172,44 @@ class CanLine:
         seconds: float,
     ) -> None:
         """Read what is late, send frames, and gather their answers; see ``gather``."""
+        self.begin(frames, take, missing)
+        self.read(self.clock.now() + seconds)
+
+    def begin(
+        self,
+        frames: Iterable[Frame],
+        take: Callable[[Any], int | None],
+        missing: Iterable[int],
+    ) -> None:
+        """Read what is late, and send frames, whose answers ``read`` then takes."""
         self.drain(take)
         for frame_id, data in frames:
             self.send(frame_id, data)
-        self.gather(take, missing, seconds)
+        self._expect(take, missing)
+
+    def _expect(self, take: Callable[[Any], int | None], missing: Iterable[int]) -> None:
+        self._take, self._missing = take, set(missing)
+        self._most = FLOOD * (len(self._missing) + 1)
+
+    def read(self, end: float = -math.inf) -> bool:
+        """Read frames until every missing drive has answered; false where the time is up.
+
+        Args:
+            end: Of the time, s; by default what has arrived is read, without waiting.
+        """
+        while self._missing and self._most:
+            received = self._receive(max(0.0, end - self.clock.now()))
+            if received is None:
+                return False
+            self._most -= 1
+            if not received.is_error_frame and (found := self._take(received)) is not None:
+                self._missing.discard(found)
+        return True
+
+    def fileno(self) -> int | None:
+        """The number of its socket, that shows when a frame arrives; None: it has none."""
+        number: Callable[[], int] | None = getattr(self._bus, "fileno", None)
+        return number() if number is not None else None
 
     def drain(self, take: Callable[[Any], int | None]) -> None:
         """Read pending frames, which are late answers."""

@@ -108,6 +108,10 @@ class SocketBus(ABC):
             if (found := self._read(datagram)) is not None:
                 return found
 
+    def fileno(self) -> int:
+        """The number of its socket."""
+        return self._socket.fileno()
+
     def shutdown(self) -> None:
         self._socket.close()
         self._bus.shutdown()

@@ -23,6 +23,7 @@ from ...core.terms.measurement import Array, SetPoints, Value
 from ..errors import PlantSettingsError
 from ..interface import Description, DriveFault, JointDescription, Readings, Setup
 from .axes import Axes, Axis, Options
+from .can_drives import CanDrives
 from .clock import Clock
 from .driver import NONE, Answers, Driver, Found, Order, zero_of
 from .faults import RESTARTED, UNCONFIRMED
@@ -142,14 +143,42 @@ class DrivesPlant:
         self.driver.open(setup, self.answers)
         reported, everyone = self.answers.reported, range(len(self.axes))
         while any(one.lost for one in reported):
-            self._exchange({k: self._order(k, OFF, SetPoint.OFF, ()) for k in everyone})
+            orders = {k: self._order(k, OFF, SetPoint.OFF, ()) for k in everyone}
+            self._send(orders, self.driver.exchange)
+            self._judge()
             self.clock.pass_by(min(self._period, PACE))
         self._latched = [None] * len(self.axes)
         self.exchange(self._off)
 
     def exchange(self, wanted: SetPoints) -> Readings:
         """Send set-points and read; a silent drive keeps its last reading."""
-        begin = self.clock.now()
+        self._send(self._orders(wanted), self.driver.exchange)
+        return self.finish()
+
+    def fileno(self) -> int | None:
+        """The number of the socket of its bus; None: it has none, ``exchange`` is all there is."""
+        return self.driver.line.fileno() if isinstance(self.driver, CanDrives) else None
+
+    def begin(self, wanted: SetPoints) -> None:
+        """The first part of an exchange, on a bus with a ``fileno``: send set-points.
+
+        Raises:
+            TypeError: its drives have no such bus.
+        """
+        if not isinstance(self.driver, CanDrives):
+            raise TypeError("the bus of these drives has no socket")
+        self._send(self._orders(wanted), self.driver.begin)
+
+    def read(self) -> bool:
+        """The second: read what has arrived; true where no answer is awaited any more."""
+        return bool(self.driver.line.read())
+
+    def finish(self) -> Readings:
+        """The last: judge what came."""
+        self._judge()
+        return self._readings(self._begun)
+
+    def _orders(self, wanted: SetPoints) -> dict[int, Order]:
         sent = self._axes.to_drive(wanted)
         sent[Value.POSITION] -= self._turned
         values, kinds = sent.T.tolist(), wanted.kinds.tolist()
@@ -162,15 +191,20 @@ class DrivesPlant:
                 self._interviews[k] = None
                 self._latched[k] = str(error)
                 orders[k] = Order(Action.OFF, SetPoint.OFF, values[k])
-        self._exchange(orders)
-        return self._readings(begin)
+        return orders
 
-    def _exchange(self, orders: Mapping[int, Order]) -> None:
-        answers, begin = self.answers, self.clock.now()
-        answers.begin()
-        before = [reported.power for reported in answers.reported]
-        self.driver.exchange(orders)
-        for k, order in orders.items():
+    def _send(
+        self, orders: Mapping[int, Order], tell: Callable[[Mapping[int, Order]], None]
+    ) -> None:
+        self._begun, self._sent = self.clock.now(), orders
+        self.answers.begin()
+        self._before = [reported.power for reported in self.answers.reported]
+        tell(orders)
+
+    def _judge(self) -> None:
+        """What the answers of an exchange say."""
+        answers, begin, before = self.answers, self._begun, self._before
+        for k, order in self._sent.items():
             self._actions[k] = order.action
             if order.interview is None:
                 answers.miss(k)

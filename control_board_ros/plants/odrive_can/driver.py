@@ -151,9 +151,9 @@ class OdriveDrives(CanDrives):
                 right = right and abs(read - value) <= 1e-6
         return right
 
-    def exchange(self, orders: Mapping[int, Order]) -> None:
+    def begin(self, orders: Mapping[int, Order]) -> None:
         self._turn = (self._turn + 1) % len(IN_TURN)
-        super().exchange(orders)
+        super().begin(orders)
 
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         for k, order in orders.items():
