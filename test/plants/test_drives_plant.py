@@ -115,6 +115,8 @@ class Scripted:
     def _say(self, k: int) -> None:
         reported = self.answers.reported[k]
         reported.power, reported.fault = self.power[k], self.faults[k]
+        if math.isnan(self.answers.position[k]):
+            self.answers.position[k] = 0.0
         if self.live:
             reported.law = self.act[k]
         for _ in range(1 + self.surplus[k]):
@@ -278,6 +280,18 @@ def test_a_drive_that_never_answered_is_said_so() -> None:
     rig = Rig(mute={1})
     found = rig.go(OFF, LASTING + 1)
     assert found.faults == [None, "no answer from id 4; is it powered, and its id right?"]
+
+
+def test_a_drive_that_was_never_read_has_no_position_and_gets_no_power() -> None:
+    """B7: its goal of rest would be 0."""
+    rig = Rig(mute={1})
+    found = rig.go(POSITION, position=[0.0, 0.0])
+    assert np.isnan(found.position).tolist() == [False, True]
+    assert found.ages[1] > 0.0
+    assert rig.actions[1] is Action.OFF
+    rig.driver.mute = set()
+    rig.go(POSITION, 3, position=[0.0, 0.0])
+    assert rig.actions == [Action.GOAL] * 2
 
 
 @pytest.mark.parametrize(

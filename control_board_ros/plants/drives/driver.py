@@ -69,7 +69,8 @@ class Answers:
 
     Attributes:
         places: Of the drives, by their ids.
-        position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
+        position, velocity, torque, current, temperature, voltage: rad (NaN: not read yet), rad/s,
+            N·m, A, °C, V.
         motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
             there is none.
         times: Of the last answer of each, s; -inf: none.
@@ -89,6 +90,7 @@ class Answers:
         self.places = {axis.id: k for k, axis in enumerate(axes)}
         (self.position, self.velocity, self.torque, self.current, self.temperature,
          self.voltage) = np.zeros((6, count))  # fmt: skip
+        self.position.fill(math.nan)
         self.motor_position = np.full(count, math.nan)
         self.times = np.full(count, -math.inf)
         self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]

@@ -223,8 +223,9 @@ class DrivesPlant:
         self._notice_clashes()
 
     def _wish(self, k: int, kind: SetPoint) -> Desired:
-        """What the board wants of a drive; none of it while a fault lasts."""
-        if kind is SetPoint.OFF or self._latched[k] is not None or self._turn_faults[k]:
+        """What the board wants of a drive; nothing while a fault lasts, or it was never read."""
+        unread = math.isnan(self.answers.position[k])
+        if kind is SetPoint.OFF or unread or self._latched[k] is not None or self._turn_faults[k]:
             reset, self._resets[k] = self._resets[k], False
             return Desired(None, reset=True) if reset else OFF
         return Desired(self.driver.law(k, kind), self.driver.live)
@@ -363,7 +364,7 @@ class DrivesPlant:
             if not self._turns_due[k] and way[k] > LEAP * self._speeds[k] * seconds:
                 self._lose(k, RESTARTED)
         for k, reported in enumerate(answers.reported):
-            if late[k] or reported.lost:
+            if late[k] or reported.lost or math.isnan(position[k]):
                 continue
             if self._turns_due[k]:
                 self._find_turns(k)
