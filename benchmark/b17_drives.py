@@ -28,8 +28,8 @@ from control_board_ros.plants.moteus.virtual import POSITION, VirtualMoteus, vir
 from control_board_ros.plants.virtual.world import free_world
 
 JOINTS, PERIOD = 6, 2e-3
-#: s to wait for answers, that of a busy machine.
-PATIENCE = 0.5
+#: s to wait for answers, that of a busy machine; s of silence that are a fault.
+PATIENCE, TIMEOUT = 0.5, 5.0
 #: Of bare python-can's CPU, and overruns per cycle in percent, on an idle machine.
 RATIO, OVERRUNS = 1.5, 0.1
 
@@ -45,7 +45,7 @@ def run(effort: Effort) -> list[Figure]:
     bus = virtual_bus(world, drives)
     plant = make(names, {"bus": bus.address})
     try:
-        plant.connect(Setup(period=PATIENCE / 0.6, timeout=0.5, joints=(None,) * JOINTS))
+        plant.connect(Setup(period=PATIENCE / 0.6, timeout=TIMEOUT, joints=(None,) * JOINTS))
         values = np.zeros((VALUES, JOINTS))
         values[Value.POSITION] = 0.3
         kinds = np.full(JOINTS, SetPoint.POSITION, dtype=np.int8)

@@ -31,7 +31,7 @@ from control_board_ros.plants.buses import PATIENCE, Buses
 from control_board_ros.plants.interface import Setup
 from control_board_ros.plants.moteus.driver import make
 
-BUSES, JOINTS, PERIOD, TIMEOUT = 3, 4, 2e-3, 0.5
+BUSES, JOINTS, PERIOD, TIMEOUT = 3, 4, 2e-3, 5.0
 #: Of answers, percent.
 MISSED = 1.0
 #: Bytes of a datagram with a set-point, and of one with an answer.
@@ -136,7 +136,13 @@ def drives(addresses: list[str], names: list[tuple[str, ...]], ids: list[str]) -
 
 def with_power(buses: Buses, wanted: SetPoints) -> None:
     """Exchange until all drives report their power."""
-    while not all(one.power for one in buses.exchange(wanted).drives or [DriveReport()]):
+    while True:
+        found = buses.exchange(wanted)
+        if all(one.power for one in found.drives or [DriveReport()]):
+            return
+        for k, fault in enumerate(found.faults):
+            if fault:  # of a busy computer
+                buses.clear_fault(k)
         time.sleep(PERIOD)
 
 
