@@ -411,7 +411,9 @@ def test_a_scan_prints_answering_drives(bench: Bench, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.slow
-def test_ctrl_c_switches_the_power_off(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_switches_the_power_off(number: int, tmp_path: Path) -> None:
+    """Ctrl-C, and the end that a supervisor asks for."""
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT)
     command = [sys.executable, "-m", "control_board_ros.plants", "try", str(path), "--yes"]
@@ -419,7 +421,7 @@ def test_ctrl_c_switches_the_power_off(tmp_path: Path) -> None:
     assert process.stdout is not None
     while "commanded" not in process.stdout.readline():
         assert process.poll() is None
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, error = process.communicate(timeout=60)
     assert process.returncode == 1
     assert error.strip() == "cbctl: interrupted; all joints are without power"
