@@ -110,13 +110,12 @@ class VirtualMoteus:
 
     def reboot(self) -> None:
         self.conf: dict[str, float] = dict(self.stored)
-        self.mode, self.fault = f.STOPPED, 0
+        self.mode, self._next, self.fault = f.STOPPED, f.STOPPED, 0
         self._console, self._plan = Console(self), Planner()
         self._shift = self.conf["motor_position.output.offset"]
         turn = 1.0 if self.conf[f.OUTPUT_SOURCE] >= 0.0 else abs(self.conf[f.ROTOR_RATIO])
         self._shift -= turn * round(self._position / turn)  # not counted without supply
         self._enabling = self._left = self._integral = 0.0
-        self._next = f.STOPPED
         self._command: dict[int, float] = dict(UNNAMED)
         self.torque = self.current = 0.0
 
