@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_wire import ROWS, WIRES, BadWire, worst
+from iiwa import JOINTS
 
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode
@@ -119,6 +120,42 @@ def test_a_change_of_mode_turns_no_joint_round(row: str, count: int) -> None:
         bench.run(150)
         _, back = worst(bench.speeds, [way, way])
         assert back <= BACK.get(row, 0.02), (before, after)
+    assert not bench.faults
+
+
+@pytest.mark.parametrize("row", ["pwm", "current", "torque"])
+def test_a_push_behind_late_answers_is_held_as_stiffly_as_they_allow(row: str) -> None:
+    """B7: 5 % of the torque limit, and the slower velocity loop has a position loop as fast."""
+    bench = BadWire(row, WIRES["latency"])
+    bench.run(100)
+    bench.enter("pos")
+    place, joint = bench.position[0], bench.board.engine.controller.joints[0]
+    bench.plant.push(0, 0.05 * joint.max_torque)
+    away = []
+    for _ in range(150):
+        bench.run(10)
+        away.append(abs(bench.position[0] - place))
+    assert max(away) < 0.1
+    assert away[-1] < 0.015
+    assert not bench.faults
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+@pytest.mark.parametrize("wire", ["latency", "all"])
+def test_an_arm_whose_loops_are_the_board_s_ends_a_move_near_its_target(wire: str) -> None:
+    """B7: torque drives with the default gains, all joints at once, with their weight."""
+    bench = BadWire("torque", WIRES[wire], joints=JOINTS, physics="pybullet")
+    bench.run(400)
+    bench.enter("pos")
+    ways = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
+    target = bench.position + 0.3 * ways
+    assert bench.board.position_move(None, target.tolist(), [0.4] * 7)
+    while not all(bench.board.check_motion_done(None)):
+        bench.run(10)
+    assert np.abs(bench.position - target).max() < 0.06
+    bench.run(1500)
+    assert np.abs(bench.position - target).max() < 0.02
     assert not bench.faults
 
 

@@ -33,7 +33,7 @@ PARAMETERS = {
 
 
 class BadWire:
-    """Two joints of the iiwa, each an inertia behind a drive, behind a wire.
+    """Joints of the iiwa, each an inertia behind a drive, behind a wire; two, unless asked for.
 
     Args:
         row: The set-point that the drives take.
@@ -55,7 +55,9 @@ class BadWire:
         self.period = made.board.period
         self.limit = np.array([joint.limits.velocity for joint in made.board.joints])
         self.board = made_board(made)
-        self.plant = SimulatedPlant(made.board, replace(made.simulation, urdf=None))
+        ideal = values["physics"] == "ideal"
+        simulation = replace(made.simulation, urdf=None) if ideal else made.simulation
+        self.plant = SimulatedPlant(made.board, simulation)
         self._speeds: list[Array] = []
         self.faults: set[str] = set()
 

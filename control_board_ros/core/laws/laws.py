@@ -138,6 +138,8 @@ FED = cython.declare(cython.int, 64)
 #: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
 WIRE_PHASE = cython.declare(cython.double, 0.2)
+#: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
+SEPARATION = cython.declare(cython.double, 0.25)
 #: Time constant of the feedback that a coasting joint keeps, s.
 HOLD_FILTER = cython.declare(cython.double, 0.03)
 #: Part of the torque limit that the error of a reference may be worth after a gap.
@@ -899,6 +901,7 @@ class Joint:
     blind = cython.declare(cython.bint, visibility="public")  # for more than GAP periods
     coasts = cython.declare(cython.bint, visibility="public")  # and by the board's loop
     calm = cython.declare(cython.double, visibility="public")  # bandwidth that the age leaves, 0…1
+    spring = cython.declare(cython.double, visibility="public")  # part of kp that this allows, 0…1
     feedback = cython.declare(cython.double, visibility="public")  # filtered, without integral
 
     # --- measured and observed --------------------------------------------------------------
@@ -962,7 +965,7 @@ class Joint:
         self.direct_age = self.sample_age = INFINITE
         self.alone = True
         self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
-        self.calm = 1.0
+        self.calm = self.spring = 1.0
         self.contact = self.had_contact = False
 
     # --- requests ---------------------------------------------------------------------------
@@ -1364,9 +1367,11 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
 
     Without a fresh reading for GAP periods more than usual a joint is blind; where the board
     closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit;
-    within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``.
+    within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``,
+    with a position loop in it as fast as SEPARATION allows, if not as configured.
     """
-    speed: cython.double = j.position_pid.kd / j.inertia_min  # of the loop, 1/s
+    p: Pid = j.position_pid
+    speed: cython.double = p.kd / j.inertia_min  # of the loop, 1/s
     if between < 0.5 * j.elapsed:  # it is the same reading
         j.missed += j.elapsed
     else:
@@ -1376,9 +1381,12 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
             j.wire = 0.0
     if j.kind >= AS_VELOCITY:
         speed = j.pursuit
-    j.calm = 1.0
+    j.calm = j.spring = 1.0
     if speed * j.wire > WIRE_PHASE:
         j.calm = WIRE_PHASE / (speed * j.wire)
+        j.spring = j.calm * j.calm
+        if j.kind < AS_VELOCITY and p.kp > 0.0:
+            j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
     j.blind = j.missed > GAP * j.period + j.wire
     if j.blind and j.kind < AS_VELOCITY:
         j.coasts = True
@@ -1942,7 +1950,7 @@ def position_law(j: Joint) -> cython.double:
 def keep_feedback(j: Joint) -> cython.void:
     """Filter the feedback: what a joint that coasts keeps of it is its load (B7)."""
     p: Pid = j.position_pid
-    feedback: cython.double = p.kp * p.error * (j.calm * j.calm) + p.kd * p.derivative * j.calm
+    feedback: cython.double = p.kp * p.error * j.spring + p.kd * p.derivative * j.calm
     j.feedback += j.period / (j.period + HOLD_FILTER) * (feedback - j.feedback)
 
 
@@ -1950,12 +1958,9 @@ def keep_feedback(j: Joint) -> cython.void:
 def soften(j: Joint) -> cython.double:
     """The torque of the position PID for a loop slower by ``calm``."""
     p: Pid = j.position_pid
-    p.integral -= (1.0 - j.calm * j.calm * j.calm) * (p.integral - p.previous)
+    p.integral -= (1.0 - j.spring * j.calm) * (p.integral - p.previous)
     return (
-        p.kff * p.reference
-        + p.kp * p.error * (j.calm * j.calm)
-        + p.integral
-        + p.kd * p.derivative * j.calm
+        p.kff * p.reference + p.kp * p.error * j.spring + p.integral + p.kd * p.derivative * j.calm
     )
 
 
@@ -2058,7 +2063,7 @@ def hold_torque(j: Joint, share: cython.double) -> cython.double:
     firm: cython.double = share * j.max_torque
     if p.kp > 0.0:
         j.hold_place = clamp(j.hold_place, j.position - firm / p.kp, j.position + firm / p.kp)
-    spring: cython.double = p.kp * (j.calm * j.calm)
+    spring: cython.double = p.kp * j.spring
     damper: cython.double = p.kd * j.calm
     return clamp(spring * (j.hold_place - j.position) - damper * j.velocity, -firm, firm)
 
@@ -2375,7 +2380,7 @@ def hand_down_spring(j: Joint, feed: cython.double) -> cython.void:
         pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
         soften(j)
     hand_down_path(j, feed)
-    j.set_stiffness, j.set_damping = p.kp * (j.calm * j.calm), p.kd * j.calm
+    j.set_stiffness, j.set_damping = p.kp * j.spring, p.kd * j.calm
 
 
 # --- the cycle ------------------------------------------------------------------------------
