@@ -120,14 +120,6 @@ def tf_message(edges: Sequence[Edge], poses: Array, stamp: Any, prefix: str = ""
     )
 
 
-def fill_tf(message: TFMessage, poses: Array, stamp: Any) -> None:
-    """Put other poses, of shape (len(edges), 7), and another time into a message of frames."""
-    for frame, pose in zip(message.transforms, poses.tolist(), strict=True):
-        frame.header.stamp = stamp
-        place, turn = frame.transform.translation, frame.transform.rotation
-        place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = pose
-
-
 def quaternions_of_rpy(angles: Array) -> Array:
     """Unit quaternions x, y, z, w, shape (m, 4), of roll, pitch and yaw about fixed axes, rad."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(0.5 * angles).T, np.sin(0.5 * angles).T

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from control_board_msgs.msg import BoardState
 from rclpy.impl import rcutils_logger
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from control_board_ros import operations, startup
@@ -30,6 +30,7 @@ from control_board_ros.node.loop.timing import take_priority
 from control_board_ros.node.process.console import KnownError
 from control_board_ros.node.process.start import lock_name
 from control_board_ros.node.wiring import messages
+from control_board_ros.node.wiring.prepared import prepared_state
 from control_board_ros.node.wiring.reporter import ThrottledLog
 
 
@@ -161,11 +162,11 @@ def test_faults_as_messages() -> None:
 @pytest.mark.parametrize("kind", [JointState, BoardState])
 def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
     """Whatever the names: every field has one entry per joint, from its own row."""
-    from control_board_ros.node.wiring.publishing import BOARD_STATE, JOINT_STATE, of_snapshots
+    from control_board_ros.node.wiring.publishing import BOARD_STATE, JOINT_STATE
 
     sources, count = {JointState: JOINT_STATE, BoardState: BOARD_STATE}[kind], len(names)
     field_of_names = "name" if kind is JointState else "names"
-    fill = of_snapshots(kind(**{field_of_names: list(names)}), sources)
+    template = prepared_state(kind(**{field_of_names: list(names)}), sources, count)
     rows = len(Row) + len(Reference)
     for first in (0.0, -1e300, math.nan):
         block = np.arange(1.0, 1.0 + rows * count).reshape(rows, count)
@@ -175,7 +176,7 @@ def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
         snapshot = Snapshot(
             1.5, 7, block, done, rejected, ~done, block[0], done, 0, ~done, contacts=rejected
         )
-        message = deserialize_message(serialize_message(fill(snapshot, 3_000_000_007)), kind)
+        message = deserialize_message(template.of(snapshot, 3_000_000_007), kind)
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 7)
         assert message.header.frame_id == ""
         assert list(getattr(message, field_of_names)) == list(names)

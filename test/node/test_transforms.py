@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""/tf: a message that is filled again, and a board that publishes it."""
+"""/tf: bytes that read as the message, and a board that publishes them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 from waiting import until
 
-from control_board_ros.frames import POSE, Edge, fill_tf, tf_message
+from control_board_ros.frames import POSE, Edge, tf_message
+from control_board_ros.node.wiring import prepared
 from control_board_ros.node.wiring.messages import stamp
-from control_board_ros.node.wiring.transforms import frames_of
+from control_board_ros.node.wiring.transforms import frames_of, prepared_frames
 from control_board_ros.settings.loading import load
 from control_board_ros.testing import board_process, ros_node
 
@@ -23,16 +25,28 @@ STAMP = 1_500_000_000_000_000_001
 EDGES = [Edge("b" * k, f"link_{k}") for k in range(1, 10)]
 
 
-@pytest.mark.parametrize("count", [0, 1, 9])
+@pytest.mark.parametrize("count", [0, 1, 2, 9])
 @pytest.mark.parametrize("prefix", ["", "left/"])
-def test_a_message_that_is_filled_again_is_a_new_one(count: int, prefix: str) -> None:
-    random, edges = np.random.default_rng(1), EDGES[:count]
-    message = tf_message(edges, np.zeros((count, POSE)), stamp(0), prefix)
-    for k in range(3):
-        poses = random.normal(size=(count, POSE))
-        fill_tf(message, poses, stamp(STAMP + k))
-        assert message == tf_message(edges, poses, stamp(STAMP + k), prefix)
-    assert all(one.header.frame_id.startswith(prefix + "b") for one in message.transforms)
+def test_the_bytes_read_as_the_message(count: int, prefix: str) -> None:
+    made = prepared_frames(EDGES[:count], prefix)
+    assert made.fallback == ""
+    for seed in range(3):
+        poses = np.random.default_rng(seed).normal(size=(count, POSE))
+        sent = made.of(poses, STAMP + seed)
+        assert isinstance(sent, bytes)
+        meant = tf_message(EDGES[:count], poses, stamp(STAMP + seed), prefix)
+        assert deserialize_message(sent, TFMessage) == meant
+        assert all(one.header.frame_id.startswith(prefix + "b") for one in meant.transforms)
+
+
+def test_complete_messages_where_the_layout_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slower, and the same."""
+    real = prepared.serialize_message
+    monkeypatch.setattr(prepared, "serialize_message", lambda m: real(m) + real(m))
+    made = prepared_frames(EDGES)
+    assert "are in" in made.fallback
+    poses = np.ones((len(EDGES), POSE))
+    assert made.of(poses, STAMP) == tf_message(EDGES, poses, stamp(STAMP))
 
 
 @pytest.mark.ros

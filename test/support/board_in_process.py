@@ -19,6 +19,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from control_board_msgs.msg import BoardState
+from rclpy.serialization import deserialize_message
 from rig import Rig
 
 from control_board_ros.client import BoardError, State
@@ -34,7 +35,8 @@ from control_board_ros.joint_limits import FIELDS, JointLimits
 from control_board_ros.node.loop.snapshots import Snapshots
 from control_board_ros.node.loop.timing import TimeBase
 from control_board_ros.node.wiring.messages import joint_modes
-from control_board_ros.node.wiring.publishing import BOARD_STATE, Physical, of_snapshots
+from control_board_ros.node.wiring.prepared import prepared_state
+from control_board_ros.node.wiring.publishing import BOARD_STATE, Physical
 from control_board_ros.node.wiring.services import Services
 from control_board_ros.node.wiring.topics import CommandTopics
 from control_board_ros.settings import loading as settings
@@ -68,7 +70,7 @@ class InProcess:
         self.warnings: list[tuple[str, str]] = []
         self.rig = Rig(made.board, SimulatedPlant(made.board, replace(made.simulation, urdf=None)))
         group = self.rig.board
-        self._state_message = of_snapshots(BoardState(names=self.names), BOARD_STATE)
+        self._message = prepared_state(BoardState(names=self.names), BOARD_STATE, group.count)
         self._snapshots = Snapshots(group, TimeBase(simulated=True, shrinkage=0))
         self._snapshots.note_changes()
         self.states: deque[State] = deque(maxlen=KEPT)
@@ -171,7 +173,8 @@ class InProcess:
 
     def state(self) -> State:
         """What the board shows now, by its message."""
-        message = self._state_message(self.rig.board.snapshot(), self._snapshots.now())
+        data = self._message.of(self.rig.board.snapshot(), self._snapshots.now())
+        message = deserialize_message(data, BoardState) if isinstance(data, bytes) else data
         check_state(message)
         return State.of(message)
 

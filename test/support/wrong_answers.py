@@ -62,20 +62,22 @@ def refusals_in_the_boards_order(old: Any, self: Any, request: Any, response: An
 def a_state_with_fields_of_length_one() -> None:
     from control_board_ros.node.wiring import publishing
 
-    made = publishing.of_snapshots
+    made = publishing.prepared_state
 
     def shortened(*given: Any) -> Any:
-        fill = made(*given)
+        state = made(*given)
+        whole, state.fallback = state._message, "wrong"
 
         def short(snapshot: Any, nanoseconds: int) -> Any:
-            message = fill(snapshot, nanoseconds)
+            message = whole(snapshot, nanoseconds)
             if hasattr(message, "torque"):
                 message.torque = message.torque[:1]
             return message
 
-        return short
+        state._message = short
+        return state
 
-    publishing.of_snapshots = shortened
+    publishing.prepared_state = shortened
 
 
 @replaces("D2", "core.machine.commands:Commands.command")

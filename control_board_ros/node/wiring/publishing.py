@@ -11,9 +11,8 @@ simulated second.
 from __future__ import annotations
 
 import threading
-from array import array
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
@@ -39,11 +38,11 @@ from ...interface import (
     STATE,
     Endpoint,
 )
-from ...operations import doubles
 from ..loop.loop import ControlLoop, Member
 from ..loop.pulse import Pulse
 from ..loop.timing import sharpen_timers
 from .messages import joint_faults, joint_modes, set_stamp
+from .prepared import prepared_state
 from .trajectories import controller_state
 
 #: Time limit of each kind of message to arrive, at the end.
@@ -61,37 +60,10 @@ BOARD_STATE = {
 }
 
 
-#: A field's value from an array of the snapshot, by the field's type.
-CONVERSIONS: dict[str, Callable[[Any], Any]] = {
-    "sequence<double>": doubles,
-    "sequence<uint64>": lambda counts: array("Q", counts.astype(np.uint64).tobytes()),
-    "sequence<boolean>": np.ndarray.tolist,
-}
-
-
 def publisher(node: Node, topic: Endpoint) -> Any:
     return node.create_publisher(
         topic.load(), topic.name, topic.qos.profile(), event_callbacks=QUIET
     )
-
-
-def of_snapshots(message: Any, sources: Mapping[str, str]) -> Callable[[Any, int], Any]:
-    """Fills a message, with its names set, from one snapshot and its stamp (ns) after the other.
-
-    Args:
-        message: the one that each call fills and returns.
-        sources: for each field of numbers, the snapshot's attribute.
-    """
-    types = message.get_fields_and_field_types()
-    fields = [(field, source, CONVERSIONS[types[field]]) for field, source in sources.items()]
-
-    def fill(snapshot: Any, nanoseconds: int) -> Any:
-        set_stamp(message.header.stamp, nanoseconds)
-        for field, source, converted in fields:
-            setattr(message, field, converted(getattr(snapshot, source)))
-        return message
-
-    return fill
 
 
 class Physical(NamedTuple):
@@ -143,8 +115,10 @@ class StatePublisher:
         self._clock: Any = None
         self._coupling = coupling
         shown = names if coupling is None else coupling.physical_joints
-        self._joint_state = of_snapshots(JointState(name=list(shown)), JOINT_STATE)
-        self._board_state = of_snapshots(BoardState(names=list(names)), BOARD_STATE)
+        self._joint_state = prepared_state(JointState(name=list(shown)), JOINT_STATE, len(shown))
+        self._board_state = prepared_state(BoardState(names=list(names)), BOARD_STATE, len(names))
+        if reason := self._board_state.fallback or self._joint_state.fallback:
+            node.get_logger().info(reason)
         self._clock_message = Clock()
         self._published_faults: object = None
         if description is not None:
@@ -175,9 +149,9 @@ class StatePublisher:
             if self._joint_states.get_subscription_count():
                 coupling = self._coupling
                 readings = snapshot if coupling is None else Physical.of(snapshot, coupling)
-                self._joint_states.publish(self._joint_state(readings, stamp))
+                self._joint_states.publish(self._joint_state.of(readings, stamp))
             if self._states.get_subscription_count():
-                self._states.publish(self._board_state(snapshot, stamp))
+                self._states.publish(self._board_state.of(snapshot, stamp))
             if self._controller_states.get_subscription_count():
                 self._controller_states.publish(controller_state(self._names, snapshot, stamp))
             for publish in self.also:

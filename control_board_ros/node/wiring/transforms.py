@@ -9,14 +9,16 @@ import numpy as np
 from rclpy.node import Node
 
 from ...core.state import Snapshot
+from ...core.terms.measurement import Array
 from ...description.couplings import coupling_of
 from ...description.urdf import Urdf
-from ...frames import Frames, fill_tf, tf_message
+from ...frames import POSE, Edge, Frames, tf_message
 from ...interface import TF, TF_STATIC
 from ...settings.loading import Settings
 from ...urdf_xml import joints_in
 from ..loop.loop import ControlLoop
-from .messages import stamp
+from .messages import split_time, stamp
+from .prepared import MARK, STAMP, PreparedMessage
 from .publishing import StatePublisher, publisher
 
 
@@ -29,16 +31,16 @@ def offer_transforms(
     frames = frames_of(settings.urdf, settings.board.names)
     prefix = str(settings.values.get("frame_prefix", ""))
     moving, standing = publisher(node, TF), publisher(node, TF_STATIC)
-    now = stamp(loop.main.snapshots.now())
-    home = frames.poses(np.zeros(len(settings.board.names)))
-    message = tf_message(frames.moving, home, now, prefix)
+    message = prepared_frames(frames.moving, prefix)
+    if message.fallback:
+        node.get_logger().info(message.fallback)
 
     def publish(snapshot: Snapshot, nanoseconds: int) -> None:
         if moving.get_subscription_count():
-            fill_tf(message, frames.poses(snapshot.position), stamp(nanoseconds))
-            moving.publish(message)
+            moving.publish(message.of(frames.poses(snapshot.position), nanoseconds))
 
     states.also.append(publish)
+    now = stamp(loop.main.snapshots.now())
     standing.publish(tf_message(frames.standing, frames.standing_poses, now, prefix))
 
 
@@ -46,3 +48,22 @@ def frames_of(urdf: Urdf, names: Sequence[str]) -> Frames:
     """The frames of a robot of which these joints, or axes, are driven."""
     coupling = coupling_of(urdf, names, followers=False)
     return Frames(joints_in(urdf.tree.root), names, coupling)
+
+
+def prepared_frames(edges: Sequence[Edge], prefix: str = "") -> PreparedMessage:
+    """The message of the same frames; ``of`` gets their poses, shape (len(edges), 7)."""
+
+    def pieces(poses: Array, nanoseconds: int) -> list[bytes]:
+        chunks = 2 * len(edges) * [STAMP.pack(*split_time(nanoseconds))]
+        numbers = poses.tobytes()
+        chunks[1::2] = [numbers[k : k + 8 * POSE] for k in range(0, len(numbers), 8 * POSE)]
+        return chunks
+
+    numbers = np.arange(float(len(edges) * POSE)).reshape(-1, POSE)
+    return PreparedMessage(
+        lambda poses, nanoseconds: tf_message(edges, poses, stamp(nanoseconds), prefix),
+        pieces,
+        blank=np.zeros_like(numbers),
+        marked=np.full_like(numbers, np.frombuffer(bytes([MARK]) * 8)),
+        trial=numbers - 3.25,
+    )
