@@ -13,6 +13,7 @@ import itertools
 import threading
 import time
 from array import array
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -91,6 +92,7 @@ class RosLink:
         self._matched: dict[Any, int] = {}
         self._acquainted: dict[Endpoint, frozenset[bytes]] = {}
         self._unsettled = False
+        self._turns = defaultdict[Endpoint, deque[object]](deque)  # calls that are not sent yet
         self._lock = threading.Lock()
         self._modes_topic = self.full_name(MODES)
         self.thread = ExecutorThread(self._node, self._report)
@@ -197,17 +199,39 @@ class RosLink:
         return response
 
     async def call(self, service: Endpoint, **fields: Any) -> Any:
-        """The response of a service; references published before are in force when it answers."""
-        if self._unsettled:
-            await self.flush()
+        """The response of a service; references published before are in force when it answers.
+
+        Calls of a service go out in their order: one that waits for the board is not overtaken.
+        """
+        turn, turns = object(), self._turns[service]
+        end = time.monotonic() + self.find_timeout
+        turns.append(turn)
+        try:
+            if turns[0] is not turn:
+                await self.thread.until(lambda: turns[0] is turn, self.find_timeout)
+            if self._unsettled:
+                await self.flush()
+            future = await self._send(service, fields, end)
+        finally:
+            turns.remove(turn)
+        return await self._response(service, future)
+
+    async def _send(self, service: Endpoint, fields: dict[str, Any], end: float) -> Any:
+        """Send a request once board and client know each other; the future of its response.
+
+        The service is waited for until ``end``, s of ``time.monotonic``.
+        """
         client = self._client(service)
-        if not await self.thread.until(client.service_is_ready, self.find_timeout):
+        patience = max(0.0, end - time.monotonic())
+        if not await self.thread.until(client.service_is_ready, patience):
             raise self.not_offered(service) if self.is_there() else self.not_found()
         with contextlib.suppress(BoardTimeout):  # the request itself may be answered
             await self._get_acquainted(service, min(self.find_timeout, self.answer_timeout))
-        future = client.call_async(client.srv_type.Request(**fields))
+        return client.call_async(client.srv_type.Request(**fields))
+
+    async def _response(self, service: Endpoint, future: Any) -> Any:
         if not await self.thread.outcome(future, self.answer_timeout):
-            client.remove_pending_request(future)
+            self._client(service).remove_pending_request(future)
             raise self.timed_out(service)
         response = future.result()
         check_response(service, response, self.name)
@@ -231,7 +255,9 @@ class RosLink:
             self._unsettled = False  # later messages set it again
             settled = False
             try:
-                await self.call(GET_CONTROL_MODE)
+                end = time.monotonic() + self.find_timeout
+                future = await self._send(GET_CONTROL_MODE, {}, end)
+                await self._response(GET_CONTROL_MODE, future)
                 settled = True
             finally:
                 self._unsettled |= not settled

@@ -130,6 +130,30 @@ def test_publications_are_delivered_when_a_later_call_is_answered(link: RosLink)
         assert board.sent == ["lost", "answered"]
 
 
+def test_calls_of_a_service_arrive_in_their_order(link: RosLink) -> None:
+    """The first one waits until client and board are acquainted; a later one does not overtake."""
+    modes: list[str] = []
+
+    def take(request: Any, response: Any) -> Any:
+        modes.extend(request.modes)
+        return response
+
+    def set_mode(mode: str) -> threading.Thread:
+        thread = threading.Thread(target=lambda: run(link.call(SET_CONTROL_MODE, modes=[mode])))
+        thread.start()
+        return thread
+
+    with ros_node(link.domain, "board") as node:
+        board = Board(node, loses=1)
+        node.create_service(SetControlMode, "~/set_control_mode", take)
+        first = set_mode("torq")
+        until(lambda: board.sent == ["lost"])
+        second = set_mode("pos")
+        for thread in (first, second):
+            thread.join(GUARD)
+    assert modes == ["torq", "pos"]
+
+
 def test_a_board_that_does_not_answer_and_does_again(link: RosLink) -> None:
     with ros_node(link.domain, "board") as node:
         board = Board(node)

@@ -29,7 +29,13 @@ def mode_of(client: ControlBoardClient, joint: str) -> str:
 def choose(page: Any, client: ControlBoardClient, joint: str, mode: str) -> None:
     """Choose a mode in the page; board and page then have it."""
     page.get_by_label(f"Control mode of {joint}", exact=True).select_option(mode)
-    until(lambda: mode_of(client, joint) == mode)
+
+    def report() -> object:
+        faults = [fault.text for fault in client.get_faults() if fault.active]
+        log = page.evaluate("panel.log.entries.slice(0, 4).map((e) => [e.what, e.ok, e.message])")
+        return mode, mode_of(client, joint), faults, log
+
+    until(lambda: mode_of(client, joint) == mode, report)
     page.locator(f"article[aria-label='Joint {FRONT}{joint}'][data-mode='{mode}']").wait_for()
 
 
