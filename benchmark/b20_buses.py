@@ -37,13 +37,13 @@ MISSED = 1.0
 #: Bytes of a datagram with a set-point, and of one with an answer.
 SENT, ANSWERED = 218, 186
 #: Answers to datagrams, until an empty one.
-BARE = f"""
+ECHO = f"""
 import socket
 line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 line.bind(("127.0.0.1", 0))
 print(line.getsockname()[1], flush=True)
-while (found := line.recvfrom(4096))[0]:
-    line.sendto(bytes({ANSWERED}), found[1])
+while (datagram := line.recvfrom(4096))[0]:
+    line.sendto(bytes({ANSWERED}), datagram[1])
 """
 #: Drives of free joints on a bus, until stdin ends.
 DRIVES = """
@@ -150,7 +150,7 @@ def with_power(buses: Buses, wanted: SetPoints) -> None:
 def bare_lines() -> Iterator[list[socket.socket]]:
     """A socket to each of BUSES processes that answer."""
     made = [
-        subprocess.Popen([sys.executable, "-c", BARE], stdout=subprocess.PIPE)
+        subprocess.Popen([sys.executable, "-c", ECHO], stdout=subprocess.PIPE)
         for _ in range(BUSES)
     ]
     lines = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in made]

@@ -49,7 +49,7 @@ NOMINAL_SHARE = 0.6
 ELECTRICAL_TIME = 1.5e-3  # s
 ROTOR_SHARE = 0.5
 ROTOR_PER_TORQUE = 1e-3  # s²
-QUICKEST = 3.0  # acceleration by an assumed torque limit, in target accelerations
+ASSUMED_ACCELERATION = 3.0  # acceleration by an assumed torque limit, in target accelerations
 STEP = 1e-3  # s, the longest derived physics step
 TEMPERATURE_MARGIN = 20.0  # K below the temperature limit, at the nominal current
 THERMAL_TIME = 120.0  # s
@@ -97,14 +97,15 @@ def torque_limit(
     """
     name, unit = joint.name, joint.kind.force_unit
     need = required_torque(load, values["limits.velocity"])
-    chosen = False
+    torque_assumed = False
     if "limits.torque" not in values:
         damping = joint.damping or 0.0
         if joint.kind.slides:
             damping = min(damping, stable_damping(load))
         rubbing = (joint.friction or 0.0) + damping * values["limits.velocity"]
         together = load.gravity + shared + rubbing
-        enough = max(3.0 * load.gravity, together / (ACCELERATION_SHARE - 1.0 / QUICKEST))
+        left = ACCELERATION_SHARE - 1.0 / ASSUMED_ACCELERATION  # of it, beside the rotor
+        enough = max(3.0 * load.gravity, together / left)
         effort = joint.effort
         if effort is None:
             text = f"{enough:.3g} {unit}"
@@ -118,13 +119,13 @@ def torque_limit(
             )
             assumed.warn(name, text, what, "give limits.torque")
             effort = None
-        chosen = effort is None
+        torque_assumed = effort is None
         values["limits.torque"] = enough if effort is None else effort
     if values["limits.torque"] < load.gravity:
         text = f"{values['limits.torque']:.3g} of {load.gravity:.3g} {unit}"
         what = "the torque limit cannot hold every pose against gravity"
         assumed.warn(name, text, what, "give limits.torque, or stay near the other poses")
-    return chosen
+    return torque_assumed
 
 
 def stable_damping(load: Load) -> float:
@@ -192,14 +193,14 @@ def current_loop(values: dict[str, Any], period: float) -> None:
     give("current_pid.integral_limit", values["motor.supply_voltage"])
 
 
-def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load, chosen: bool) -> None:
+def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load, torque_assumed: bool) -> None:
     """The rotor's inertia; none for sliding joints, which the physics does not support.
 
     Args:
         values: of the joint; its rotor is set.
         joint: of the URDF.
         load: that it moves.
-        chosen: whether the torque limit is assumed.
+        torque_assumed: whether the torque limit is assumed.
     """
     if joint.kind.slides:
         values.setdefault("motor.inertia", 0.0)
@@ -208,9 +209,9 @@ def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load, chosen: bool) ->
     emf = values["motor.torque_constant"] * gear
     drag = emf**2 * values["motor.efficiency"] / values["motor.resistance"]
     heavy = max(ROTOR_SHARE * load.inertia_mean, ROTOR_PER_TORQUE * torque)
-    if chosen:
-        quickest = QUICKEST * ACCELERATION_RATE * values["limits.velocity"]
-        heavy = max(heavy, torque / quickest - load.inertia_min)
+    if torque_assumed:
+        acceleration_bound = ASSUMED_ACCELERATION * ACCELERATION_RATE * values["limits.velocity"]
+        heavy = max(heavy, torque / acceleration_bound - load.inertia_min)
     if (acceleration := values.get("limits.acceleration")) is not None:
         heavy = min(heavy, (torque - load.gravity) / acceleration - load.inertia_max)
     heavy = max(heavy, 4.0 * STEP * (drag + values["motor.viscous"]))
@@ -287,12 +288,12 @@ def complete(
     for name, entry in values.items():
         load = load_of[name]
         entry.setdefault("inertia", max(load.inertia_mean, LEAST_INERTIA))
-        chosen = torque_limit(entry, joints[name], load, shared[name], assumed)
+        torque_assumed = torque_limit(entry, joints[name], load, shared[name], assumed)
         friction(entry, joints[name], load, assumed)
         electrical(entry, joints[name], load)
         current_loop(entry, 1.0 / control_rate)
         entry.setdefault("brake.slip_torque", entry["limits.torque"])
-        rotor(entry, joints[name], load, chosen)
+        rotor(entry, joints[name], load, torque_assumed)
         thermal(entry, name, assumed)
     reflected = {
         name: entry["motor.inertia"] * entry["motor.gear_ratio"] ** 2

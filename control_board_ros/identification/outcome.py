@@ -102,7 +102,7 @@ LITTLE_FRICTION, LITTLE_ROTOR, LITTLE_DELAY = 5e-4, 0.01, 0.25
 SURE_CENTER = 0.01
 #: Relative deviation of k_t N from the configured one beyond any motor's tolerance, and its factor
 #: beyond any derived one's.
-WRONG, FOREIGN = 0.25, 50.0
+WRONG, UNIT_FACTOR = 0.25, 50.0
 #: Found as torques, where no sensor measures one: as sure as the torque constant.
 OF_TORQUE = (COULOMB, VISCOUS, BREAKAWAY, ROTOR)
 NO_CONSTANT = "not shown: its torque constant is not, and no sensor measures the torque"
@@ -286,7 +286,7 @@ def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
         return ""
     factor = estimate.value / robot.number(joint, key)
     if joint in robot.derived:
-        if 1.0 / FOREIGN < abs(factor) < FOREIGN:
+        if 1.0 / UNIT_FACTOR < abs(factor) < UNIT_FACTOR:
             return ""
         return (
             f"its current is {1.0 / abs(factor):.3g} times what its limits let expect: are its "

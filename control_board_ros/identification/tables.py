@@ -51,7 +51,7 @@ UNITS: dict[str, dict[str, float]] = {
 #: Lowest rate of readings, Hz; a gap, s and median periods: no value is made up within.
 LOWEST, GAP, GAP_PERIODS = 50.0, 0.1, 10.0
 #: Period beyond which a log is taken to have another unit of time, s.
-SLOWEST = 1.0
+MAX_PERIOD = 1.0
 #: Numbers that nothing measures: what a torn cell reads as. Times are below, in ns, too.
 BEYOND = 1e20
 #: A multiple of the limits of speed, torque and position that nothing is at: a torn row.
@@ -331,8 +331,8 @@ def records_of(
         for name in SIGNALS
     }
     known = np.isfinite(time)
-    for signal, most in bounds.items():
-        torn = (np.abs(signals[signal]) > most).any(axis=1)
+    for signal, bound in bounds.items():
+        torn = (np.abs(signals[signal]) > bound).any(axis=1)
         if 2 * torn.sum() > torn.size:
             raise IdentificationError(
                 f"{signal}: {torn.sum()} of {torn.size} rows are far beyond the limits of the "
@@ -359,7 +359,7 @@ def stretches(time: Floats, signals: dict[str, Floats], names: Sequence[str]) ->
     if period > 1.05 / LOWEST:
         raise IdentificationError(
             f"the log has {1.0 / period:.3g} readings a second, and {LOWEST:.0f} are needed"
-            + ("; is the unit of time right?" if period > SLOWEST else "")
+            + ("; is the unit of time right?" if period > MAX_PERIOD else "")
         )
     cuts = np.flatnonzero(np.diff(time) > max(GAP, GAP_PERIODS * period)) + 1
     records = []

@@ -29,7 +29,7 @@ SURE_SPEED = 0.1
 TAKEN_UP, TAKEN_UP_SLIDING = 0.015, 1.5e-3
 #: Travel, in ranges, over which weight takes no power on the whole; share of the power that a
 #: current takes out of the motion where it is of the other sign.
-AROUND, TAKEN = 5.0, 0.1
+ROUND_TRIPS, RETURNED_SHARE = 5.0, 0.1
 #: Minimum travel that shows a gear ratio, rad and m.
 TRAVEL, TRAVEL_SLIDING = 5e-3, 5e-4
 
@@ -136,10 +136,10 @@ def of_current(rows: dict[str, Floats]) -> str:
     """
     position, velocity, current = (rows[name] for name in ("position", "velocity", "current"))
     travel = float(np.abs(np.diff(position)).sum())
-    if not np.isfinite(current).all() or travel < AROUND * float(np.ptp(position)):
+    if not np.isfinite(current).all() or travel < ROUND_TRIPS * float(np.ptp(position)):
         return ""
-    most = float(np.linalg.norm(current) * np.linalg.norm(velocity))
-    if float(current @ velocity) >= -TAKEN * most:
+    bound = float(np.linalg.norm(current) * np.linalg.norm(velocity))
+    if float(current @ velocity) >= -RETURNED_SHARE * bound:
         return ""
     return "its current drives it against its motion: the other direction of one of them is right"
 

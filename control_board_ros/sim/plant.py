@@ -183,14 +183,14 @@ class SimulatedPlant:
         disturbed = self._pushed or self._faults.active
         drive, move = motors.step, self.body.step
         good = True
-        drawn = None if self._link is None else np.zeros_like(torque)
+        current_sum = None if self._link is None else np.zeros_like(torque)
         for _ in self._steps:
             drive()
-            if drawn is not None:
-                drawn += motors.current
+            if current_sum is not None:
+                current_sum += motors.current
             if not move(self._disturb(torque) if disturbed else torque):
                 good = False
-        if drawn is not None:
+        if current_sum is not None:
             self._applied = motors.acted / len(self._steps)
             motors.acted.fill(0.0)
         self._cycle = cycle = self._cycle + 1
@@ -199,9 +199,9 @@ class SimulatedPlant:
         if cycle % self._heat_cycles == 0:
             self._update_slow_states()
         self._sensors.sample()
-        if drawn is not None and good:  # own loops change the current between two readings
+        if current_sum is not None and good:  # own loops change the current between two readings
             currents = self._sensors.values[Row.CURRENT]
-            np.divide(drawn, len(self._steps), out=currents, where=self._closes_loops)
+            np.divide(current_sum, len(self._steps), out=currents, where=self._closes_loops)
 
     def push(self, joint: int | str, torque: float) -> None:
         """Apply an external torque, N·m, to a joint until set to 0.

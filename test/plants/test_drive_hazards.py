@@ -341,7 +341,7 @@ def test_a_drive_that_stays_in_its_mode_is_a_fault() -> None:
 def test_an_epos4_that_missed_its_heartbeat_works_again(anew: bool) -> None:
     """S5: it keeps error 0x8130 until NMT resets its communication, then its control word."""
     with bench_of("cia402") as bench:
-        bench.drives[1].clings = True
+        bench.drives[1].keeps_fault = True
         bench.connect()
         bench.follow(POSITION, 30)
         bench.pass_time(5.0 * bench.timeout)

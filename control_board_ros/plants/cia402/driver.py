@@ -53,8 +53,8 @@ POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTIO
 FAULTED = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 NOTHING = Question((), lambda _: None)
 #: Exchanges with the reset of a fault after which its communication is reset: an EPOS4 keeps error
-#: 0x8130 until then (maxon's EPOS4 Firmware Specification, error 0x8130).
-CLINGING = 20
+#: 0x8130 until then (maxon's EPOS4 Firmware Specification, as drivers of others quote it).
+MAX_RESETS = 20
 #: The control word by SDO, which needs no SYNC and no mapping.
 POWER_OFF = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
 
@@ -149,7 +149,7 @@ class Cia402Drives(CanDrives):
         return replace(found, limits=limits)
 
     def _clear(self, number: int, sdo: Sdo) -> Questions[None]:
-        """Clear an earlier fault, as that of its watchdog; see CLINGING."""
+        """Clear an earlier fault, as that of its watchdog; see MAX_RESETS."""
         for again in (False, True):
             for word in (0, FAULT_RESET, 0):
                 yield from sdo.put(o.CONTROL, 0, "<H", word)
@@ -222,7 +222,7 @@ class Cia402Drives(CanDrives):
         if order.action is Action.RESET or waited(drive):
             word = 0 if drive.word & FAULT_RESET else FAULT_RESET
             drive.resets = drive.resets + 1 if drive.error == o.HEARTBEAT_LOST else 0
-            if drive.resets == CLINGING:  # it boots, and is set up again
+            if drive.resets == MAX_RESETS:  # it boots, and is set up again
                 drive.resets = 0
                 yield o.NMT, bytes([o.RESET_COMMUNICATION, number])
         drive.word = word

@@ -78,7 +78,8 @@ class VirtualCia402:
         stiffness, damping, integral: Of its position loop, N·m/rad, N·m·s/rad, N·m/(rad·s); its
             velocity loop has the damping.
         supply, rated_supply: V, of its DC link; it trips below UNDER_VOLTAGE of what is rated.
-        clings: It keeps the fault of its watchdog until its communication is reset, as an EPOS4.
+        keeps_fault: It keeps the fault of its watchdog until its communication is reset, as an
+            EPOS4.
         gear, yielding: Turns of its motor per turn of its output, and by how much the gear twists,
             rad/(N·m) at the output; its motor's encoder has COUNTS per turn.
     """
@@ -86,7 +87,7 @@ class VirtualCia402:
     def __init__(self, drive: int, rated: float = 2.0) -> None:
         self.id, self.rated, self.silent, self.persists = drive, rated, False, 0
         self.stiffness, self.damping, self.integral = 60.0, 3.0, 0.0
-        self.gear, self.yielding, self.clings = 1.0, 0.0, False
+        self.gear, self.yielding, self.keeps_fault = 1.0, 0.0, False
         self.supply = self.rated_supply = 48.0
         self.stored: dict[int, int] = {}
         self._serial = next(_serials)
@@ -110,7 +111,7 @@ class VirtualCia402:
         self._beat = self._since = math.nan
         self._rate = self._sum = self.torque = 0.0
         self._control, self.state = 0, State.SWITCH_ON_DISABLED
-        self._error, self._stuck = 0, False
+        self._error, self._fault_kept = 0, False
         if self.persists:
             self.fail(self.persists, persists=True)
 
@@ -160,7 +161,7 @@ class VirtualCia402:
             kept = (self.state, self._error) if data[0] == o.RESET_COMMUNICATION else None
             self.reboot()
             self.state, self._error = kept or (self.state, self._error)
-            self._stuck = False
+            self._fault_kept = False
         elif self.node.nmt.state == "OPERATIONAL" != before:
             self._start()
         if frame_id == o.SYNC and self.node.nmt.state == "OPERATIONAL":
@@ -213,7 +214,7 @@ class VirtualCia402:
         rising = control & FAULT_RESET and not self._control & FAULT_RESET
         self._control = control
         if self.state is State.FAULT:
-            if rising and not self.persists and not self._stuck:
+            if rising and not self.persists and not self._fault_kept:
                 self.state, self._error = State.SWITCH_ON_DISABLED, 0
                 self._emergency(0)
             return
@@ -277,7 +278,7 @@ class VirtualCia402:
         option = self._value(o.ABORT_OPTION)
         if option == o.FAULT_SIGNAL:
             self.fail(o.HEARTBEAT_LOST)
-            self._stuck = self.clings
+            self._fault_kept = self.keeps_fault
         elif option == o.QUICK_STOP and self.state is State.OPERATION_ENABLED:
             self.state, self._hold = State.QUICK_STOP_ACTIVE, self._position
 

@@ -105,8 +105,8 @@ class SocketBus(ABC):
                 continue
             if self._own is not None and source[:2] == self._own:
                 continue
-            if (found := self._read(datagram)) is not None:
-                return found
+            if (frame := self._read(datagram)) is not None:
+                return frame
 
     def fileno(self) -> int:
         """The number of its socket."""
@@ -158,7 +158,7 @@ class Multicast(SocketBus):
 
     def put(self, frame_id: int, data: bytes) -> None:
         number = frame_id & ~(REMOTE | EXTENDED)
-        sent = {
+        fields = {
             "timestamp": 0.0,
             "arbitration_id": number,
             "is_extended_id": frame_id & ~REMOTE > SHORT,
@@ -171,14 +171,14 @@ class Multicast(SocketBus):
             "bitrate_switch": self._fd,
             "error_state_indicator": False,
         }
-        self._out.send(self._packb(sent))
+        self._out.send(self._packb(fields))
 
     def _read(self, datagram: bytes) -> Received | None:
         try:
-            said = self._unpackb(datagram)
-            if said["is_fd"] and not self._fd:
+            fields = self._unpackb(datagram)
+            if fields["is_fd"] and not self._fd:
                 return None
-            number, data, *flags = (said[name] for name in Received._fields)
+            number, data, *flags = (fields[name] for name in Received._fields)
             return Received(int(number), bytes(data), *flags)
         except Exception:  # noqa: BLE001 - it is no message, whatever the reason
             return None

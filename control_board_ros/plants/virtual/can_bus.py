@@ -16,7 +16,7 @@ from .world import World
 #: s of silence on the bus after which the world is stepped anyway.
 QUIET = 5e-3
 #: Frames that are answered together.
-MOST = 16
+BATCH = 16
 _numbers = itertools.count(1)
 
 #: The id of a frame, and its data.
@@ -116,7 +116,7 @@ class VirtualCanBus(VirtualCan):
         """The frames that have arrived; none after QUIET."""
         received = self.bus.recv(QUIET)
         frames = frames_of(received)
-        while received is not None and len(frames) < MOST:
+        while received is not None and len(frames) < BATCH:
             received = self.bus.recv(0.0)
             frames += frames_of(received)
         return frames
