@@ -91,7 +91,7 @@ class RosLink:
         self._callbacks: dict[Endpoint, Callable[..., None]] = {}  # of subscriptions
         self._matched: dict[Any, int] = {}
         self._acquainted: dict[Endpoint, frozenset[bytes]] = {}
-        self._unsettled = False
+        self._published = self._settled = 0  # messages: sent, processed by the board for certain
         self._turns = defaultdict[Endpoint, deque[object]](deque)  # calls that are not sent yet
         self._lock = threading.Lock()
         self._modes_topic = self.full_name(MODES)
@@ -166,7 +166,7 @@ class RosLink:
 
         References published before may arrive after it: then it is repeated behind them.
         """
-        late = self._unsettled
+        late = self._settled < self._published
         response = await self._repeat(service, fields)
         if late:
             with contextlib.suppress(BoardTimeout):
@@ -209,8 +209,7 @@ class RosLink:
         try:
             if turns[0] is not turn:
                 await self.thread.until(lambda: turns[0] is turn, self.find_timeout)
-            if self._unsettled:
-                await self.flush()
+            await self.flush()
             future = await self._send(service, fields, end)
         finally:
             turns.remove(turn)
@@ -251,16 +250,12 @@ class RosLink:
         The board may serve a request before messages that arrived with it. The answer to one more
         request confirms them.
         """
-        if self._unsettled:
-            self._unsettled = False  # later messages set it again
-            settled = False
-            try:
-                end = time.monotonic() + self.find_timeout
-                future = await self._send(GET_CONTROL_MODE, {}, end)
-                await self._response(GET_CONTROL_MODE, future)
-                settled = True
-            finally:
-                self._unsettled |= not settled
+        published = self._published
+        if self._settled < published:
+            end = time.monotonic() + self.find_timeout
+            future = await self._send(GET_CONTROL_MODE, {}, end)
+            await self._response(GET_CONTROL_MODE, future)
+            self._settled = max(self._settled, published)
 
     async def publish(self, topic: Endpoint, **fields: Any) -> None:
         """Publish on a topic once the board subscribes to it, so that the first message arrives.
@@ -286,7 +281,8 @@ class RosLink:
                 await self.thread.wait(MATCHING)
             self._matched[publisher] = publisher.get_subscription_count()
         publisher.publish(publisher.msg_type(**fields))
-        self._unsettled = True
+        with self._lock:
+            self._published += 1
 
     async def action(self, action: Endpoint) -> Any:
         """The client of an action that the board serves."""

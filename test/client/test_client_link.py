@@ -23,6 +23,7 @@ from talk import state_of
 from waiting import GUARD, until
 
 from control_board_ros.client import (
+    BoardError,
     BoardNotFound,
     BoardTimeout,
     ControlBoardClient,
@@ -152,6 +153,33 @@ def test_calls_of_a_service_arrive_in_their_order(link: RosLink) -> None:
         for thread in (first, second):
             thread.join(GUARD)
     assert modes == ["torq", "pos"]
+
+
+def test_a_call_waits_for_references_while_another_call_does(link: RosLink) -> None:
+    """Each has an answer of its own that the board has processed what was published before."""
+    answers: list[list[str]] = []
+
+    def take(_: Any, response: Any) -> Any:
+        answers.append(list(board.sent))
+        return response
+
+    def flush() -> None:
+        with contextlib.suppress(BoardError):  # its answer is lost: it waits until the link closes
+            run(link.flush())
+
+    with ros_node(link.domain, "board") as node:
+        board, ear = Board(node), Ear(node)
+        node.create_service(SetControlMode, "~/set_control_mode", take)
+        for service in (GET_CONTROL_MODE, SET_CONTROL_MODE):  # acquainted from now on
+            run(link.call(service))
+        run(link.publish(POSITION_COMMAND, positions=[1.0]))
+        assert ear.receives(1.0)
+        board.sent.clear()
+        board.loses = 1
+        threading.Thread(target=flush, daemon=True).start()
+        until(lambda: board.sent == ["lost"])
+        run(link.call(SET_CONTROL_MODE, modes=["torq"]))
+    assert answers[1:] == [["lost", "answered"]]
 
 
 def test_a_board_that_does_not_answer_and_does_again(link: RosLink) -> None:
