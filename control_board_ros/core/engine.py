@@ -19,10 +19,9 @@ from .config.layout import BoardLimits, joined
 from .laws.control import Controller
 from .laws.references import References, ReferenceTimeouts
 from .machine.commands import Commands, timeout_cycles
-from .machine.contacts import Contacts
 from .machine.machine import Machine
 from .machine.motors import Feedforward, MotorAccess, mix_of
-from .machine.requests import Requests, StartUp
+from .machine.requests import Contacts, Requests, StartUp
 from .state import StateArrays
 from .terms.drives import DriveReport
 from .terms.events import Events
