@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from control_board_ros.client import State
+from control_board_ros.core.goals.path import minimum_jerk
 from control_board_ros.protocols import Floats
 
 from .bench import FEWEST, TIMEOUT, Bench, K, M
@@ -17,13 +18,6 @@ from .rules import assume, expect, inside, rule
 SHAPE, DURATION = 0.03, 0.05
 #: Repetitions of a command in a move.
 REPETITIONS = 8
-
-
-def minimum_jerk(s: Floats) -> Floats:
-    """10 s³ − 15 s⁴ + 6 s⁵, from 0 to 1 and held beyond."""
-    s = np.clip(s, 0.0, 1.0)
-    profile: Floats = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    return profile
 
 
 def references(bench: Bench, states: list[State]) -> tuple[Floats, Floats]:

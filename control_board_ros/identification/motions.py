@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..core.goals.path import minimum_jerk
 from ..core.terms.joint_kind import JointKind
 from ..joint_limits import JointLimits
 from ..protocols import Floats
@@ -218,8 +219,7 @@ def _filled(bounds: Bounds, seconds: float, tones: Sequence[tuple[float, float, 
     for frequency, share, phase in tones:
         angular = 2.0 * math.pi * frequency
         shape += share / frequency * np.sin(angular * t + phase)
-    edge = np.clip(np.minimum(t, t[-1] - t) / FADE, 0.0, 1.0)
-    shape *= edge**3 * (10.0 - 15.0 * edge + 6.0 * edge**2)
+    shape *= minimum_jerk(np.minimum(t, t[-1] - t) / FADE)
     rate = np.gradient(shape, GRID)
     rate[[0, -1]] = 0.0
     peaks = (np.abs(row).max() for row in (shape, rate, np.gradient(rate, GRID)))

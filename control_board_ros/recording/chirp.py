@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control_board_ros.core.goals.path import MAX_POINTS, minimum_jerk
 from control_board_ros.protocols import Floats
 
 #: Share of the joint's limits of speed and acceleration used by a sweep.
@@ -16,8 +17,6 @@ SHARE = 0.4
 PER_PERIOD, PER_SECOND = 16, 20
 #: Share of the time for the rise from and the fall to zero amplitude.
 FADE = 0.03
-#: Maximum number of points of a board's trajectory.
-MOST_POINTS = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,19 +49,18 @@ def sweep(
     """
     rate = math.log(high / low) / seconds
     times = times_of(low, rate, seconds)
-    if times.size > MOST_POINTS:
+    if times.size > MAX_POINTS:
         raise ValueError(
             f"a sweep to {high:g} Hz in {seconds:g} s needs {times.size} points, at most "
-            f"{MOST_POINTS} are possible; make it shorter, or end at a lower frequency"
+            f"{MAX_POINTS} are possible; make it shorter, or end at a lower frequency"
         )
 
     def offset(t: Floats) -> Floats:
         omega = 2.0 * math.pi * low * np.exp(rate * t)
         phase = (omega - 2.0 * math.pi * low) / rate
         reach = np.minimum(SHARE * speed / omega, SHARE * acceleration / omega**2)
-        fade = np.clip(np.minimum(t, seconds - t) / (FADE * seconds), 0.0, 1.0)
-        smooth = fade**3 * (10.0 - 15.0 * fade + 6.0 * fade**2)
-        return np.asarray(np.minimum(amplitude, reach) * smooth * np.sin(phase))
+        fade = minimum_jerk(np.minimum(t, seconds - t) / (FADE * seconds))
+        return np.asarray(np.minimum(amplitude, reach) * fade * np.sin(phase))
 
     small = 1e-5
     velocities = (offset(times + small) - offset(times - small)) / (2.0 * small)

@@ -19,7 +19,7 @@ from std_msgs.msg import Header
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_junit, as_text
 from control_board_ros.conformance.limits import Range
-from control_board_ros.conformance.motion import fitted, minimum_jerk
+from control_board_ros.conformance.motion import fitted
 from control_board_ros.conformance.report import too_few
 from control_board_ros.conformance.rules import NotHeld, NotTestable, NotTested, OutOfTime
 from control_board_ros.conformance.runner import (
@@ -38,6 +38,7 @@ from control_board_ros.conformance.shapes import (
     check_state,
     reply_of,
 )
+from control_board_ros.core.goals.path import minimum_jerk
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.interface import SET_CONTROL_MODE
 from control_board_ros.joint_limits import JointLimits

@@ -11,7 +11,7 @@ from talk import Talker
 from topic_based_hardware import INTERFACES, Component, TopicBasedHardware
 from waiting import GUARD, until
 
-from control_board_ros.conformance.motion import minimum_jerk
+from control_board_ros.core.goals.path import minimum_jerk
 from control_board_ros.interface import JOINT_COMMANDS, JOINT_STATES
 
 pytestmark = pytest.mark.ros

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from control_board_ros.core.goals.path import MAX_POINTS
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.recording.charts import Chart, Trace, step_chart
-from control_board_ros.recording.chirp import MOST_POINTS, SHARE, sweep
+from control_board_ros.recording.chirp import SHARE, sweep
 from control_board_ros.recording.drawing import draw, thin
 from control_board_ros.recording.moves import moves_of
 from control_board_ros.recording.page import chart_section, joint_charts, number, page, short_names
@@ -267,7 +268,7 @@ def test_a_sweep_keeps_the_limits(high: float) -> None:
     assert np.max(np.abs(plan.velocities)) <= 1.1 * SHARE * 2.0
     acceleration = np.gradient(plan.velocities, plan.times)
     assert np.max(np.abs(acceleration)) <= 1.1 * SHARE * 10.0
-    assert plan.times.size < MOST_POINTS
+    assert plan.times.size < MAX_POINTS
 
 
 def test_a_sweep_that_is_too_long() -> None:

@@ -159,6 +159,13 @@ def coefficients(path: Path) -> Array:
     return np.stack(rows, axis=1)
 
 
+def minimum_jerk(s: Array | float) -> Array:
+    """The quintic from rest to rest, from 0 to 1 and held beyond: 10 s³ − 15 s⁴ + 6 s⁵ (P1)."""
+    s = np.clip(s, 0.0, 1.0)
+    profile: Array = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return profile
+
+
 def braking(position: float, velocity: float, acceleration: float) -> Path:
     """The path of one joint to rest.
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.config.config import JointConfig, Limits
+from ...core.goals.path import minimum_jerk
 from ...core.terms.drives import SetPoint
 from ...core.terms.joint_kind import JointKind
 from ...core.terms.measurement import VALUES, SetPoints, Value
@@ -129,7 +130,7 @@ class Trial:
         for cycle in range(1, cycles + 1):
             s = min(1.0, cycle * self._period / duration)
             values = np.zeros((VALUES, len(self.joints)))
-            values[Value.POSITION, joint] = start + way * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+            values[Value.POSITION, joint] = start + way * minimum_jerk(s)
             values[Value.VELOCITY, joint] = way / duration * 30.0 * s * s * (1.0 - s) ** 2
             if kind is SetPoint.IMPEDANCE:  # a tenth of the torque, when it is stuck
                 values[Value.STIFFNESS, joint] = SHARE * limits.torque / abs(way)
