@@ -72,7 +72,7 @@ class Endpoint:
         name: below the node's with ``~/``, absolute with ``/``, else below the node's namespace.
         type: full name of the interface, ``package/msg/Name``.
         qos: of the topic; of a service's requests and responses, and of an action's services.
-        meaning: in sentences.
+        meaning: in sentences; of standard and of YARP's endpoints empty.
         reference: the kind of reference that a command sets, if any.
     """
 
@@ -80,7 +80,7 @@ class Endpoint:
     name: str
     type: str
     qos: QoS
-    meaning: str
+    meaning: str = ""
     reference: CommandKind | None = None
 
     @property
@@ -108,17 +108,17 @@ def full(kind: str, name: str) -> str:
     return name if "/" in name else f"control_board_msgs/{kind}/{name}"
 
 
-def topic(name: str, type_: str, qos: QoS, meaning: str) -> Endpoint:
+def topic(name: str, type_: str, qos: QoS, meaning: str = "") -> Endpoint:
     """A topic that the board publishes."""
     return Endpoint("topic", name, full("msg", type_), qos, meaning)
 
 
-def command(name: str, type_: str, meaning: str, reference: K | None = None) -> Endpoint:
+def command(name: str, type_: str, meaning: str = "", reference: K | None = None) -> Endpoint:
     """A topic that the board subscribes to; ``qos_overrides`` parameters change its QoS."""
     return Endpoint("command", name, full("msg", type_), STREAM, meaning, reference)
 
 
-def service(name: str, type_: str, meaning: str) -> Endpoint:
+def service(name: str, type_: str, meaning: str = "") -> Endpoint:
     return Endpoint("service", name, full("srv", type_), REQUESTS, meaning)
 
 
@@ -134,8 +134,7 @@ JOINT_STATES = topic(
     "sensor_msgs/msg/JointState",
     STREAM,
     "Measured position, velocity and torque (NaN without a torque sensor) of every joint, "
-    "`state_rate` times a second, stamped with the time of the reading. For "
-    "robot_state_publisher and RViz.",
+    "`state_rate` times a second, stamped with the time of the reading.",
 )
 MODES = topic(
     "~/modes",
@@ -155,9 +154,8 @@ REQUEST_LOG = topic(
     "~/requests",
     "Request",
     HISTORY,
-    "Each service call that changes something and each goal of an action, with its answer, when "
-    "it is answered: a log of the requests to the board. Calls that read (`get_…`, `list_…`) and "
-    "`~/step` are left out.",
+    "Each service call that changes something, but for `~/step`, and each goal of an action, with "
+    "its answer, when it is answered.",
 )
 CONTROLLER_STATE = topic(
     "~/controller_state",
@@ -171,11 +169,9 @@ DIAGNOSTICS = topic(
     "/diagnostics",
     "diagnostic_msgs/msg/DiagnosticArray",
     STREAM,
-    "Once a second: loop rate, overruns, worst latency, rejected commands (those for unknown "
-    "joints, too), faults; of drives the answers that were lost or came too late for their "
-    "exchange, and the frames that their bus had no room for; with `timing`, where the time of "
-    "the cycles went. One entry for the board and one per joint, whose names begin with the "
-    "board's full name.",
+    "Once a second: loop rate, overruns, worst latency, rejected commands, faults; lost and late "
+    "answers and dropped frames of drives; with `timing`, where the time of the cycles went. One "
+    "entry for the board and one per joint, whose names begin with the board's full name.",
 )
 CLOCK = topic(
     "/clock",
@@ -188,9 +184,8 @@ TF = topic(
     "/tf",
     "tf2_msgs/msg/TFMessage",
     TRANSFORMS,
-    "The frame of each link on a joint that moves, in that of the link before it, `state_rate` "
-    "times a second, where `publish_tf` is set: for RViz and Foxglove without "
-    "robot_state_publisher.",
+    "The frame of each link on a joint that moves, mimic joints included, in that of the link "
+    "before it, `state_rate` times a second, where `publish_tf` is set.",
 )
 TF_STATIC = topic(
     "/tf_static",
@@ -237,8 +232,7 @@ JOINT_COMMANDS = command(
     "~/joint_commands",
     "sensor_msgs/msg/JointState",
     "References that the mode of each joint accepts: its position, velocity or effort, by its "
-    "control mode; NaN is no command. For ros2_control's topic-based hardware; see "
-    "[Joint commands](#joint-commands).",
+    "control mode; NaN is no command. See [Joint commands](#joint-commands).",
 )
 EXTERNAL_TORQUE = command(
     "~/external_torque",
@@ -315,11 +309,7 @@ SET_REFERENCE_SPEED = service(
 GET_REFERENCES = service(
     "~/get_references", "GetReferences", "Read the last accepted reference of every kind."
 )
-SET_BRAKE = service(
-    "~/set_brake",
-    "SetBrake",
-    "Set the brake modes of joints.",
-)
+SET_BRAKE = service("~/set_brake", "SetBrake", "Set the brake modes of joints.")
 GET_BRAKE = service(
     "~/get_brake",
     "GetBrake",
@@ -358,11 +348,7 @@ EMERGENCY_STOP = service(
 LIST_POSES = service(
     "~/list_poses", "ListPoses", "Read the names of the poses, and the positions of one of them."
 )
-SAVE_POSE = service(
-    "~/save_pose",
-    "SavePose",
-    "Save or replace a pose in the user's own file.",
-)
+SAVE_POSE = service("~/save_pose", "SavePose", "Save or replace a pose in the user's own file.")
 GET_MOTORS = service(
     "~/get_motors",
     "GetMotors",
@@ -375,9 +361,7 @@ SET_MOTORS = service(
 )
 GET_PIDS = service("~/get_pids", "GetPids", "Read the state of one control loop of joints.")
 SET_PIDS = service(
-    "~/set_pids",
-    "SetPids",
-    "Reset one control loop of joints, or set the offset of its output.",
+    "~/set_pids", "SetPids", "Reset one control loop of joints, or set the offset of its output."
 )
 SET_ENCODERS = service(
     "~/set_encoders",
@@ -432,93 +416,31 @@ FOLLOW_JOINT_TRAJECTORY = action(
 
 #: Additional services of a managed node (``lifecycle``), by rclpy's own means.
 LIFECYCLE = (
-    service("~/change_state", "lifecycle_msgs/srv/ChangeState", "Request a transition."),
-    service("~/get_state", "lifecycle_msgs/srv/GetState", "Read the state of the node."),
-    service("~/get_available_states", "lifecycle_msgs/srv/GetAvailableStates", "List all states."),
-    service(
-        "~/get_available_transitions",
-        "lifecycle_msgs/srv/GetAvailableTransitions",
-        "List the transitions that are possible now.",
-    ),
-    service(
-        "~/get_transition_graph",
-        "lifecycle_msgs/srv/GetAvailableTransitions",
-        "List all transitions.",
-    ),
-    topic(
-        "~/transition_event",
-        "lifecycle_msgs/msg/TransitionEvent",
-        STREAM,
-        "Each step of a transition, from which state to which.",
-    ),
+    service("~/change_state", "lifecycle_msgs/srv/ChangeState"),
+    service("~/get_state", "lifecycle_msgs/srv/GetState"),
+    service("~/get_available_states", "lifecycle_msgs/srv/GetAvailableStates"),
+    service("~/get_available_transitions", "lifecycle_msgs/srv/GetAvailableTransitions"),
+    service("~/get_transition_graph", "lifecycle_msgs/srv/GetAvailableTransitions"),
+    topic("~/transition_event", "lifecycle_msgs/msg/TransitionEvent", STREAM),
 )
 
 # -- for clients of YARP ------------------------------------------------------------------------
 
-#: Offered with ``yarp_interface``; here ``~`` is ``yarp_msgs_name``.
+#: Offered with ``yarp_interface``; here ``~`` is ``yarp_msgs_name`` (docs/howto/yarp_clients.md).
 YARP: tuple[Endpoint, ...] = (
-    topic(
-        "joint_states/controlModes",
-        "std_msgs/msg/Int8MultiArray",
-        STREAM,
-        "The first letter of each joint's control mode, with every `joint_states`: its vocab "
-        "modulo 256. POSITION shares it with POSITION_DIRECT, CALIBRATING with "
-        "NOT_CONFIGURED.",
-    ),
-    topic(
-        "joint_states/controlModeVocabs",
-        "std_msgs/msg/Int32MultiArray",
-        STREAM,
-        "The whole vocab of each joint's control mode, with every `joint_states`.",
-    ),
+    topic("joint_states/controlModes", "std_msgs/msg/Int8MultiArray", STREAM),
+    topic("joint_states/controlModeVocabs", "std_msgs/msg/Int32MultiArray", STREAM),
+    command("~/position", "yarp_control_msgs/msg/Position", reference=K.POSITION),
     command(
-        "~/position",
-        "yarp_control_msgs/msg/Position",
-        "Position moves; `ref_velocities` stay the set reference speeds.",
-        K.POSITION,
+        "~/position_direct", "yarp_control_msgs/msg/PositionDirect", reference=K.POSITION_DIRECT
     ),
-    command(
-        "~/position_direct",
-        "yarp_control_msgs/msg/PositionDirect",
-        "Position steps.",
-        K.POSITION_DIRECT,
-    ),
-    command(
-        "~/velocity",
-        "yarp_control_msgs/msg/Velocity",
-        "Velocities; `ref_accelerations` stay the set reference accelerations.",
-        K.VELOCITY,
-    ),
-    service(
-        "~/get_modes",
-        "yarp_control_msgs/srv/GetControlModes",
-        "Read the control modes of joints.",
-    ),
-    service(
-        "~/set_modes",
-        "yarp_control_msgs/srv/SetControlModes",
-        "Set the control modes of joints: all of them, or none.",
-    ),
-    service(
-        "~/get_position",
-        "yarp_control_msgs/srv/GetPosition",
-        "Read the measured positions of joints.",
-    ),
-    service(
-        "~/get_velocity",
-        "yarp_control_msgs/srv/GetVelocity",
-        "Read the measured velocities of joints.",
-    ),
-    service(
-        "~/get_available_modes",
-        "yarp_control_msgs/srv/GetAvailableControlModes",
-        "Read the modes that can be set, or those that every joint implements.",
-    ),
-    service(
-        "~/get_joints_names",
-        "yarp_control_msgs/srv/GetJointsNames",
-        "Read the names of joints by their indices.",
-    ),
+    command("~/velocity", "yarp_control_msgs/msg/Velocity", reference=K.VELOCITY),
+    service("~/get_modes", "yarp_control_msgs/srv/GetControlModes"),
+    service("~/set_modes", "yarp_control_msgs/srv/SetControlModes"),
+    service("~/get_position", "yarp_control_msgs/srv/GetPosition"),
+    service("~/get_velocity", "yarp_control_msgs/srv/GetVelocity"),
+    service("~/get_available_modes", "yarp_control_msgs/srv/GetAvailableControlModes"),
+    service("~/get_joints_names", "yarp_control_msgs/srv/GetJointsNames"),
 )
 
 #: A part of a robot has its readings below its own name; the robot's are in its namespace.

@@ -20,7 +20,6 @@ from control_board_ros.interface import (
     PUBLISHED,
     SERVICES,
     STREAM,
-    YARP,
     Endpoint,
 )
 
@@ -39,9 +38,8 @@ joints use m, m/s and N. Every request and command selects its joints by `names`
 Modes are written as code (`pos`) or long name (`POSITION`). Every response begins with `success`
 and `message`: joint, request, cause of the failure, and the valid values.
 
-A type below is a link to its fields with units. Elsewhere: the page *Fields of the messages* of
-the [site](install.md), or `ros2 interface show control_board_msgs/srv/SetControlMode`. In Python:
-`from control_board_msgs.msg import JointModes`.
+A link leads to the fields of a type of `control_board_msgs`, with units; where none is named, it
+is as the service: `SetControlMode` of `set_control_mode`. The [site](install.md) has all.
 """
 
 PUBLISHED_TEXT = """\
@@ -57,45 +55,40 @@ change it.
 
 TRAJECTORIES = """\
 `~/joint_trajectory` and `~/follow_joint_trajectory` have the meaning of ros2_controllers'
-joint_trajectory_controller, joint by joint:
+joint_trajectory_controller ([T1](spec.md#t1) to [T5](spec.md#t5)), joint by joint:
 
 - Segments are linear with positions only, cubic with velocities, quintic with accelerations. A
   field is present at every point or at none; times increase; the last point is at rest. An invalid
   trajectory is refused as a whole, counted in `rejected_commands`, and the log names the point.
-- `header.stamp` is the start; 0 means now. Before a start in the future the joints continue their
-  motion; of a start in the past, past points are dropped, and a trajectory that is over is
-  refused.
+- `header.stamp` is the start; 0 means now. Until a start in the future the present motion goes on;
+  of a start in the past, past points are dropped.
 - It starts at the reference in force, with its velocity, unless its first point has the time of
   the start, and replaces the motion of its joints only. Software limits bound it, with a line in
-  the log. Positions of continuous joints count turns: 6.3 rad is not 0.0168 rad.
+  the log.
 - On the topic, joints in another mode are counted and logged, the others follow; the action
-  refuses the whole goal. With `allow_partial_joints_goal: false`, both refuse a trajectory without
-  all joints of the board.
+  refuses the whole goal. With `allow_partial_joints_goal: false`, both require all joints.
 - It ends for a joint that is stopped, changes a mode, faults, or receives another direct position;
-  for all of its joints with a message without points. Nothing of it is kept.
+  for all of its joints with a message without points.
 
-The action adds, with the parameters and error codes of the controller:
+The action adds:
 
 - One goal at a time: a new one aborts the old with INVALID_GOAL. Joints in both continue until the
-  new one starts; the others stop. Cancelling, and every failure, stops the joints within their
-  acceleration limits.
+  new one starts; the others stop, as at every failure, within their acceleration limits.
 - `path_tolerance` is checked in every cycle until the last point, then `goal_tolerance`, for
-  `goal_time_tolerance` (0: unlimited). A tolerance of 0 selects the default, a negative number
-  removes the limit. Defaults: `<joint>.constraints.trajectory` and `.goal`,
+  `goal_time_tolerance` (0: unlimited). 0 selects the default, a negative number removes the limit.
+  Defaults: `<joint>.constraints.trajectory` and `.goal`,
   `constraints.stopped_velocity_tolerance`, `constraints.goal_time`. Accelerations are not checked.
 - Feedback, 20 times a second, has desired, actual and error of all joints in the board's order.
-- A refused goal is accepted and aborts at once, so that its result can state the reason; the
-  running goal continues ([why](decisions/0018-a-refused-goal-says-why.md)).
+- A refused goal is accepted and aborts at once, so that its result can state the reason
+  ([why](decisions/0018-a-refused-goal-says-why.md)).
 
 """
 
 JOINT_COMMANDS_TEXT = """\
-`~/joint_commands` carries references of joints in different modes: each
-joint uses the array of its control mode (`position` in POSITION, POSITION_DIRECT and MIXED,
-`velocity` in VELOCITY and MIXED, `effort` in TORQUE; in MIXED a position before a velocity). NaN
-is no command; a repeated position is no new move. An array is empty, or has one number per joint;
-a shorter one has the joints, in order, whose mode accepts it, and is refused where their number
-differs ([ros2_control](howto/ros2_control.md)).
+Each joint uses the array of its control mode (`position` in POSITION, POSITION_DIRECT and MIXED,
+`velocity` in VELOCITY and MIXED, `effort` in TORQUE; in MIXED a position before a velocity). An
+array is empty, or has one number per joint; a shorter one has the joints, in order, whose mode
+accepts it, and is refused where their number differs ([ros2_control](howto/ros2_control.md)).
 """
 
 #: Error codes of ~/follow_joint_trajectory.
@@ -122,10 +115,8 @@ define them ([parameters](parameters.md#poses)). `~/save_pose` adds a user's pos
 name in the URDF), which may be edited; every request reads it. Of a pose with joints of several
 boards, each board uses and saves its own part.
 
-`~/go_to_pose` moves the pose's joints, no others. The slowest has the requested mean speed, else
-the pose's, else its own reference speed; all arrive together. It switches no modes: a joint in a
-mode without position moves makes the whole goal fail, and the result names it. Otherwise it is as
-`~/move`. Parking at the end of the process: [how to](howto/poses.md#parking).
+`~/go_to_pose` moves the pose's joints only, as `~/move` ([R5](spec.md#r5)). The slowest has the
+requested mean speed, else the pose's, else its own reference speed. [How to](howto/poses.md).
 
 """
 
@@ -145,24 +136,17 @@ power are refused with the reason.
 | shutdown | finalized | NOT_CONFIGURED, permanently: the process waits for its SIGINT |
 
 A joint in HW_FAULT stays there until FORCE_IDLE or cleanup. `~/configure` is refused while the
-node is unconfigured. `~/power_cycle` and `~/reset` return the joints to what the state allows. An
-impossible transition is answered `success: false`; the log lists the possible ones.
+node is unconfigured; `~/power_cycle` and `~/reset` return the joints to what the state allows. The
+log has the possible transitions where one is refused.
 
-"""
-
-YARP_TEXT = """\
-With the parameter `yarp_interface`, beside the names above ([how
-to](howto/yarp_clients.md)). Here `~` is `yarp_msgs_name`, by default the board's own name. Values
-are in SI units. Every response has a word, `OK` or that of a refusal, and the reason in
-`opt_descr`.
 """
 
 TIME = """\
-Every stamp is an offset plus simulated time: stamps never go backwards, and their distances are
-those of the readings. At `real_time_factor` 1 they are the system's time; with another factor at
-the start, or with `publish_clock` or `use_sim_time`, they are simulated time, published on
-`/clock`. A factor set at run time changes the pace without a jump, and `/clock` is published from
-then on ([why](decisions/0014-one-time-base.md)).
+Stamps never go backwards, and their distances are those of the readings. At `real_time_factor` 1
+they are the system's time; with another factor at the start, or with `publish_clock` or
+`use_sim_time`, they are simulated time, published on `/clock`. A factor set at run time changes
+the pace without a jump, and `/clock` is published from then on
+([why](decisions/0014-one-time-base.md)).
 
 """
 
@@ -248,13 +232,17 @@ def page() -> str:
     """The page of names."""
     known = definitions()
 
-    def link(kind: str) -> str:
-        ours = known.get(kind)
-        package, _, name = kind.split("/")
-        return f"[{ours.name}](../{ours.path})" if ours else f"{package}/{name}"
+    def link(endpoint: Endpoint) -> str:
+        ours = known.get(endpoint.type)
+        package, _, kind = endpoint.type.split("/")
+        if ours is None:
+            return f"`{endpoint.name}`, {package}/{kind}"
+        if ours.name == endpoint.short.title().replace("_", ""):
+            return f"[`{endpoint.name}`](../{ours.path})"
+        return f"`{endpoint.name}`, [{ours.name}](../{ours.path})"
 
     def rows(endpoints: Iterable[Endpoint]) -> list[str]:
-        return [f"- `{e.name}`, {link(e.type)}: {qos(e)}{meaning(e)}" for e in endpoints]
+        return [f"- {link(e)}: {qos(e)}{meaning(e)}" for e in endpoints]
 
     lines = ["# The ROS interface", "", INTRODUCTION]
     lines += ["## Published", "", PUBLISHED_TEXT.format(usual=STREAM)]
@@ -270,12 +258,10 @@ def page() -> str:
     lines += [row(*code) for code in CODES]
     lines += ["", "## Joint commands", "", JOINT_COMMANDS_TEXT.rstrip("\n")]
     lines += ["", "## Poses", "", POSES.rstrip("\n")]
-    lines += ["", "## Managed nodes", "", MANAGED.rstrip("\n"), ""]
-    lines += rows(LIFECYCLE)
+    names = ", ".join(f"`{e.name}`" for e in LIFECYCLE)
+    lines += ["", "## Managed nodes", "", f"{MANAGED}Names of lifecycle_msgs: {names}."]
     lines += ["", "## Robots of several parts", "", PARTS_TEXT.rstrip("\n")]
     lines += ["", "## Time", "", TIME.rstrip("\n")]
-    lines += ["", "## For clients of YARP", "", YARP_TEXT]
-    lines += rows(YARP)
     return "\n".join(lines) + "\n"
 
 

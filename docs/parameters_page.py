@@ -20,17 +20,13 @@ INTRODUCTION = """\
 All parameters of `control_board`. Start from a file in [config/](../config):
 `--ros-args --params-file FILE`; single values: `-p NAME:=VALUE`. Those below *A joint* are written
 as `lbr_iiwa_joint_1.limits.lower` for one joint, or as `joint_defaults.limits.lower` for all.
-Later files win over earlier ones; within a file the joint's own value wins. An unknown name, a
-wrong type or a value out of range ends the start with one line that states the place and the
-allowed values (exit code 2).
+Later files win over earlier ones; within a file the joint's own value wins. What is not allowed
+ends the start with one line: place and allowed values (exit code 2).
 
-**Bold**: live, can be changed at run time, as with
-`ros2 param set /control_board lbr_iiwa_joint_1.limits.lower -1.5`. Values set together are checked
-together: all are applied, or none. Other parameters are read-only. `ros2 param describe` and the
-page *All about the parameters* of the [site](install.md) have types and allowed values, too.
-
-In brackets: the default with its unit, or what it is computed from; its unit. A unit after "or" is
-that of sliding joints; their torques are forces in N.
+**Bold**: live, as with `ros2 param set /control_board lbr_iiwa_joint_1.limits.lower -1.5`; values
+set together are all applied, or none. `ros2 param describe` and the [site](install.md) have types
+and allowed values, too. In brackets: the default with its unit, or what it is computed from. A
+unit after "or" is that of sliding joints; their torques are forces in N.
 """
 
 FULL = """\
@@ -65,7 +61,7 @@ def page() -> str:
     lines = ["# Parameters", "", INTRODUCTION]
     for title, group in groups():
         lines += [f"## {title}", ""]
-        lines += loops(group) if title == GROUPS[LOOPS[0]] else short(group)
+        lines += FORMS.get(title, short)(group)
         lines.append("")
     return "\n".join(lines)
 
@@ -93,7 +89,8 @@ def short(group: list[Parameter]) -> list[str]:
         new = [choice for choice in found.choices if choice not in text]
         words = f" ({', '.join(found.choices)})" if new else ""
         default = default_of(found) and f" ({default_of(found)})"
-        lines.append(f"- {named(found)}{default}: {text}{words}.")
+        told = found.name.rpartition(".")[2].replace("_", " ") == text.lower()
+        lines.append(f"- {named(found)}{default}" + ("" if told else f": {text}{words}."))
     return lines
 
 
@@ -107,6 +104,16 @@ def loops(group: list[Parameter]) -> list[str]:
         meaning = of_loops[0].text.partition(": ")[2].capitalize()
         lines.append(row(f"**`{name}`**", *map(default_of, of_loops), f"{meaning}."))
     return lines
+
+
+def brief(group: list[Parameter]) -> list[str]:
+    """A paragraph of names and defaults; the meanings are on the site."""
+    lines = [f"{named(found)} ({default_of(found)})" for found in group]
+    return [f"{', '.join(lines)}."]
+
+
+#: The form of a group on the page, if not ``short``.
+FORMS = {"Control loops": loops, "Simulated encoder": brief, "Simulated drives": brief}
 
 
 def texts(group: list[Parameter]) -> list[str]:

@@ -51,12 +51,10 @@ STOPS = (EMERGENCY_STOP, STOP)
 REPORT_EVERY = 5.0
 
 # Standard services of every node.
-LIST_PARAMETERS = service("~/list_parameters", "rcl_interfaces/srv/ListParameters", "Names.")
-GET_PARAMETERS = service("~/get_parameters", "rcl_interfaces/srv/GetParameters", "Values.")
+LIST_PARAMETERS = service("~/list_parameters", "rcl_interfaces/srv/ListParameters")
+GET_PARAMETERS = service("~/get_parameters", "rcl_interfaces/srv/GetParameters")
 SET_PARAMETERS = service(
-    "~/set_parameters_atomically",
-    "rcl_interfaces/srv/SetParametersAtomically",
-    "All of them, or none.",
+    "~/set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically"
 )
 
 _numbers = itertools.count(1)

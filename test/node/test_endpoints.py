@@ -45,7 +45,7 @@ def test_types_load_and_meanings_are_sentences(endpoint: interface.Endpoint) -> 
     package, kind, name = endpoint.type.split("/")
     loaded = endpoint.load()
     assert (loaded.__module__.split(".")[:2], loaded.__name__) == ([package, kind], name)
-    assert endpoint.meaning.endswith(".")
+    assert endpoint.meaning.endswith(".") or endpoint in YARP
 
 
 @pytest.mark.parametrize(
