@@ -49,21 +49,28 @@ MOTION = """\
 ## Entering a mode
 
 A joint at rest is held at its measured position; one in motion brakes, and is held where it comes
-to rest ([M9](spec.md#m9)). A law that outputs a torque starts from the *load*
-([why](decisions/0002-no-drop-in-compliant.md)): the measured torque, filtered over 10 ms, less the
-share of acceleration, `u_ff` and `tau_ff`.
+to rest. The output reference becomes zero. A law that outputs a torque starts from the *load*
+(gravity, payload, a steady push): the measured torque less the share of acceleration, `u_ff` and
+`tau_ff`. Gearbox friction is not included: the sensor is behind the gearbox.
 
-* **In motion** the position law first stops a joint that enters COMPLIANT or TORQUE, or stops in
-  COMPLIANT; the load is captured after 30 ms of rest, after 0.5 s at the latest. References that
-  arrive before are followed after 50 ms at the latest; a torque or a `tau_ff` acts at once.
+* **At rest** the load is the measured torque, filtered over 10 ms.
+* **In motion** the position law first stops a joint that enters COMPLIANT or TORQUE; the load is
+  captured after 30 ms of rest, after 0.5 s at the latest. References that arrive before are
+  followed after 50 ms at the latest; a torque or a `tau_ff` acts at once. A **stop in COMPLIANT**
+  captures the load in the same way.
 * **TORQUE** holds the joint until the first torque reference, with the load and at most a tenth of
-  the torque limit. Then only the reference acts.
+  the torque limit: a stronger push moves it. Then only the reference acts: in a pose without
+  stable equilibrium the arm moves.
 
 Error of the load on the shipped arms: below 0.01 % of the torque limit at rest; in motion 0.8 %
 (iiwa) and 1.1 % (panda). Effect on the position: [motion](motion.md).
 
-A position reference does not run ahead of a blocked joint: it waits at the torque limit, and
-continues when the joint is free.
+## In every mode
+
+* No joint is driven faster than its speed limit, or towards a software limit faster than it can
+  brake (0.7 of `limits.acceleration`); beyond a limit it is brought back.
+* A position reference does not run ahead of a blocked joint: it waits at the torque limit, and
+  continues when the joint is free.
 """
 
 
