@@ -203,7 +203,7 @@ def attend(
     parks, modes = bool(settings.values["park_on_exit"]), boards.loop.main.snapshots.modes.control
     waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
     by = settings.values["plant"] or settings.values["physics"]
-    say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits, plant=by))
+    say(welcome(name, settings.board, modes, parks=parks, managed=waits, plant=by))
     if hung := watch.wait(ended):
         return "", hung
     return parked(boards, at_once) if parks and boards.loop.failure is None else "", ""

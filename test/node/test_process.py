@@ -402,14 +402,11 @@ def test_a_change_of_pace_keeps_the_time() -> None:
 
 
 def test_the_first_screen_says_what_to_do(unusual: tuple[BoardProcess, Talker]) -> None:
-    """A table of the joints, and lines to paste."""
+    """The modes, and lines to paste."""
     board, _ = unusual
     board.wait_for_output("Stop with Ctrl-C")
-    for name in ("lbr_iiwa_joint_1", "lbr_iiwa_joint_7"):
-        board.wait_for_output(name)
     board.wait_for_output("cbctl move lbr_iiwa_joint_1=")
-    board.wait_for_output("ros2 service call /control_board/set_control_mode")
-    board.wait_for_output("ros2 topic pub --once /control_board/command/position")
+    board.wait_for_output("cbctl watch")
 
 
 @pytest.mark.slow

@@ -7,14 +7,14 @@ import contextlib
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.config.config import BoardConfig, JointConfig
 from ...core.terms.joint_kind import ENDLESS
 from ...core.terms.modes import ACCEPTS, CALIBRATES, CONFIGURED, MOVES
 from ...core.terms.vocabs import CommandKind, ControlMode
-from ...interface import CONFIGURE, POSITION_COMMAND, SET_CONTROL_MODE
+from ...interface import CONFIGURE
 from ...text import clean
 
 #: Characters of a line.
@@ -71,27 +71,21 @@ def provide_log_folder() -> None:
     os.environ["ROS_LOG_DIR"] = str(instead)
 
 
-#: More characters than a table of plain terminals has.
-WIDE = 80
-
-
 def welcome(
     name: str,
     config: BoardConfig,
     modes: Sequence[ControlMode],
-    parts: Mapping[str, Sequence[str]] | None = None,
     *,
     parks: bool = False,
     managed: bool = False,
     plant: str = "",
 ) -> str:
-    """The joints with their limits and modes, and lines to paste.
+    """The board's name and modes, and lines to paste; ``cbctl info`` shows its joints.
 
     Args:
         name: full name of the node.
         config: of the board.
         modes: present control mode of each joint.
-        parts: the joints of each part, where the board is a robot's.
         parks: whether it moves to the pose park at its end.
         managed: whether it waits for the transitions of a managed node.
         plant: what moves the joints: a physics engine, or drives.
@@ -103,53 +97,16 @@ def welcome(
         when = f"Activate it with:\n{transitions(name)}\nthen, where joints are active, try"
         words = [word for word in words if word != CONFIGURE.short]
     lines = [
-        *table(config.joints, parts or {}),
-        "",
         f"{name} runs at {config.control_rate:g} Hz{f' with {plant}' if plant else ''}, "
         f"joints in {', '.join(present)}. {when}:",
         *(f"  cbctl{option} {line}" for line in (*words, "watch")),
-        "in a browser: make panel (or, installed, cbctl panel); where ROS itself is installed:",
-        *ros2_lines(name, config.joints[0]),
+        "in a browser: make panel (or, installed, cbctl panel)",
         "Park and stop with Ctrl-C; stop at once with a second one."
         if parks
         else "Stop with Ctrl-C.",
         "",
     ]
     return "\n".join(lines)
-
-
-def table(
-    joints: Sequence[JointConfig], parts: Mapping[str, Sequence[str]] | None = None
-) -> list[str]:
-    """The joints, as ``cbctl info`` has them: limits are the software's, stops the hard ones.
-
-    Modes that are equal for all joints and do not fit are below the table.
-    """
-    owner = {name: part for part, names in (parts or {}).items() for name in names}
-    columns: dict[str, list[str]] = {
-        **({"part": [owner[joint.name] for joint in joints]} if owner else {}),
-        "joint": [joint.name for joint in joints],
-        "limits": [c.kind.travel(c.limits.lower, c.limits.upper) for c in joints],
-        "stops": [c.kind.travel(c.limits.hard_lower, c.limits.hard_upper) for c in joints],
-        "speed": [c.kind.velocity(c.limits.velocity) for c in joints],
-        "modes": [" ".join(mode.code for mode in joint.control_modes) for joint in joints],
-    }
-    if columns["limits"] == columns["stops"]:
-        del columns["stops"]
-    below = []
-    if len(set(columns["modes"])) == 1 and max(map(len, rows(columns))) > WIDE:
-        below = [f"modes of all joints: {columns.pop('modes')[0]}"]
-    return rows(columns) + below
-
-
-def rows(columns: Mapping[str, Sequence[str]]) -> list[str]:
-    """The lines of a table; text left-aligned, numbers right-aligned."""
-    cells = []
-    for title, column in columns.items():
-        width = max(map(len, (title, *column)))
-        left = title in ("part", "joint", "modes")
-        cells.append([f"{text:{'<' if left else '>'}{width}}" for text in (title, *column)])
-    return ["  ".join(line).rstrip() for line in zip(*cells, strict=True)]
 
 
 def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
@@ -180,14 +137,3 @@ def first_target(joint: JointConfig) -> float:
     low, high = joint.limits.lower, joint.limits.upper
     margin = 0.1 * (high - low) if high - low < ENDLESS else 0.0
     return min(max(wanted, low + margin), high - margin)
-
-
-def ros2_lines(name: str, joint: JointConfig) -> list[str]:
-    """Lines for the command ``ros2``, which a virtual environment does not have."""
-    target = f"{first_target(joint):.3g}"
-    return [
-        f"  ros2 service call {SET_CONTROL_MODE.of(name)} {SET_CONTROL_MODE.type} "
-        f'"{{names: [{joint.name}], modes: [pos]}}"',
-        f"  ros2 topic pub --once {POSITION_COMMAND.of(name)} {POSITION_COMMAND.type} "
-        f'"{{names: [{joint.name}], positions: [{target}]}}"',
-    ]
