@@ -12,6 +12,7 @@ the response.
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
@@ -231,27 +232,26 @@ def set_encoders(board: JointGroup, joints: Sequence[str], request: Any) -> Repl
     return board.set_encoders(joints, positions, motor=request.motor)
 
 
-def send_reference(
-    board: JointGroup,
-    kind: str,
-    joints: Sequence[str],
-    values: Sequence[float] | None,
-    along: Sequence[float] | None,
-    *,
-    together: bool,
-    valid_for: float,
-) -> Reply:
-    """Send references as the command topic of a kind does; arguments as of SendReference."""
-    if kind == FEEDFORWARD and not valid_for:
-        return board.set_feedforward(joints, values, along, together=together)
-    if kind in KINDS:
-        given = () if values is None else values
-        return board.command(
-            KINDS[kind], joints, given, along, together=together, valid_for=valid_for
-        )
+def send_reference(board: JointGroup, request: Any) -> Reply:
+    """Send references as the command topic of a kind does; ``request`` as of SendReference."""
+    joints, kind = truncated(request.names, board.count), request.kind
+    values, along = request.values, optional(request.along)
+    if kind == FEEDFORWARD and not request.valid_for:
+        outputs = optional(values)
+        return board.set_feedforward(joints, outputs, along, together=request.together)
     if kind == FEEDFORWARD:
         return board.reject(joints, "a feedforward does not expire; send it with valid_for 0")
-    return board.reject(joints, unknown_word("kind", kind, [*KINDS, FEEDFORWARD]))
+    if kind not in KINDS:
+        return board.reject(joints, unknown_word("kind", kind, [*KINDS, FEEDFORWARD]))
+    together, valid_for = request.together, request.valid_for
+    return board.command(
+        KINDS[kind], joints, values, along, together=together, valid_for=valid_for
+    )
+
+
+def reference_fields(reply: Reply) -> Fields:
+    """The fields of the response to references: the reply's, and the values in force."""
+    return answer(reply) | {"values": doubles(reply.values or [math.nan] * len(reply.joints))}
 
 
 # -- the table -----------------------------------------------------------------------------------

@@ -43,9 +43,9 @@ from ..operations import (
     OPERATIONS,
     Fields,
     answer,
-    doubles,
     frame_fields,
     optional,
+    reference_fields,
     requested,
     send_reference,
     truncated,
@@ -214,17 +214,15 @@ class LocalLink:
         """Send references, or external torques; they act in the next cycle."""
         names, *values = fields.values()
         with self.lock:
-            joints = truncated(names, self.group.count)
             if topic is EXTERNAL_TORQUE_SENSOR:
-                self.group.update_torque_sensor(joints, values[0])
+                self.group.update_torque_sensor(truncated(names, self.group.count), values[0])
                 return
             kind = topic.short.rpartition("/")[2]
             if topic.reference is None:  # of feed-forward either may be there
                 values = [fields.get(name) for name in ("outputs", "torques")]
-            references, along = [*values, None][:2]
-            send_reference(
-                self.group, kind, joints, references, along, together=False, valid_for=0.0
-            )
+            references, along = [*values, ()][:2]
+            sent = Message(kind=kind, names=names, values=references or (), along=along or ())
+            send_reference(self.group, sent)
             self.follower.check()
 
     def subscribe(self, topic: Endpoint, callback: Callable[..., None]) -> None:
@@ -311,17 +309,7 @@ class LocalServices:
         self._saved: dict[str, Pose] = {}  # as long as the client lives
 
     def send_reference(self, request: Any) -> Fields:
-        reply = send_reference(
-            self._group,
-            request.kind,
-            truncated(request.names, self._group.count),
-            optional(request.values),
-            optional(request.along),
-            together=request.together,
-            valid_for=request.valid_for,
-        )
-        values = doubles(reply.values or [math.nan] * len(reply.joints))
-        return answer(reply) | {"values": values}
+        return reference_fields(send_reference(self._group, request))
 
     def stop(self, request: Any) -> Fields:
         joints = truncated(request.names, self._group.count)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .terms.arguments import Array
 from .terms.drives import SetPoint
 from .terms.faults import FaultRecord
-from .terms.measurement import MOTOR_ROWS, ROWS, VALUES, Motor, Row
+from .terms.measurement import MOTOR_ROWS, ROWS, VALUES, BlockRow, Motor, Row
 from .terms.modes import INITIAL, INITIAL_INTERACTION, Stage
 from .terms.vocabs import CommandKind
 
@@ -37,10 +37,6 @@ class Reference(IntEnum):
 BLOCK_ROWS = ROWS + len(Reference)
 
 
-def _nothing() -> NDArray[np.bool_]:
-    return np.zeros(0, dtype=np.bool_)
-
-
 @dataclass(frozen=True, slots=True)
 class Snapshot:
     """The state of a board after a cycle; read-only arrays of shape (n,).
@@ -56,7 +52,7 @@ class Snapshot:
     joint's brake is closed, brake_slips where a closed one does not hold (Y4); motors has the
     rows of Motor, as the encoders are set to read, and acceleration is of the joints, rad/s²;
     external_torque is what acts on a joint from outside, N·m, NaN where it is not observed (X1),
-    and contacts counts those with a reaction (X2); None: not known.
+    and contacts counts those with a reaction (X2).
     """
 
     time: float
@@ -67,88 +63,31 @@ class Snapshot:
     calibrated: NDArray[np.bool_]
     overload: Array
     torque_sensor: NDArray[np.bool_]
-    unknown_commands: int = 0
-    brake: NDArray[np.bool_] = field(default_factory=_nothing)
-    brake_slips: NDArray[np.bool_] = field(default_factory=_nothing)
-    motors: Array | None = None
-    accelerations: Array | None = None
-    contacts: NDArray[np.uint64] | None = None
+    unknown_commands: int
+    brake: NDArray[np.bool_]
+    brake_slips: NDArray[np.bool_]
+    motors: Array
+    acceleration: Array
+    contacts: NDArray[np.uint64]
 
-    @property
-    def position(self) -> Array:
-        return self._row(Row.POSITION)
-
-    @property
-    def velocity(self) -> Array:
-        return self._row(Row.VELOCITY)
+    position = BlockRow("block", Row.POSITION)
+    velocity = BlockRow("block", Row.VELOCITY)
+    current = BlockRow("block", Row.CURRENT)
+    temperature = BlockRow("block", Row.TEMPERATURE)
+    position_reference = BlockRow("block", Reference.POSITION)
+    velocity_reference = BlockRow("block", Reference.VELOCITY)
+    torque_reference = BlockRow("block", Reference.TORQUE)
+    output = BlockRow("block", Reference.OUTPUT)
+    applied = BlockRow("block", Reference.APPLIED)
+    external_torque = BlockRow("block", Reference.EXTERNAL_TORQUE)
+    age = BlockRow("block", Row.ENCODER_AGE)
+    motor_position = BlockRow("motors", Motor.POSITION)
+    motor_velocity = BlockRow("motors", Motor.VELOCITY)
+    supply_voltage = BlockRow("motors", Motor.SUPPLY)
 
     @property
     def torque(self) -> Array:
-        return np.where(self.torque_sensor, self._row(Row.TORQUE), np.nan)
-
-    @property
-    def current(self) -> Array:
-        return self._row(Row.CURRENT)
-
-    @property
-    def temperature(self) -> Array:
-        return self._row(Row.TEMPERATURE)
-
-    @property
-    def position_reference(self) -> Array:
-        return self._row(Reference.POSITION)
-
-    @property
-    def velocity_reference(self) -> Array:
-        return self._row(Reference.VELOCITY)
-
-    @property
-    def torque_reference(self) -> Array:
-        return self._row(Reference.TORQUE)
-
-    @property
-    def output(self) -> Array:
-        return self._row(Reference.OUTPUT)
-
-    @property
-    def applied(self) -> Array:
-        return self._row(Reference.APPLIED)
-
-    @property
-    def external_torque(self) -> Array:
-        return self._row(Reference.EXTERNAL_TORQUE)
-
-    @property
-    def age(self) -> Array:
-        return self._row(Row.ENCODER_AGE)
-
-    @property
-    def motor_position(self) -> Array:
-        return self._motor(Motor.POSITION)
-
-    @property
-    def motor_velocity(self) -> Array:
-        return self._motor(Motor.VELOCITY)
-
-    @property
-    def acceleration(self) -> Array:
-        if self.accelerations is None:
-            return np.full(len(self.position), np.nan)
-        return self.accelerations
-
-    @property
-    def supply_voltage(self) -> Array:
-        return self._motor(Motor.SUPPLY)
-
-    def _motor(self, row: Motor) -> Array:
-        if self.motors is None:
-            return np.full(len(self.position), np.nan)
-        values: Array = self.motors[row]
-        return values
-
-    def _row(self, row: int) -> Array:
-        values: Array = self.block[row]
-        return values
+        return np.where(self.torque_sensor, self.block[Row.TORQUE], np.nan)
 
 
 class StateArrays:

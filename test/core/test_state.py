@@ -116,6 +116,12 @@ def snapshot(**changes: object) -> Snapshot:
         "calibrated": flags,
         "overload": np.zeros(N),
         "torque_sensor": flags,
+        "unknown_commands": 0,
+        "brake": flags,
+        "brake_slips": flags,
+        "motors": np.arange(MOTOR_ROWS * N, dtype=float).reshape(MOTOR_ROWS, N),
+        "acceleration": np.zeros(N),
+        "contacts": np.zeros(N, dtype=np.uint64),
     }
     return Snapshot(**(given | changes))  # type: ignore[arg-type]
 
@@ -128,14 +134,8 @@ def test_a_snapshot_has_the_rows_of_its_block() -> None:
     assert np.array_equal(shown.torque, [torque[0], np.nan, torque[2]], equal_nan=True)
 
 
-def test_unknown_motor_values_are_nan() -> None:
+def test_a_snapshot_has_the_rows_of_its_motors() -> None:
     shown = snapshot()
-    for name in ("motor_position", "motor_velocity", "acceleration", "supply_voltage"):
-        assert np.isnan(getattr(shown, name)).tolist() == [True] * N, name
-    assert (shown.brake.size, shown.brake_slips.size, shown.unknown_commands) == (0, 0, 0)
-    motors = np.arange(MOTOR_ROWS * N, dtype=float).reshape(MOTOR_ROWS, N)
-    shown = snapshot(motors=motors, accelerations=np.array([7.0, 8.0, 9.0]))
-    assert shown.motor_position.tolist() == motors[Motor.POSITION].tolist()
-    assert shown.motor_velocity.tolist() == motors[Motor.VELOCITY].tolist()
-    assert shown.supply_voltage.tolist() == motors[Motor.SUPPLY].tolist()
-    assert shown.acceleration.tolist() == [7.0, 8.0, 9.0]
+    assert shown.motor_position.tolist() == shown.motors[Motor.POSITION].tolist()
+    assert shown.motor_velocity.tolist() == shown.motors[Motor.VELOCITY].tolist()
+    assert shown.supply_voltage.tolist() == shown.motors[Motor.SUPPLY].tolist()

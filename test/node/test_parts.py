@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 from control_board_ros import operations, startup
 from control_board_ros.core.state import Reference, Snapshot
 from control_board_ros.core.terms.faults import FaultRecord
-from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.measurement import Motor, Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.node.loop.timing import take_priority
 from control_board_ros.node.process.console import KnownError
@@ -173,8 +173,21 @@ def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
         block[1] = first
         done = np.arange(count) % 2 == 0
         rejected = np.arange(count, dtype=np.uint64) + np.uint64(2**63)
+        motors, flags = block[: len(Motor)], (~done, done)
         snapshot = Snapshot(
-            1.5, 7, block, done, rejected, ~done, block[0], done, 0, ~done, contacts=rejected
+            1.5,
+            7,
+            block,
+            done,
+            rejected,
+            ~done,
+            block[0],
+            done,
+            0,
+            *flags,
+            motors,
+            block[2],
+            rejected,
         )
         message = deserialize_message(template.of(snapshot, 3_000_000_007), kind)
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 7)

@@ -35,6 +35,22 @@ from .faults import FaultCode
 Array = arguments.Array
 
 
+class BlockRow:
+    """A row of a block of values, as an attribute of the object that has the block.
+
+    Args:
+        block: Name of the attribute that is the block, shape (rows, n).
+        row: Of the block.
+    """
+
+    def __init__(self, block: str, row: int) -> None:
+        self._block, self._row = block, row
+
+    def __get__(self, owner: Any, _: Any = None) -> Array:
+        values: Array = getattr(owner, self._block)[self._row]
+        return values
+
+
 class Value(IntEnum):
     """Rows of a block of set-points."""
 
@@ -94,38 +110,14 @@ class SetPoints:
         powered: NDArray[np.bool_] = self.kinds != SetPoint.OFF
         return powered
 
-    @property
-    def pwm(self) -> Array:
-        return self._row(Value.PWM)
-
-    @property
-    def current(self) -> Array:
-        return self._row(Value.CURRENT)
-
-    @property
-    def torque(self) -> Array:
-        """τ, or the τ_ff beside a position, a velocity or an impedance."""
-        return self._row(Value.TORQUE)
-
-    @property
-    def velocity(self) -> Array:
-        return self._row(Value.VELOCITY)
-
-    @property
-    def position(self) -> Array:
-        return self._row(Value.POSITION)
-
-    @property
-    def stiffness(self) -> Array:
-        return self._row(Value.STIFFNESS)
-
-    @property
-    def damping(self) -> Array:
-        return self._row(Value.DAMPING)
-
-    def _row(self, value: Value) -> Array:
-        row: Array = self.values[value]
-        return row
+    pwm = BlockRow("values", Value.PWM)
+    current = BlockRow("values", Value.CURRENT)
+    #: τ, or the τ_ff beside a position, a velocity or an impedance.
+    torque = BlockRow("values", Value.TORQUE)
+    velocity = BlockRow("values", Value.VELOCITY)
+    position = BlockRow("values", Value.POSITION)
+    stiffness = BlockRow("values", Value.STIFFNESS)
+    damping = BlockRow("values", Value.DAMPING)
 
 
 DOUBLE = np.dtype(np.float64)

@@ -8,7 +8,6 @@ response's message.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Awaitable, Callable, Collection, Sequence
 from typing import Any
 
@@ -22,8 +21,7 @@ from ...operations import (
     OPERATIONS,
     Operation,
     answer,
-    doubles,
-    optional,
+    reference_fields,
     requested,
     send_reference,
     truncated,
@@ -78,21 +76,12 @@ class Services:
 
     def send_reference(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
-            joints = truncated(request.names, board.count)
             if void := self._void():
+                joints = truncated(request.names, board.count)
                 reply = board.reject(joints, void, Reason.STALE)
             else:
-                reply = send_reference(
-                    board,
-                    request.kind,
-                    joints,
-                    optional(request.values),
-                    optional(request.along),
-                    together=request.together,
-                    valid_for=request.valid_for,
-                )
-        values = doubles(reply.values or [math.nan] * len(reply.joints))
-        return filled(response, answer(reply) | {"values": values})
+                reply = send_reference(board, request)
+        return filled(response, reference_fields(reply))
 
     def stop(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
