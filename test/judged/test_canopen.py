@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from far_drives import far_drives, near, until
+from far_drives import BRIEF, far_drives, near, until
 
 pytest.importorskip("canopen")
 
@@ -28,6 +28,7 @@ def far() -> Iterator[Any]:
 @pytest.fixture
 def network(far: Any) -> Iterator[Any]:
     network = canopen.Network()
+    network.NOTIFIER_CYCLE = BRIEF
     network.connect(interface="virtual", channel=far.address.partition(":")[2])
     yield network
     network.disconnect()

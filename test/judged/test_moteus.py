@@ -14,10 +14,11 @@ from typing import Any
 from unittest import mock
 
 import pytest
-from far_drives import far_drives, near
+from far_drives import BRIEF, far_drives, near
 
 pytest.importorskip("moteus")
 
+import can
 import moteus
 from moteus import moteus_tool
 from moteus.protocol import Register
@@ -27,7 +28,9 @@ Talk = Callable[[Any, Any], Coroutine[Any, Any, Any]]
 
 
 @pytest.fixture
-def far() -> Iterator[Any]:
+def far(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """With receivers of python-can that end as soon as they are closed, not after a second."""
+    monkeypatch.setattr(can.Notifier.__init__, "__defaults__", (BRIEF, None))
     with far_drives("moteus", 2) as far:
         yield far
 

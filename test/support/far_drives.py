@@ -13,6 +13,9 @@ from typing import Any
 
 from control_board_ros.plants.virtual.world import free_world
 
+#: s that a receiver of python-can waits for a frame before it looks whether it is closed.
+BRIEF = 0.01
+
 
 @contextlib.contextmanager
 def far_drives(driver: str, count: int = 1, **options: str) -> Iterator[Any]:
