@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -14,16 +16,31 @@ from control_board_ros.plants.interface import DriveLimits
 JOINTS = ("shoulder", "elbow")
 
 
-def parsed(**arguments: str) -> Options:
+@dataclass(frozen=True, kw_only=True)
+class OwnAxis(Axis):
+    kt: float = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnOptions(Options):
+    axis = OwnAxis
+    axes: tuple[OwnAxis, ...] = ()
+    bus: str = "here"
+    speed: float = 1.0
+    steps: int = 8
+    loud: bool = False
+
+
+def parsed(**arguments: str) -> OwnOptions:
     given = {key.replace("__", "."): value for key, value in arguments.items()}
-    return Options.parse(JOINTS, given, bus="here", whole={"speed": 1.0}, each={"kt": 0.5})
+    return OwnOptions.parse(JOINTS, given)
 
 
 def test_omitted_values_have_a_default() -> None:
     found = parsed()
-    assert (found.bus, found.own) == ("here", {"speed": 1.0})
+    assert (found.bus, found.speed, found.steps, found.loud) == ("here", 1.0, 8, False)
     assert [axis.id for axis in found.axes] == [1, 2]
-    assert found.axes[0] == Axis(name="shoulder", id=1, own={"kt": 0.5})
+    assert found.axes[0] == OwnAxis(name="shoulder", id=1, kt=0.5)
 
 
 def test_options_are_of_the_bus_of_all_joints_or_of_one() -> None:
@@ -31,8 +48,14 @@ def test_options_are_of_the_bus_of_all_joints_or_of_one() -> None:
         bus="there", ids="4 7", kt="2", elbow__kt="3", elbow__ratio="6", elbow__direction="-1"
     )
     assert [axis.id for axis in found.axes] == [4, 7]
-    assert [axis.own["kt"] for axis in found.axes] == [2.0, 3.0]
+    assert [axis.kt for axis in found.axes] == [2.0, 3.0]
     assert found.axes[1].factor == -6.0
+
+
+def test_values_have_the_type_of_their_default() -> None:
+    found = parsed(steps="1e3", loud="1", speed="2")
+    assert (found.steps, found.loud, found.speed) == (1000, True, 2.0)
+    assert [type(value) for value in (found.steps, found.loud, found.speed)] == [int, bool, float]
 
 
 def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
@@ -49,6 +72,8 @@ def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
         ({"elbow__ratio": "0"}, "elbow.ratio=0: a number above 0"),
         ({"elbow__direction": "2"}, "elbow.direction=2: 1 or -1"),
         ({"elbow__id": "1.5"}, "elbow.id=1.5: a whole number"),
+        ({"steps": "1.5"}, "steps=1.5: a whole number is required"),
+        ({"elbow__kt": "far"}, "elbow.kt=far: a number is required"),
         ({"elbow__id": "-1"}, "elbow.id=-1: a whole number"),
         ({"elbow__offset": "nan"}, "elbow.offset=nan: a number"),
         ({"elbow__offset": "far"}, "elbow.offset=far: a number"),
@@ -57,6 +82,11 @@ def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
         ({"id": "3"}, "id=3: unknown; did you mean 'ids'"),
         ({"sped": "1"}, "sped=1: unknown; did you mean 'speed'"),
         ({"wrist__id": "1"}, "wrist.id=1: unknown"),
+        (
+            {"far": "1"},
+            "known: bus, ids, speed, steps, loud, direction, ratio, offset, motor_turns, turns, "
+            "kt, JOINT.id, JOINT.direction",
+        ),
     ],
 )
 def test_an_invalid_option_is_reported_in_one_line(arguments: dict[str, str], text: str) -> None:

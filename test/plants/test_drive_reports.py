@@ -15,7 +15,6 @@ import pytest
 from drive_bench import LIBRARIES, PERIOD, Bench
 
 from control_board_ros.core.terms.drives import DriveReport, SetPoint
-from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.virtual.can_bus import Frame
 
@@ -133,10 +132,10 @@ def result(questions: Generator[Any, Any, Any]) -> Any:
 
 
 def units(objects: dict[tuple[int, int], int], **own: float) -> Any:
-    from control_board_ros.plants.cia402.identity import scale_of
+    from control_board_ros.plants.cia402.identity import Cia402Axis, scale_of
 
-    options = {"counts": 0.0, "velocity_counts": 0.0, "rated_torque": 1.0} | own
-    return result(scale_of(Axis(name="a", id=1, own=options), Objects(objects)))  # type: ignore[arg-type]
+    axis = Cia402Axis(name="a", id=1, **{"rated_torque": 1.0} | own)
+    return result(scale_of(axis, Objects(objects)))  # type: ignore[arg-type]
 
 
 ENCODER = {(0x608F, 1): 4096, (0x608F, 2): 1}

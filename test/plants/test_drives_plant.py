@@ -470,7 +470,7 @@ def test_a_copy_is_one_answer_however_many_are_owed() -> None:
 
 def test_what_drives_report_comes_when_it_changes_and_each_second() -> None:
     found = [Found(id=3, type="made", turn=2.0 * math.pi)] * 2
-    rig = Rig((AXES[0], Axis(name="b", id=4, turn=0.0)), found=found)
+    rig = Rig((AXES[0], Axis(name="b", id=4, turns="absolute")), found=found)
     assert rig.go(OFF).drives is None
     assert rig.go(POSITION).drives == [
         DriveReport(zero="one turn", power=True, law="1 position", lost=0, late=0),

@@ -44,7 +44,7 @@ def connect_certainly(bench: Bench) -> None:
     """At the start its turns are certain, later they are not."""
     bench.connect()
     bench.follow(OFF, 5)
-    bench.plant.axes = tuple(replace(axis, turn=None) for axis in bench.plant.axes)
+    bench.plant.axes = tuple(replace(axis, turns="") for axis in bench.plant.axes)
     bench.plant._turn_steps[:] = STEP
 
 
@@ -191,8 +191,8 @@ def test_what_is_missing(place: float, ends: Any, last: Any, added: Any) -> None
 
 def test_an_unknown_way_of_keeping_turns_is_refused() -> None:
     with pytest.raises(PlantSettingsError, match="turns=some: absolute, one turn, lost"):
-        Options.parse(("a",), {"turns": "some"}, bus="")
-    options = Options.parse(("a",), {"a.turns": "one_turn"}, bus="")
+        Options.parse(("a",), {"turns": "some"})
+    options = Options.parse(("a",), {"a.turns": "one_turn"})
     assert options.axes[0].turn == pytest.approx(TURN)
 
 

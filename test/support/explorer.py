@@ -261,7 +261,7 @@ class ByValue:
     #: Nothing of these changes in a run, or nothing depends on it; objects of these types, and
     #: attributes of these names.
     FIXED = frozenset({
-        "Axis", "Axes", "Options", "Setup", "Traits", "Controller", "ManualClock", "Found", "Wire",
+        "Axes", "Setup", "Traits", "Controller", "ManualClock", "Found", "Wire",
         "RLock", "function", "method", "builtin_function_or_method", "module", "type", "Struct",
         "Protocol2PacketHandler", "protocol_packet_handler", "_UninitializedNetwork",
         "ObjectDictionary", "ODVariable", "ODArray", "ODRecord", "SdoArray", "SdoRecord", "Limits",
@@ -278,7 +278,7 @@ class ByValue:
         kind = type(thing)
         if kind in self.PLAIN or issubclass(kind, Enum):
             return thing
-        if kind.__name__ in self.FIXED:
+        if kind.__name__ in self.FIXED or kind.__name__.endswith(("Axis", "Options")):
             return kind.__name__
         if isinstance(thing, float):
             if math.isnan(thing):

@@ -21,8 +21,7 @@ from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
-from ..drives.axes import Options
-from ..drives.can_drives import CanDrives
+from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import Found, Order, Traits
 from ..drives.faults import WATCHDOG
@@ -32,7 +31,7 @@ from ..drives.reconcile import Action
 from ..errors import PlantSettingsError
 from ..interface import DriveFault
 from . import objects as o
-from .identity import REV, UNKNOWN, Scale, found_of, limits_of, scale_of
+from .identity import REV, UNKNOWN, Cia402Axis, Scale, found_of, limits_of, scale_of
 from .sdo import Sdo, device_type
 from .states import FAULT_RESET, TOWARDS_POWER, Mode, State, state_of
 
@@ -87,34 +86,48 @@ class Drive:
     resets: int = 0
 
 
-class Cia402Drives(CanDrives):
+@dataclass(frozen=True, kw_only=True)
+class Cia402Options(CanOptions):
+    """``modes``: those to use.
+
+    Raises:
+        PlantSettingsError: there is no such mode.
+    """
+
+    axis = Cia402Axis
+    axes: tuple[Cia402Axis, ...] = ()
+    modes: str = "csp csv cst"
+
+    def __post_init__(self) -> None:
+        if not self.used or not set(self.used) <= {mode.name.lower() for mode in Mode}:
+            raise PlantSettingsError(f"modes={self.modes}: some of csp csv cst")
+
+    @property
+    def used(self) -> list[str]:
+        return self.modes.replace(",", " ").split()
+
+
+class Cia402Drives(CanDrives[Cia402Options]):
     """The drives of one bus; see ``drives.driver.Driver``."""
 
-    power_lost = LOST
+    power_lost, laws = LOST, MODES
 
-    def __init__(self, options: Options) -> None:
-        super().__init__(options)
-        names = str(options.own["modes"]).replace(",", " ").split()
-        if not names or not set(names) <= {mode.name.lower() for mode in Mode}:
-            raise PlantSettingsError(f"modes={options.own['modes']}: some of csp csv cst")
+    def __init__(self, options: Cia402Options) -> None:
+        super().__init__(options, bitrate=options.bitrate)
         self.traits = Traits(
-            set_points=tuple(kind for kind, m in MODES.items() if m.name.lower() in names),
+            set_points=tuple(k for k, m in MODES.items() if m.name.lower() in options.used),
             on_silence=tuple(ON_SILENCE),
             torque=True,
             laws=o.MODES,
             motor_encoders=frozenset(
-                k for k, axis in enumerate(self._axes) if float(axis.own["motor_counts"]) > 0.0
+                k for k, axis in enumerate(options.axes) if axis.motor_counts > 0.0
             ),
         )
         self._drives = [Drive() for _ in self._axes]
 
-    def law(self, k: int, kind: SetPoint) -> Mode:
-        del k
-        return MODES[kind]
-
     def set_up(self, k: int) -> Questions[Found]:
         """Disable, set watchdog and PDOs, start; the identification of the drive."""
-        axis, sdo = self._axes[k], Sdo(self._axes[k].id)
+        axis, sdo = self._options.axes[k], Sdo(self._axes[k].id)
         question = device_type(axis.id)
         kind = yield from find(question, axis, self._options.bus, "cia402")
         if kind & 0xFFFF != o.PROFILE:
@@ -171,7 +184,7 @@ class Cia402Drives(CanDrives):
             absent = (yield from sdo.maybe(index, subindex, form)) is None
             if index == o.ABORT_OPTION and absent and silence is OnSilence.FREE:
                 continue  # it is optional, and a fault signal without it
-            if not self._options.own["unwatched"]:
+            if not self._options.unwatched:
                 raise PlantSettingsError(
                     f"{axis.name}: id {axis.id} does not accept {value} in object "
                     f"0x{index:04x}:{subindex}, by which it would stop without frames; "
@@ -197,7 +210,7 @@ class Cia402Drives(CanDrives):
         """Whether its watchdog is ours: a restart forgets it."""
         sdo = Sdo(self._axes[k].id)
         watch = yield from sdo.maybe(o.CONSUMER_HEARTBEAT, 1, "<I")
-        return watch == self._watch or bool(self._options.own["unwatched"])
+        return watch == self._watch or self._options.unwatched
 
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         if orders:
@@ -205,8 +218,8 @@ class Cia402Drives(CanDrives):
         for k, order in orders.items():
             self._drives[k].parts = 0
             self._answers.asked[k] += 1
-            if order.interview is not None and order.interview.asks:
-                yield from order.interview.question.request
+            if request := order.request:
+                yield from request
             elif order.action is Action.SET_UP and self._answers.reported[k].unheard:
                 self._answers.asked[k] += 1
                 yield o.SDO_REQUEST | self._axes[k].id, POWER_OFF  # it may hear, unheard
@@ -254,7 +267,7 @@ class Cia402Drives(CanDrives):
         function, k = frame & 0x780, answers.places.get(frame & 0x7F)
         if k is None:
             return None
-        interview = self._orders[k].interview if k in self._orders else None
+        interview = self._interview(k)
         if function == o.HEARTBEAT and data[:1] == bytes([o.BOOT_UP]):
             answers.reported[k].lost = True
         elif function == o.SDO_ANSWER and len(data) == 8 and interview is not None:
@@ -283,7 +296,7 @@ class Cia402Drives(CanDrives):
             answers.velocity[k] = found[0] / drive.scale.velocity
             drive.error, reported.law = found[1], found[2]
         else:
-            answers.motor_position[k] = found[0] * REV / float(self._axes[k].own["motor_counts"])
+            answers.motor_position[k] = found[0] * REV / self._options.axes[k].motor_counts
         reported.fault = judged(drive)
         drive.parts |= part
 
@@ -329,10 +342,4 @@ def identified(line: CanLine, drive: int) -> Found:
     return converse(found_of(Sdo(drive), drive), partial(line.ask, said=said))
 
 
-make = maker(
-    Cia402Drives,
-    bus="socketcan:can0",
-    ids=IDS,
-    whole={"bitrate": 0.0, "modes": "csp csv cst", "unwatched": 0.0},
-    each={"counts": 0.0, "velocity_counts": 0.0, "rated_torque": 0.0, "motor_counts": 0.0},
-)
+make = maker(Cia402Drives, Cia402Options, IDS)

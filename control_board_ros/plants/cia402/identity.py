@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..drives.axes import Axis
@@ -18,6 +19,21 @@ from .states import State, state_of
 REV = 2.0 * math.pi
 
 
+@dataclass(frozen=True, kw_only=True)
+class Cia402Axis(Axis):
+    """A joint; 0: as its drive has it.
+
+    Attributes: counts (per turn of the drive's output), velocity_counts (units of velocity for one
+        turn per second), rated_torque (N·m at its output), motor_counts (per turn of an encoder at
+        the motor; 0: there is none).
+    """
+
+    counts: float = 0.0
+    velocity_counts: float = 0.0
+    rated_torque: float = 0.0
+    motor_counts: float = 0.0
+
+
 class Scale(NamedTuple):
     """Units of one drive per unit at its output: counts/rad, (counts/s)/(rad/s), ‰/(N·m)."""
 
@@ -30,7 +46,7 @@ class Scale(NamedTuple):
 UNKNOWN = Scale(1.0, 1.0, 1.0)
 
 
-def scale_of(axis: Axis, sdo: Sdo) -> Questions[Scale]:
+def scale_of(axis: Cia402Axis, sdo: Sdo) -> Questions[Scale]:
     """Units of a drive, by its options, or as the drive itself has them.
 
     Counts per turn of the output: feed constant (0x6092), or else encoder resolution (0x608F)
@@ -39,7 +55,7 @@ def scale_of(axis: Axis, sdo: Sdo) -> Questions[Scale]:
     Raises:
         PlantSettingsError: the drive does not have them, or has units that are not known.
     """
-    counts, speed = float(axis.own["counts"]), float(axis.own["velocity_counts"])
+    counts, speed = axis.counts, axis.velocity_counts
     if counts <= 0.0:
         unit = yield from sdo.maybe(o.POSITION_UNIT, 0, "<I")
         if unit not in (None, o.NO_UNIT):
@@ -55,9 +71,7 @@ def scale_of(axis: Axis, sdo: Sdo) -> Questions[Scale]:
             speed = 60.0 / 10.0**prefix
         elif unit != o.NO_UNIT:
             raise _unknown(axis, "velocity_counts", o.VELOCITY_UNIT, unit)
-    rated = float(axis.own["rated_torque"]) or 1e-3 * (
-        (yield from sdo.maybe(o.RATED_TORQUE, 0, "<I")) or 0
-    )
+    rated = axis.rated_torque or 1e-3 * ((yield from sdo.maybe(o.RATED_TORQUE, 0, "<I")) or 0)
     for what, value, index in (
         ("counts", counts, o.RESOLUTION),
         ("rated_torque", rated, o.RATED_TORQUE),

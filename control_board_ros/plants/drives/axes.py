@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -26,9 +27,9 @@ from ..interface import DriveLimits
 TURNS = {"": None, "absolute": 0.0, "one turn": 2.0 * math.pi, "lost": math.inf}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Axis:
-    """One joint and its drive.
+    """One joint and its drive: what ``JOINT.OPTION`` says. A driver adds fields of its own.
 
     Attributes:
         name: Of the joint.
@@ -38,19 +39,46 @@ class Axis:
         offset: Angle of the joint where the drive reads 0, rad.
         motor_turns: Turns of the motor's shaft per turn of the drive's output, where the drive
             measures the shaft; 0: it does not.
-        turn: By which its drive's position can be wrong after a restart, rad at its output, as
-            ``Found.turn``; None: as the drive has it.
-        own: Options of this driver for this joint, checked by ``options``.
+        turns: How its drive's zero survives a restart, as TURNS; "": as the drive has it.
+
+    Raises:
+        PlantSettingsError: a value is not allowed.
     """
 
     name: str
-    id: int
+    id: int = 0
     direction: int = 1
     ratio: float = 1.0
     offset: float = 0.0
     motor_turns: float = 0.0
-    turn: float | None = None
-    own: Mapping[str, str | float] = field(default_factory=dict)
+    turns: str = ""
+
+    def __post_init__(self) -> None:
+        ways = ", ".join(filter(None, TURNS))
+        for option, right, allowed in (
+            ("id", self.id >= 0, "a whole number from 0 is required"),
+            ("direction", self.direction in (1, -1), "1 or -1 is required"),
+            ("ratio", self.ratio > 0.0,
+             "a number above 0 is required; direction=-1 turns it round"),
+            ("motor_turns", self.motor_turns >= 0.0,
+             "a number from 0 is required; 0: not measured"),
+            ("turns", self.turns.replace("_", " ") in TURNS, f"{ways} is required"),
+        ):  # fmt: skip
+            if not right:
+                raise self.refused(option, allowed)
+
+    def refused(self, option: str, allowed: str) -> PlantSettingsError:
+        """The error of an option of this joint."""
+        value = getattr(self, option)
+        value = value if isinstance(value, str) else f"{value:g}"
+        return PlantSettingsError(f"{self.name}.{option}={value}: {allowed}")
+
+    @property
+    def turn(self) -> float | None:
+        """By which its drive's position can be wrong after a restart, rad at its output, as
+        ``Found.turn``; None: as the drive has it.
+        """
+        return TURNS[self.turns.replace("_", " ")]
 
     @property
     def factor(self) -> float:
@@ -105,48 +133,36 @@ class Axes:
         return found
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Options:
     """The options of a bus and its drives: ``plant_arguments``.
 
-    Attributes: bus (as ``socketcan:can0``), axes, own (options of this driver for the whole bus).
+    A driver adds fields, whose defaults have the type of their values: text, number, whole number
+    or flag. What more they have to be its ``__post_init__`` checks.
+
+    Attributes: bus (as ``socketcan:can0``), axes; axis (the class of the axes).
     """
 
-    bus: str
-    axes: tuple[Axis, ...]
-    own: Mapping[str, str | float]
+    axis: ClassVar[type[Axis]] = Axis
+    axes: tuple[Axis, ...] = ()
+    bus: str = "socketcan:can0"
 
     @classmethod
-    def parse(
-        cls,
-        joints: Sequence[str],
-        arguments: Mapping[str, str],
-        *,
-        bus: str,
-        whole: Mapping[str, str | float] | None = None,
-        each: Mapping[str, str | float] | None = None,
-    ) -> Options:
+    def parse(cls, joints: Sequence[str], arguments: Mapping[str, str]) -> Self:
         """The options of a driver.
 
         Args:
             joints: Names, in the board's order; their ids are 1, 2, 3, … unless given.
-            arguments: Of the user: ``bus``, ``ids`` (``1,2,3``), ``JOINT.id``, ``JOINT.ratio``,
-                ``JOINT.direction``, ``JOINT.offset``, ``JOINT.motor_turns``, ``JOINT.turns``, and
-                those below; all but the id also without a joint, for those that have none of
-                their own.
-            bus: The one that is used when none is given.
-            whole: Options of this driver with their defaults, whose type is theirs.
-            each: The same, of one joint.
+            arguments: Of the user: fields of this class, ``ids`` (``1,2,3``), ``JOINT.id`` and
+                other fields of the axes; all but the id also without a joint, for those that have
+                none of their own.
 
         Raises:
             PlantSettingsError: an option is unknown or invalid, or two joints have one id.
         """
-        whole, each = dict(whole or {}), dict(each or {})
-        per_joint: dict[str, str | float] = {"id": 0.0, "direction": 1.0, "ratio": 1.0}
-        per_joint |= {"offset": 0.0, "motor_turns": 0.0, "turns": "", **each}
-        for_all = {name: default for name, default in per_joint.items() if name != "id"}
-        known = ["bus", "ids", *whole, *for_all, *(f"JOINT.{name}" for name in per_joint)]
-        found = {name: dict(per_joint, id=float(k)) for k, name in enumerate(joints, 1)}
+        whole, each = defaults(cls, "axes"), defaults(cls.axis, "name")
+        own: dict[str, Any] = {}
+        found: dict[str, dict[str, Any]] = {name: {"id": k} for k, name in enumerate(joints, 1)}
         if "ids" in arguments:
             ids = arguments["ids"].replace(",", " ").split()
             if len(ids) != len(joints):
@@ -154,63 +170,41 @@ class Options:
                     f"ids={arguments['ids']}: {len(joints)} are required, one for each joint"
                 )
             for name, text in zip(joints, ids, strict=True):
-                found[name]["id"] = _value("ids", text, 0.0)
-        own = dict(whole)
+                found[name]["id"] = parsed("ids", text, 0)
         for key, text in sorted(arguments.items(), key=lambda item: "." in item[0]):
             joint, dot, option = key.rpartition(".")
-            if dot and joint in found and option in per_joint:
-                found[joint][option] = _value(key, text, per_joint[option])
+            if dot and joint in found and option in each:
+                found[joint][option] = parsed(key, text, each[option])
             elif key in whole:
-                own[key] = _value(key, text, whole[key])
-            elif key in for_all:
+                own[key] = parsed(key, text, whole[key])
+            elif key in each and key != "id":
                 for options in found.values():
-                    options[key] = _value(key, text, for_all[key])
-            elif key not in ("bus", "ids"):
+                    options[key] = parsed(key, text, each[key])
+            elif key != "ids":
+                names = [name for name in (*whole, *each) if name not in ("bus", "id")]
+                known = ["bus", "ids", *names, *(f"JOINT.{name}" for name in each)]
                 raise PlantSettingsError(
                     f"{key}={text}: unknown{nearest(key, known)}; known: {', '.join(known)}"
                 )
-        axes = tuple(_axis(name, options, each) for name, options in found.items())
+        axes = tuple(cls.axis(name=name, **options) for name, options in found.items())
         taken: dict[int, str] = {}
         for axis in axes:
             if (other := taken.setdefault(axis.id, axis.name)) != axis.name:
-                raise PlantSettingsError(
-                    f"{axis.name}.id={axis.id}: {other} has it; give each joint an id of its own"
-                )
-        return cls(arguments.get("bus", bus), axes, own)
+                raise axis.refused("id", f"{other} has it; give each joint an id of its own")
+        return cls(axes=axes, **own)
 
 
-def _axis(name: str, found: Mapping[str, str | float], each: Mapping[str, str | float]) -> Axis:
-    number, direction, ratio = (float(found[key]) for key in ("id", "direction", "ratio"))
-    if number != int(number) or number < 0:
-        raise PlantSettingsError(f"{name}.id={number:g}: a whole number from 0 is required")
-    if direction not in (1.0, -1.0):
-        raise PlantSettingsError(f"{name}.direction={direction:g}: 1 or -1 is required")
-    if ratio <= 0.0:
-        raise PlantSettingsError(
-            f"{name}.ratio={ratio:g}: a number above 0 is required; direction=-1 turns it round"
-        )
-    if (shaft := float(found["motor_turns"])) < 0.0:
-        raise PlantSettingsError(
-            f"{name}.motor_turns={shaft:g}: a number from 0 is required; 0: not measured"
-        )
-    turns = str(found["turns"]).replace("_", " ")
-    if turns not in TURNS:
-        raise PlantSettingsError(
-            f"{name}.turns={turns}: {', '.join(filter(None, TURNS))} is required"
-        )
-    return Axis(
-        name=name,
-        id=int(number),
-        direction=int(direction),
-        ratio=ratio,
-        offset=float(found["offset"]),
-        motor_turns=shaft,
-        turn=TURNS[turns],
-        own={key: found[key] for key in each},
-    )
+def defaults(options: type[Any], aside: str) -> dict[str, Any]:
+    """The defaults of the fields of options, by name, but for one."""
+    return {one.name: one.default for one in fields(options) if one.name != aside}
 
 
-def _value(key: str, text: str, default: str | float) -> str | float:
+def parsed(key: str, text: str, default: Any) -> Any:
+    """The value of an option, of the type of its default.
+
+    Raises:
+        PlantSettingsError: the text is none.
+    """
     if isinstance(default, str):
         return text
     try:
@@ -219,4 +213,6 @@ def _value(key: str, text: str, default: str | float) -> str | float:
         value = math.nan
     if not math.isfinite(value):
         raise PlantSettingsError(f"{key}={text}: a number is required")
-    return value
+    if isinstance(default, int) and value != int(value):
+        raise PlantSettingsError(f"{key}={text}: a whole number is required")
+    return type(default)(value)

@@ -154,6 +154,12 @@ class Order(NamedTuple):
     values: Sequence[float]
     interview: Interview[Any] | None = None
 
+    @property
+    def request(self) -> Any:
+        """The frames of the question of its interview, where they are to be sent now."""
+        asks = self.interview is not None and self.interview.asks
+        return self.interview.question.request if asks and self.interview else ()
+
 
 class Driver(Protocol):
     """Drives of one make on one bus: a codec, and a set-up that asks one question per exchange.

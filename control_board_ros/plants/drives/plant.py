@@ -20,10 +20,9 @@ from ...core.config.config import JointConfig
 from ...core.terms.drives import DriveReport, OnSilence, SetPoint
 from ...core.terms.joint_kind import JointKind
 from ...core.terms.measurement import Array, SetPoints, Value
-from ..errors import PlantSettingsError
 from ..interface import Description, DriveFault, JointDescription, Readings, Setup
-from .axes import Axes, Axis, Options
-from .can_drives import CanDrives
+from .axes import Axes, Axis
+from .can_drives import CanDrives, Own
 from .clock import Clock
 from .driver import NONE, Answers, Driver, Found, Order, zero_of
 from .faults import RESTARTED, UNCONFIRMED
@@ -478,22 +477,13 @@ def silent(axis: Axis, age: float) -> str:
     return f"no answer from id {axis.id} for {1e3 * age:.0f} ms"
 
 
-def maker(
-    driver: Callable[[Options], Driver],
-    *,
-    bus: str,
-    ids: range,
-    whole: Mapping[str, str | float] | None = None,
-    each: Mapping[str, str | float] | None = None,
-) -> Make:
+def maker(driver: Callable[[Own], Driver], options: type[Own], ids: range) -> Make:
     """The ``make`` of a make's module: from joints and options to a plant.
 
     Args:
         driver: Its class.
-        bus: The bus that is used when none is given.
+        options: The class of its options.
         ids: That its drives can have.
-        whole: Its options for a bus; see ``axes.Options.parse``.
-        each: Its options for a joint.
     """
 
     def make(names: Sequence[str], arguments: Mapping[str, str]) -> DrivesPlant:
@@ -502,12 +492,10 @@ def maker(
         Raises:
             PlantSettingsError: an argument is unknown or invalid.
         """
-        options = Options.parse(names, arguments, bus=bus, whole=whole, each=each)
-        for axis in options.axes:
+        found = options.parse(names, arguments)
+        for axis in found.axes:
             if axis.id not in ids:
-                raise PlantSettingsError(
-                    f"{axis.name}.id={axis.id}: {ids[0]} to {ids[-1]} is required"
-                )
-        return DrivesPlant(options.axes, driver(options))
+                raise axis.refused("id", f"{ids[0]} to {ids[-1]} is required")
+        return DrivesPlant(found.axes, driver(found))
 
     return make

@@ -9,19 +9,17 @@ Positions have no velocity and no feed-forward.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
-from ..drives.axes import Options
-from ..drives.can_line import budget
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
-from ..drives.faults import RESTARTED, WATCHDOG, flagged
-from ..drives.interview import Question, Questions, find
+from ..drives.faults import WATCHDOG, flagged
+from ..drives.interview import Questions
 from ..drives.plant import maker
-from ..drives.reconcile import Action
-from ..drives.serial_line import Item, Request, ServoBus, get, put
+from ..drives.serial_line import Item, ServoBus, get
+from ..drives.servo_drives import IDS, ServoDrives, ServoOptions
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import table as t
@@ -33,7 +31,25 @@ GOALS = {
     SetPoint.VELOCITY: (t.GOAL_VELOCITY, t.VELOCITY_MODE),
     SetPoint.POSITION: (t.GOAL_POSITION, t.EXTENDED),
 }
-IDS = range(253)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DynamixelOptions(ServoOptions):
+    """``current``: the servos have a current sensor; ``position_mode``: that of positions.
+
+    Raises:
+        PlantSettingsError: it is none.
+    """
+
+    current: bool = True
+    position_mode: int = t.EXTENDED
+
+    def __post_init__(self) -> None:
+        if self.position_mode not in (3, 4, 5):
+            raise PlantSettingsError(
+                f"position_mode={self.position_mode}: 3 (one turn), 4 (several turns) "
+                "or 5 (several turns, bounded current) is required"
+            )
 
 
 @dataclass(slots=True)
@@ -51,72 +67,56 @@ class Servo:
     mode: int = t.POSITION_MODE
 
 
-class DynamixelDrives:
+class DynamixelDrives(ServoDrives[DynamixelOptions]):
     """The servos of one bus; see ``drives.driver.Driver``."""
 
-    live, power_lost = False, RESTARTED
+    library, driver, length, again = t.LIBRARY, "dynamixel", t.READ_LENGTH, True
+    models = {number: model.name for number, model in t.MODELS.items()}
 
-    def __init__(self, options: Options) -> None:
-        self._options, self._axes = options, options.axes
-        self._senses = bool(options.own["current"])
-        self._position_mode = int(options.own["position_mode"])
-        if self._position_mode not in (3, 4, 5):
-            raise PlantSettingsError(
-                f"position_mode={self._position_mode}: 3 (one turn), 4 (several turns) "
-                "or 5 (several turns, bounded current) is required"
-            )
+    def __init__(self, options: DynamixelOptions) -> None:
+        super().__init__(options)
         kinds = (SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.CURRENT, SetPoint.PWM)
+        self.laws = {kind: GOALS[kind][1] for kind in kinds}
+        self.laws[SetPoint.POSITION] = options.position_mode
         self.traits = Traits(
-            set_points=tuple(k for k in kinds if self._senses or k is not SetPoint.CURRENT),
+            set_points=tuple(k for k in kinds if options.current or k is not SetPoint.CURRENT),
             on_silence=(OnSilence.BRAKED, OnSilence.FREE),
             resolution=t.COUNT,
-            current=self._senses,
+            current=options.current,
             temperature=True,
             voltage=True,
             laws=t.MODES,
         )
-        self.line = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         self._servos = [Servo() for _ in self._axes]
 
     def open(self, setup: Setup, answers: Answers) -> None:
-        self.line.open()
-        self._answers, self._wait = answers, budget(setup.period)
+        super().open(setup, answers)
         self._watch = max(1, min(127, int(setup.timeout / t.WATCHDOG_STEP)))  # never longer
-
-    def law(self, k: int, kind: SetPoint) -> int:
-        del k
-        return self._position_mode if kind is SetPoint.POSITION else GOALS[kind][1]
 
     def set_up(self, k: int) -> Questions[Found]:
         """Torque off, indirect reads, watchdog; the drive's identification and limits."""
         axis, drive = self._axes[k], self._axes[k].id
-        question = Question(Request(t.MODEL), lambda reply: reply, several=True)
-        number = (yield from find(question, axis, self._options.bus, "dynamixel")).value
-        if (model := t.MODELS.get(number)) is None:
-            raise PlantSettingsError(
-                f"{axis.name}: id {drive} is of model {number}; supported: "
-                + ", ".join(known.name for known in t.MODELS.values())
-            )
-        if self._senses and not model.ampere:
+        model = t.MODELS[(yield from self._model(k))]
+        if self._options.current and not model.ampere:
             raise PlantSettingsError(
                 f"{axis.name}: {model.name} has no current control; add current=0 to "
                 "plant_arguments"
             )
         firmware = yield from get(drive, t.FIRMWARE)
-        yield from self._put(drive, t.TORQUE, 0)
-        yield from self._put(drive, t.WATCHDOG, 0)
+        yield from self._put(k, t.TORQUE, 0)
+        yield from self._put(k, t.WATCHDOG, 0)
         place = t.INDIRECT
         for item in t.READ:
             for byte in range(item.length):
-                yield from self._put(drive, Item(place, 2), item.address + byte)
+                yield from self._put(k, Item(place, 2), item.address + byte)
                 place += 2
-        yield from self._put(drive, t.WATCHDOG, self._watch)
+        yield from self._put(k, t.WATCHDOG, self._watch)
         pwm = yield from get(drive, t.PWM_LIMIT)
         current = (yield from get(drive, t.CURRENT_LIMIT)) if model.ampere else 0
         mode = yield from get(drive, t.MODE)
         self._servos[k] = Servo(model, model.data(firmware), pwm, current, mode)
         ends: list[float | None] = [None, None]
-        if self._position_mode == t.POSITION_MODE:
+        if self._options.position_mode == t.POSITION_MODE:
             for n, item in enumerate((t.MIN_POSITION, t.MAX_POSITION)):
                 ends[n] = angle((yield from get(drive, item, signed=True)))
         speed, error = (yield from get(drive, t.VELOCITY_LIMIT)), (yield from get(drive, t.ERROR))
@@ -128,51 +128,23 @@ class DynamixelDrives:
         )
         volts = yield from get(drive, t.VOLTAGE)
         found = Found(id=drive, type=model.name, firmware=f"{firmware}", voltage=volts * t.VOLT)
-        turn = 0.0 if self._position_mode == t.POSITION_MODE else ONE_TURN
+        turn = 0.0 if self._options.position_mode == t.POSITION_MODE else ONE_TURN
         return replace(found, fault=flagged(error, t.ERRORS), limits=limits, turn=turn)
-
-    def confirm(self, k: int) -> Questions[bool]:
-        """A restart is seen in what is read: its watchdog is 0."""
-        del k
-        yield from ()
-        return True
 
     def set_law(self, k: int, law: int) -> Questions[int]:
         """The mode, where it is another, and its goal of rest, each acknowledged."""
-        drive, servo = self._axes[k].id, self._servos[k]
+        servo = self._servos[k]
         if servo.mode != law:
-            yield from self._put(drive, t.MODE, law)
+            yield from self._put(k, t.MODE, law)
             servo.mode = law
         rest = {t.PWM_MODE: t.GOAL_PWM, t.CURRENT_MODE: t.GOAL_CURRENT,
                 t.VELOCITY_MODE: t.GOAL_VELOCITY}  # fmt: skip
         if law in rest:
-            yield from self._put(drive, rest[law], 0)
+            yield from self._put(k, rest[law], 0)
         else:
             place = round(self._answers.position[k] / t.COUNT) + t.CENTRE
-            yield from self._put(drive, t.GOAL_POSITION, place)
+            yield from self._put(k, t.GOAL_POSITION, place)
         return law
-
-    def _put(self, drive: int, item: Item, value: int) -> Questions[None]:
-        return put(drive, item, value, t.LIBRARY.refusal)
-
-    def exchange(self, orders: Mapping[int, Order]) -> None:
-        reported = self._answers.reported
-        acting = (Action.GOAL, Action.POWER_ON)
-        driven = {k: order for k, order in orders.items() if order.action in acting}
-        off = [k for k in orders if k not in driven and orders[k].action is not Action.ASK]
-        off = [k for k in off if reported[k].power or reported[k].lost]  # it may hear, unheard
-        self._sync(t.TORQUE, dict.fromkeys(off, 0))
-        for k, order in orders.items():
-            if order.action is Action.RESET:
-                self._reset(k)
-        self._goals(driven)
-        on = [k for k, order in driven.items() if order.action is Action.POWER_ON]
-        if on:
-            self._sync(t.TORQUE, dict.fromkeys(on, 1))
-            self._goals({k: driven[k] for k in on})
-        self._read(orders)
-        for k, order in orders.items():
-            self.line.hold(self._axes[k].id, order.interview, self._wait if driven else 0.0)
 
     def _reset(self, k: int) -> None:
         """A restart clears a shutdown, a new watchdog one that tripped."""
@@ -182,9 +154,6 @@ class DynamixelDrives:
             self._sync(t.WATCHDOG, {k: self._watch})
         elif reported.fault is not None:
             self.line.protocol.reboot(self.line.port, drive)
-
-    def close(self) -> None:
-        self.line.close(self._axes)
 
     def _goals(self, orders: Mapping[int, Order]) -> None:
         for kind, (item, _) in GOALS.items():
@@ -204,26 +173,19 @@ class DynamixelDrives:
 
     def _sync(self, item: Item, values: Mapping[int, int]) -> None:
         signed = item.length > 1
-        packed = {self._axes[k].id: item.pack(v, signed=signed) for k, v in values.items()}
+        packed = {self._ids[k]: item.pack(v, signed=signed) for k, v in values.items()}
         self.line.sync(item, packed)
 
-    def _read(self, drives: Iterable[int]) -> None:
+    def _read(self, orders: Mapping[int, Order]) -> None:
         """What is read of each, by the place of its indirect data."""
-        self.line.drain(self._take)
         places: dict[int, list[int]] = {}
-        for k in drives:
-            places.setdefault(self._servos[k].data, []).append(self._axes[k].id)
-            self._answers.asked[k] += 1
+        for k in orders:
+            places.setdefault(self._servos[k].data, []).append(self._ids[k])
         for place, ids in places.items():
             self.line.read(Item(place, t.READ_LENGTH), sorted(ids), self._take, self._wait)
 
-    def _take(self, drive: int, data: bytes) -> None:
-        answers = self._answers
-        k = answers.places.get(drive)
-        if k is None or len(data) != t.READ_LENGTH:
-            return
-        answers.came(k, data)
-        reported = answers.reported[k]
+    def _parse(self, k: int, data: bytes) -> None:
+        answers, reported = self._answers, self._answers.reported[k]
         torque, error, watchdog, current, velocity, position, volts, degrees = struct.unpack(
             t.READ_FORMAT, data
         )
@@ -276,9 +238,4 @@ def set_id(device: str, old: int, new: int, baudrate: int = 1_000_000) -> None:
         bus.set_id(old, new, IDS, t.ID)
 
 
-make = maker(
-    DynamixelDrives,
-    bus="/dev/ttyUSB0",
-    ids=IDS,
-    whole={"baudrate": 1e6, "current": 1.0, "position_mode": float(t.EXTENDED)},
-)
+make = maker(DynamixelDrives, DynamixelOptions, IDS)

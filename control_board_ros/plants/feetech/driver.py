@@ -11,19 +11,18 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
-from ..drives.axes import Options
-from ..drives.can_line import budget
-from ..drives.driver import Answers, Found, Order, Traits
-from ..drives.faults import RESTARTED, flagged
-from ..drives.interview import PAUSE, Question, Questions, find, longer
+from ..drives.driver import Found, Order, Traits
+from ..drives.faults import flagged
+from ..drives.interview import PAUSE, Questions, longer
 from ..drives.plant import maker
-from ..drives.reconcile import Action
-from ..drives.serial_line import Item, Request, ServoBus, get, put
+from ..drives.serial_line import Item, ServoBus, get
+from ..drives.servo_drives import IDS, ServoDrives, ServoOptions
 from ..errors import PlantSettingsError
-from ..interface import DriveFault, DriveLimits, Setup
+from ..interface import DriveFault, DriveLimits
 from . import table as t
 
 MODES = {
@@ -31,18 +30,25 @@ MODES = {
     SetPoint.VELOCITY: t.VELOCITY_MODE,
     SetPoint.PWM: t.PWM_MODE,
 }
-IDS = range(253)
 
 
-class FeetechDrives:
+@dataclass(frozen=True, kw_only=True)
+class FeetechOptions(ServoOptions):
+    """``unwatched``: with set-points that continue when this computer stops."""
+
+    unwatched: bool = False
+
+
+class FeetechDrives(ServoDrives[FeetechOptions]):
     """The servos of one bus; see ``drives.driver.Driver``."""
 
-    live, power_lost = False, RESTARTED
+    library, driver, models, laws = t.LIBRARY, "feetech", t.MODELS, MODES
+    length = t.READ.length
 
-    def __init__(self, options: Options) -> None:
-        self._options, self._axes = options, options.axes
+    def __init__(self, options: FeetechOptions) -> None:
+        super().__init__(options)
         self.traits = Traits(
-            set_points=tuple(MODES) if options.own["unwatched"] else (SetPoint.POSITION,),
+            set_points=tuple(MODES) if options.unwatched else (SetPoint.POSITION,),
             on_silence=(OnSilence.BRAKED,),
             resolution=t.COUNT,
             current=True,
@@ -50,31 +56,16 @@ class FeetechDrives:
             voltage=True,
             laws=t.MODES,
         )
-        self.line = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         #: Position of each servo in counts, and its mode, as it answers.
         self._places = [t.CENTRE] * len(self._axes)
         self._modes = [t.POSITION_MODE] * len(self._axes)
         #: Offset of each count, and whether it wrapped.
         self._homing, self._wrapped = [0] * len(self._axes), [False] * len(self._axes)
 
-    def open(self, setup: Setup, answers: Answers) -> None:
-        self.line.open()
-        self._answers, self._wait = answers, budget(setup.period)
-
-    def law(self, k: int, kind: SetPoint) -> int:
-        del k
-        return MODES[kind]
-
     def set_up(self, k: int) -> Questions[Found]:
         """Disable torque and ramps; the identification of the drive and its limits."""
         axis, drive = self._axes[k], self._axes[k].id
-        question = Question(Request(t.MODEL), lambda reply: reply, several=True)
-        number = (yield from find(question, axis, self._options.bus, "feetech")).value
-        if number not in t.MODELS:
-            raise PlantSettingsError(
-                f"{axis.name}: id {drive} is of model {number}; supported: "
-                + ", ".join(t.MODELS.values())
-            )
+        number = yield from self._model(k)
         for item, mask, right, name in t.READINGS:
             for attempt in (3, 5, 0):  # before it is refused it is read again, after late answers
                 if (value := (yield from get(drive, item))) & mask == right:
@@ -88,7 +79,7 @@ class FeetechDrives:
                 )
         # Behind the lock a mode acts, and is not stored.
         for item, value in ((t.TORQUE, 0), (t.LOCK, 1), (t.ACCELERATION, 0)):
-            yield from self._put(drive, item, value)
+            yield from self._put(k, item, value)
         lower, upper = (
             (yield from get(drive, t.MIN_POSITION)),
             (yield from get(drive, t.MAX_POSITION)),
@@ -113,62 +104,29 @@ class FeetechDrives:
             limits=limits,
         )
 
-    def confirm(self, k: int) -> Questions[bool]:
-        """A restart is seen in what is read: its lock is 0."""
-        del k
-        yield from ()
-        return True
-
     def set_law(self, k: int, law: int) -> Questions[int]:
         """Goals of rest, and the mode, where it is another; each acknowledged."""
-        drive = self._axes[k].id
         rest = struct.pack("<HHH", self._places[k], 0, 0)
-        yield from self._put(drive, t.GOALS, int.from_bytes(rest, "little"))
+        yield from self._put(k, t.GOALS, int.from_bytes(rest, "little"))
         if self._modes[k] != law:
-            yield from self._put(drive, t.MODE, law)
+            yield from self._put(k, t.MODE, law)
         return law
 
-    def _put(self, drive: int, item: Item, value: int) -> Questions[None]:
-        return put(drive, item, value, t.LIBRARY.refusal)
+    def _reset(self, k: int) -> None:
+        """Torque off resets a shutdown, too."""
+        self._wrapped[k] = False
 
-    def exchange(self, orders: Mapping[int, Order]) -> None:
-        ids, reported = [axis.id for axis in self._axes], self._answers.reported
-        acting = (Action.GOAL, Action.POWER_ON)
-        driven = {k: order for k, order in orders.items() if order.action in acting}
-        rest = [k for k in orders if k not in driven and orders[k].action is not Action.ASK]
-        # Torque off resets a shutdown, too; a servo that is not heard may hear it.
-        off = [
-            k
-            for k in rest
-            if reported[k].power or reported[k].lost or orders[k].action is Action.RESET
-        ]
-        self.line.sync(t.TORQUE, {ids[k]: bytes(1) for k in off})
-        targets = {ids[k]: self._goals(k, order) for k, order in driven.items()}
+    def _goals(self, orders: Mapping[int, Order]) -> None:
+        targets = {self._ids[k]: goals(order.kind, order.values, self._places[k])
+                   for k, order in orders.items()}  # fmt: skip
         self.line.sync(t.GOALS, targets)
-        on = [ids[k] for k, order in driven.items() if order.action is Action.POWER_ON]
-        self.line.sync(t.TORQUE, dict.fromkeys(on, b"\1"))
-        self.line.drain(self._take)
-        for k, order in orders.items():
-            self._answers.asked[k] += 1
-            self._wrapped[k] &= order.action is not Action.RESET
+
+    def _read(self, orders: Mapping[int, Order]) -> None:
         if orders:
-            self.line.read(t.READ, [ids[k] for k in orders], self._take, self._wait)
-        for k, order in orders.items():
-            self.line.hold(ids[k], order.interview, self._wait if driven else 0.0)
+            self.line.read(t.READ, [self._ids[k] for k in orders], self._take, self._wait)
 
-    def close(self) -> None:
-        self.line.close(self._axes)
-
-    def _goals(self, k: int, order: Order) -> bytes:
-        return goals(order.kind, order.values, self._places[k])
-
-    def _take(self, drive: int, data: bytes) -> None:
-        answers = self._answers
-        k = answers.places.get(drive)
-        if k is None or len(data) != t.READ.length:
-            return
-        answers.came(k, data)
-        reported, before = answers.reported[k], self._places[k]
+    def _parse(self, k: int, data: bytes) -> None:
+        answers, reported, before = self._answers, self._answers.reported[k], self._places[k]
         self._places[k] = part(data, t.POSITION)
         if not part(data, t.LOCK):
             reported.lost = True
@@ -250,9 +208,4 @@ def set_id(device: str, old: int, new: int, baudrate: int = 1_000_000) -> None:
         bus.set_id(old, new, IDS, t.ID, t.LOCK)
 
 
-make = maker(
-    FeetechDrives,
-    bus="/dev/ttyUSB0",
-    ids=IDS,
-    whole={"baudrate": 1e6, "unwatched": 0.0},
-)
+make = maker(FeetechDrives, FeetechOptions, IDS)

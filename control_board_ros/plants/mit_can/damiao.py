@@ -11,13 +11,11 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
-from ..drives.axes import Axis
 from ..drives.can_line import Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import coded
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.reconcile import Action
-from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits
 from . import frames as f
 
@@ -58,11 +56,9 @@ class Damiao:
 
     law = MIT_MODE
 
-    def __init__(self, axis: Axis, bus: str) -> None:
+    def __init__(self, axis: f.MitAxis, bus: str) -> None:
         if axis.id not in IDS:
-            raise PlantSettingsError(
-                f"{axis.name}.id={axis.id}: 1 to 15 is required: answers hold four bits of it"
-            )
+            raise axis.refused("id", "1 to 15 is required: answers hold four bits of it")
         self._axis, self._bus = axis, bus
         self.ranges = f.Ranges(12.5, 30.0, 10.0)
         self.master: int | None = None

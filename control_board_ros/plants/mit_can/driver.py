@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
-from ..drives.axes import Axis, Options
-from ..drives.can_drives import CanDrives
+from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import coded, flagged
@@ -29,18 +28,24 @@ from . import robstride as r
 from . import robstride_private as p
 
 IDS = range(1, 128)
-#: Protocols of a RobStride motor: as it is delivered, and that which its maker's tool can set.
-PRIVATE, MIT = "private", "mit"
 #: Questions of a scan that are sent at once: an interface's queue holds ten frames, as it comes.
 BATCH = 8
 Motor = d.Damiao | r.RobStride | p.RobStridePrivate
 
 
-class MitDrives(CanDrives):
+@dataclass(frozen=True, kw_only=True)
+class MitOptions(CanOptions):
+    """With the models and protocols of its motors."""
+
+    axis = f.MitAxis
+    axes: tuple[f.MitAxis, ...] = ()
+
+
+class MitDrives(CanDrives[MitOptions]):
     """The motors of one bus; see ``drives.driver.Driver``."""
 
-    def __init__(self, options: Options) -> None:
-        super().__init__(options)
+    def __init__(self, options: MitOptions) -> None:
+        super().__init__(options, bitrate=options.bitrate)
         self.traits = Traits(
             set_points=(SetPoint.IMPEDANCE, SetPoint.TORQUE),
             on_silence=(OnSilence.FREE,),
@@ -49,25 +54,23 @@ class MitDrives(CanDrives):
             temperature=True,
             laws={d.MIT_MODE: "MIT", p.OPERATION: "operation control"},
         )
-        self._motors = [self._motor(axis) for axis in self._axes]
+        self._motors = [self._motor(axis) for axis in options.axes]
         self._turn = 0  # of RobStride's: whose faults are requested
 
-    def _motor(self, axis: Axis) -> Motor:
+    def _motor(self, axis: f.MitAxis) -> Motor:
         """A motor, as far as it is known before it answers.
 
         Raises:
             PlantSettingsError: no such model or id, or a watchdog that cannot be set.
         """
-        if axis.own["model"] == f.DAMIAO:
+        if axis.model == f.DAMIAO:
             return d.Damiao(axis, self._options.bus)
-        if axis.own["protocol"] == PRIVATE:
+        if axis.protocol == f.PRIVATE:
             return p.RobStridePrivate(axis, self._options.bus)
         motor = r.RobStride(axis, self._options.bus)
-        if axis.own["protocol"] != MIT:
-            raise PlantSettingsError(
-                f"{axis.name}.protocol={axis.own['protocol']}: {PRIVATE} or {MIT} is required"
-            )
-        if not self._options.own["unwatched"]:
+        if axis.protocol != f.MIT:
+            raise axis.refused("protocol", f"{f.PRIVATE} or {f.MIT} is required")
+        if not self._options.unwatched:
             raise PlantSettingsError(
                 f"{axis.name}: no MIT frame sets the watchdog of a RobStride motor; store its "
                 "canTimeout with the maker's tool, then add unwatched=1 to plant_arguments; or "
@@ -117,8 +120,7 @@ class MitDrives(CanDrives):
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         for k, order in orders.items():
             yield from self._motors[k].frames(order, self._answers, k)
-            if order.interview is not None and order.interview.asks:
-                yield from order.interview.question.request
+            yield from order.request
         silent = [
             k
             for k, order in orders.items()
@@ -165,7 +167,7 @@ def scan(bus: str) -> list[Found]:
             one = Found(id=drive, type="RobStride", voltage=volts, fault=fault, turn=ONE_TURN)
             found.append(one)
         for drive, word in answering(line, r.faults, {one.id for one in found}):
-            kind, fault = f"RobStride, protocol={MIT}", flagged(word, r.FAULTS)
+            kind, fault = f"RobStride, protocol={f.MIT}", flagged(word, r.FAULTS)
             found.append(Found(id=drive, type=kind, fault=fault, turn=ONE_TURN))
     return found
 
@@ -200,7 +202,7 @@ def set_id(bus: str, old: int, new: int) -> None:
         check(old, new, d.IDS if kind == f.DAMIAO else IDS, heard)
         if kind == f.DAMIAO:
             converse(d.change_id(old, new), line.ask)
-        elif kind == PRIVATE:
+        elif kind == f.PRIVATE:
             line.ask(p.motion(old, p.frame(p.STOP, old)))
             line.send(*p.frame(p.SET_ID, old, between=new << 8 | r.MASTER))
             line.ask(p.motion(new, p.frame(p.STORE, new, p.SECRET + bytes([7, 8]))))
@@ -210,21 +212,15 @@ def set_id(bus: str, old: int, new: int) -> None:
 
 
 def kinds(line: CanLine, drive: int) -> list[str]:
-    """The drives that answer as an id, each by its kind: "damiao", PRIVATE or MIT."""
+    """The drives that answer as an id, each by its kind: "damiao", "private" or "mit"."""
     for kind, question in (
         (f.DAMIAO, d.reading(drive, d.MST_ID, several=True)),
-        (PRIVATE, p.identity(drive)),
-        (MIT, r.faults(drive)),  # it would be a command of a Damiao
+        (f.PRIVATE, p.identity(drive)),
+        (f.MIT, r.faults(drive)),  # it would be a command of a Damiao
     ):
         if answers := line.ask(question):
             return [kind] * len(answers)
     return []
 
 
-make = maker(
-    MitDrives,
-    bus="socketcan:can0",
-    ids=IDS,
-    whole={"bitrate": 0.0, "unwatched": 0.0},
-    each={"model": f.DAMIAO, "scales": "", "protocol": PRIVATE},
-)
+make = maker(MitDrives, MitOptions, IDS)

@@ -10,13 +10,26 @@ What the makes add is in ``damiao`` and ``robstride``.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from ...core.terms.drives import SetPoint
 from ...core.terms.measurement import Value
+from ..drives.axes import Axis
 
 DAMIAO = "damiao"
+#: Protocols of a RobStride motor: as it is delivered, and that which its maker's tool can set.
+PRIVATE, MIT = "private", "mit"
 ENABLE, DISABLE, CLEAR, ZERO = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB, 0xFE))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MitAxis(Axis):
+    """A joint; its motor's model, and of a RobStride scales ("": of its model) and protocol."""
+
+    model: str = DAMIAO
+    scales: str = ""
+    protocol: str = PRIVATE
 
 
 class Ranges(NamedTuple):

@@ -15,13 +15,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...text import nearest
-from ..drives.axes import Axis
 from ..drives.can_line import Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.reconcile import Action
-from ..errors import PlantSettingsError
 from ..interface import DriveFault
 from . import frames as f
 from .damiao import limits
@@ -60,19 +58,17 @@ ASKED, GIVEN, PATIENT = 0.02, 0.1, 20
 POWERLESS = DriveFault(0, "no torque, though it is on: its watchdog acted, or it restarted")
 
 
-def ranges(axis: Axis) -> f.Ranges:
+def ranges(axis: f.MitAxis) -> f.Ranges:
     """The ranges of a motor: of its model, or of its option ``scales``.
 
     Raises:
         PlantSettingsError: the model is unknown, or the scales are invalid.
     """
-    model, scales = str(axis.own["model"]), str(axis.own["scales"])
+    model, scales = axis.model, axis.scales
     if model not in MODELS:
         known = [f.DAMIAO, *MODELS]
         hint = nearest(model, known)
-        raise PlantSettingsError(
-            f"{axis.name}.model={model}: unknown{hint}; known: {', '.join(known)}"
-        )
+        raise axis.refused("model", f"unknown{hint}; known: {', '.join(known)}")
     if not scales:
         return MODELS[model]
     try:
@@ -80,10 +76,8 @@ def ranges(axis: Axis) -> f.Ranges:
     except (TypeError, ValueError):
         found = f.Ranges(0.0, 0.0, 0.0)
     if not all(value > 0.0 for value in found):
-        raise PlantSettingsError(
-            f"{axis.name}.scales={scales}: rad/(rad/s)/(N·m)/(N·m/rad)/(N·m·s/rad) is required, "
-            "as 12.57/44/17/500/5"
-        )
+        what = "rad/(rad/s)/(N·m)/(N·m/rad)/(N·m·s/rad) is required, as 12.57/44/17/500/5"
+        raise axis.refused("scales", what)
     return found
 
 
@@ -162,7 +156,7 @@ class RobStride:
 
     law = "MIT"
 
-    def __init__(self, axis: Axis, bus: str) -> None:
+    def __init__(self, axis: f.MitAxis, bus: str) -> None:
         self._axis, self._bus = axis, bus
         self.ranges = ranges(axis)
         self._faults = Faults(self.ranges)
@@ -182,7 +176,7 @@ class RobStride:
         word = yield from find(faults(number), self._axis, self._bus, "mit_can")
         yield from self._stop()
         self._faults = Faults(self.ranges)
-        kind = f"RobStride {str(self._axis.own['model']).upper()}"
+        kind = f"RobStride {self._axis.model.upper()}"
         fault = flagged(word, FAULTS)
         return Found(
             id=number,

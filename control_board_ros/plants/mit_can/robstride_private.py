@@ -19,7 +19,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from ..drives.axes import Axis
 from ..drives.can_line import Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import flagged
@@ -165,7 +164,7 @@ class RobStridePrivate:
 
     law = OPERATION
 
-    def __init__(self, axis: Axis, bus: str) -> None:
+    def __init__(self, axis: f.MitAxis, bus: str) -> None:
         self._axis, self._bus = axis, bus
         self.ranges = r.ranges(axis)
         self._word = 0  # its faults, as it told them unasked
@@ -184,8 +183,8 @@ class RobStridePrivate:
         cleared = motion(number, frame(STOP, number, CLEAR))
         yield from ask(cleared, f"id {number} does not answer; is it powered?")
         firmware = yield from self._firmware()
-        model = str(self._axis.own["model"])
-        if model == OLDER and not self._axis.own["scales"] and firmware and firmware < SINCE:
+        model = self._axis.model
+        if model == OLDER and not self._axis.scales and firmware and firmware < SINCE:
             self.ranges = self.ranges._replace(position=OLD_RANGE)
         self._timeout = min(MOST_TIMEOUT, int(timeout * TIMEOUT_RATE))
         quiet = frame(SET_REPORT, number, SECRET + bytes(2))

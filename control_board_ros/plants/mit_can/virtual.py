@@ -8,12 +8,10 @@ import struct
 from collections.abc import Iterator
 
 from ...core.config.config import JointConfig
-from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from . import damiao as d
 from . import frames as f
 from . import robstride as r
-from .driver import MIT
 from .registers import (
     BRIDGE_HEAT,
     GEAR,
@@ -175,10 +173,10 @@ class VirtualMit:
         return max(-most, min(most, torque))
 
 
-def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMit | VirtualRobStride:
+def virtual_drive(axis: f.MitAxis, joint: JointConfig | None) -> VirtualMit | VirtualRobStride:
     """A motor of the joint's make; that of Damiao has ranges that fit the joint."""
-    if axis.own["model"] != f.DAMIAO:
-        mit = axis.own["protocol"] == MIT
+    if axis.model != f.DAMIAO:
+        mit = axis.protocol == f.MIT
         return VirtualRobStride(axis.id, r.ranges(axis), SWITCHED if mit else DELIVERED)
     if joint is None:
         return VirtualMit(axis.id)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -77,12 +77,21 @@ class Drive:
         self.torque = math.nan
 
 
-class MoteusDrives(CanDrives):
+@dataclass(frozen=True, kw_only=True)
+class MoteusOptions(Options):
+    """``unwatched``: with set-points that continue when this computer stops."""
+
+    unwatched: bool = False
+
+
+class MoteusDrives(CanDrives[MoteusOptions]):
     """The controllers of one bus; see ``drives.driver.Driver``."""
 
-    def __init__(self, options: Options) -> None:
+    laws = LAWS
+
+    def __init__(self, options: MoteusOptions) -> None:
         super().__init__(options, fd=True)
-        kinds = (*WATCHED, *UNWATCHED) if options.own["unwatched"] else WATCHED
+        kinds = (*WATCHED, *UNWATCHED) if options.unwatched else WATCHED
         self.traits = Traits(
             set_points=kinds,
             on_silence=tuple(ON_SILENCE),
@@ -97,10 +106,6 @@ class MoteusDrives(CanDrives):
     def open(self, setup: Setup, answers: Answers) -> None:
         super().open(setup, answers)
         self._drives = [Drive(axis.id) for axis in self._axes]
-
-    def law(self, k: int, kind: SetPoint) -> int:
-        del k
-        return LAWS[kind]
 
     def set_up(self, k: int) -> Questions[Found]:
         """Set the watchdog and the largest torque of a drive, and read its gains and limits."""
@@ -156,8 +161,7 @@ class MoteusDrives(CanDrives):
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         for k, order in orders.items():
             number, drive = self._axes[k].id, self._drives[k]
-            if order.interview is not None and order.interview.asks:
-                yield from order.interview.question.request
+            yield from order.request
             if order.action in (Action.GOAL, Action.POWER_ON):
                 data = f.padded(self._command(k, order.kind, order.values))
             elif order.action in (Action.ASK, Action.CONFIRM):
@@ -209,7 +213,7 @@ class MoteusDrives(CanDrives):
         k = answers.places.get(message.arbitration_id >> 8 & 0x7F)
         if k is None or message.arbitration_id & 0xFF != 0:
             return None
-        interview = self._orders[k].interview if k in self._orders else None
+        interview = self._interview(k)
         if interview is not None and interview.hear(data):
             return None
         try:
@@ -378,4 +382,4 @@ def set_id(bus: str, old: int, new: int) -> None:
         verify(old, new, heard)
 
 
-make = maker(MoteusDrives, bus="socketcan:can0", ids=IDS, whole={"unwatched": 0.0})
+make = maker(MoteusDrives, MoteusOptions, IDS)

@@ -16,8 +16,7 @@ from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
-from ..drives.axes import Options
-from ..drives.can_drives import CanDrives
+from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_frame import REMOTE
 from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import ONE_TURN, Found, Order, Traits
@@ -66,11 +65,20 @@ class Drive:
     estimates: tuple[float, float] | None = None
 
 
-class OdriveDrives(CanDrives):
+@dataclass(frozen=True, kw_only=True)
+class OdriveOptions(CanOptions):
+    """``endpoints``: the file of parameter numbers of a firmware; "": those included."""
+
+    endpoints: str = ""
+
+
+class OdriveDrives(CanDrives[OdriveOptions]):
     """The controllers of one bus; see ``drives.driver.Driver``."""
 
-    def __init__(self, options: Options) -> None:
-        super().__init__(options)
+    laws = MODES
+
+    def __init__(self, options: OdriveOptions) -> None:
+        super().__init__(options, bitrate=options.bitrate)
         self.traits = Traits(
             set_points=tuple(MODES),
             on_silence=(OnSilence.FREE,),
@@ -81,16 +89,13 @@ class OdriveDrives(CanDrives):
         self._drives = [Drive() for _ in self._axes]
         self._turn = 0
 
-    def law(self, k: int, kind: SetPoint) -> int:
-        del k
-        return MODES[kind]
-
     def set_up(self, k: int) -> Questions[Found]:
         """Set the watchdog; the identification of the drive."""
         axis = self._axes[k]
         number, drive = axis.id, Drive()
         question = requested(number, f.VERSION, several=True)
-        version = f.Version.parse((yield from find(question, axis, self._options.bus, NAME)))
+        said = yield from find(question, axis, self._options.bus, "odrive_can")
+        version = f.Version.parse(said)
         firmware = ".".join(map(str, f.FIRMWARE))
         if version.protocol != f.PROTOCOL or not version.firmware.startswith(f"{firmware}."):
             raise PlantSettingsError(
@@ -99,8 +104,8 @@ class OdriveDrives(CanDrives):
             )
         yield Question([(frame(number, f.CLEAR), b"\0")], unheard)
         limits = DriveLimits()
-        if not self._options.own["unwatched"]:
-            drive.parameters = f.endpoints(version, str(self._options.own["endpoints"]))
+        if not self._options.unwatched:
+            drive.parameters = f.endpoints(version, self._options.endpoints)
             for name, value in self._watchdog.items():
                 yield from self._put(number, drive, name, value)
             limits = yield from self._limits(number, drive)
@@ -158,8 +163,7 @@ class OdriveDrives(CanDrives):
     def _frames(self, orders: Mapping[int, Order]) -> Iterator[Frame]:
         for k, order in orders.items():
             number, drive = self._axes[k].id, self._drives[k]
-            if order.interview is not None and order.interview.asks:
-                yield from order.interview.question.request
+            yield from order.request
             if order.action in (Action.GOAL, Action.POWER_ON):
                 yield from self._command(k, order)
             elif order.action not in (Action.ASK, Action.CONFIRM):
@@ -208,9 +212,8 @@ class OdriveDrives(CanDrives):
         command, k = message.arbitration_id & 0x1F, answers.places.get(message.arbitration_id >> 5)
         if k is None or message.is_remote_frame:
             return None
-        order = self._orders.get(k)
-        if order is not None and order.interview is not None:
-            order.interview.hear(command, data)
+        if (interview := self._interview(k)) is not None:
+            interview.hear(command, data)
         elif command == f.TX_SDO and f.LAW in self._drives[k].parameters:
             law = parameter(self._drives[k].parameters[f.LAW], command, data)
             self._drives[k].read = self._drives[k].read if law is None else int(law)
@@ -240,9 +243,6 @@ class OdriveDrives(CanDrives):
             self._answers.came(k, data)
         elif abs(turns - drive.estimates[0]) > APART + STALE * abs(drive.estimates[1]):
             self._answers.came(k, data)
-
-
-NAME = "odrive_can"
 
 
 def frame(drive: int, command: int) -> int:
@@ -317,9 +317,4 @@ def found_of(drive: int, said: Mapping[int, bytes]) -> Found:
     )
 
 
-make = maker(
-    OdriveDrives,
-    bus="socketcan:can0",
-    ids=IDS,
-    whole={"bitrate": 0.0, "endpoints": "", "unwatched": 0.0},
-)
+make = maker(OdriveDrives, OdriveOptions, IDS)
