@@ -16,7 +16,7 @@ those that survived are tried again; when the code of a module changes, all of t
 "--anew", all.
 
 "--of drives" breaks plants/drives, what all makes of drives share, in place of the core; its files
-are drives_known.txt and drives_survivors.txt.
+are drives_known.txt and drives_survivors.txt. "--of makes" breaks codecs and set-ups of the makes.
 
 All tests that reach a mutant may take minutes, those that kill it take seconds mostly: with
 "--budget 60" only the first ones are run, up to 60 s as recorded. What they do not kill
@@ -81,7 +81,7 @@ class Files:
 def every(tree: Tree) -> list[Mutant]:
     """All mutants of a tree, module by module."""
     made: list[Mutant] = []
-    for path in sorted(tree.folder.rglob("*.py")):
+    for path in tree.paths:
         if path.stem == "__init__":
             continue
         text = path.read_text(encoding="utf-8")

@@ -51,16 +51,23 @@ class Tree:
     """Modules that are broken, and the tests that look at them.
 
     Attributes: name (of the folder of its modules, below the package), tests (folders and files),
-        aside (files of these folders that prove nothing).
+        aside (files of these folders that prove nothing), modules (patterns of the files that are
+        broken).
     """
 
     name: str
     tests: tuple[str, ...]
     aside: tuple[str, ...] = ()
+    modules: tuple[str, ...] = ("**/*.py",)
 
     @property
     def folder(self) -> Path:
         return PACKAGE / self.name
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files that are broken."""
+        return sorted(path for each in self.modules for path in self.folder.glob(each))
 
     def path(self, module: str) -> Path:
         """The file of a module."""
@@ -86,7 +93,19 @@ CORE = Tree(
 QUICK = "axes bring_up can_line drive_reports drives_plant interview moteus_frames reconcile"
 QUICK += " serial_line servo_bus set_id supply turns words"
 DRIVES = Tree("plants/drives", tuple(f"test/plants/test_{name}.py" for name in QUICK.split()))
-TREES = {"core": CORE, "drives": DRIVES}
+#: Codecs and set-ups of the makes, by these, and by what others pack.
+ROOMS = "moteus mit_can dynamixel cia402 odrive_can feetech"
+CODECS = "driver frames table objects states sdo identity damiao robstride robstride_private"
+MAKES = Tree(
+    "plants",
+    (
+        *DRIVES.tests,
+        "test/plants/test_drive_hazards.py",
+        *(f"test/judged/test_{name}.py" for name in ("codecs", "golden", "durand")),
+    ),
+    modules=tuple(f"{room}/{name}.py" for room in ROOMS.split() for name in CODECS.split()),
+)
+TREES = {"core": CORE, "drives": DRIVES, "makes": MAKES}
 
 
 @dataclass(frozen=True)
