@@ -160,15 +160,16 @@ def write_pages(record: dict[str, Any]) -> None:
 
 
 def page_table(record: dict[str, Any]) -> str:
-    """The first figure of each number, and those that are not reached."""
+    """The figures of each number that are not reached; where all are, the first."""
     rows = [("#", "what", "measured", "to reach")]
-    numbers = set()
+    numbers: dict[str, list[dict[str, Any]]] = {}
     for entry in record["figures"].values():
-        missed = entry["met"] is False
-        if missed or entry["number"] not in numbers:
+        numbers.setdefault(entry["number"], []).append(entry)
+    for figures in numbers.values():
+        missed = [entry for entry in figures if entry["met"] is False]
+        for entry in missed or figures[:1]:
             text = f"**{entry['text']}**" if missed else entry["text"]
             rows.append((entry["number"], entry["case"], text, entry["goal"]))
-        numbers.add(entry["number"])
     verdicts = [entry["met"] for entry in record["figures"].values()]
     count, reached = len(verdicts) - verdicts.count(None), verdicts.count(True)
     return f"{reached} of {count} goals are reached; **bold** is not.\n\n{table(rows)}"

@@ -108,18 +108,6 @@ CODES = (
     ("−5 GOAL_TOLERANCE_VIOLATED", "beyond a tolerance after the goal time; the joints stop"),
 )
 
-POSES = """\
-Every robot has `home` (every joint's `home`) and `park` (the same), unless `poses.<pose>.<joint>`
-define them ([parameters](parameters.md#poses)). `~/save_pose` adds a user's poses to
-`$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml` (`~/.config` by default; `<robot>` is the
-name in the URDF), which may be edited; every request reads it. Of a pose with joints of several
-boards, each board uses and saves its own part.
-
-`~/go_to_pose` moves the pose's joints only, as `~/move` ([R5](spec.md#r5)). The slowest has the
-requested mean speed, else the pose's, else its own reference speed. [How to](howto/poses.md).
-
-"""
-
 MANAGED = """\
 With `lifecycle: true` the node is a managed one ([why
 so](decisions/0018-a-refused-goal-says-why.md)). It becomes active at its start; with `autostart:
@@ -213,13 +201,6 @@ def meaning(endpoint: Endpoint) -> str:
     return f"{endpoint.meaning} Accepted in {modes}."
 
 
-PARTS_TEXT = """\
-`robot:=icub` starts a node for each part, `/icub/head` and so on, with everything above below its
-own name. The node `/icub/robot` offers the same over the joints of all parts
-([how to](howto/whole_robot.md)).
-"""
-
-
 def qos(endpoint: Endpoint) -> str:
     """What is said of an endpoint's QoS: nothing of the usual one."""
     if endpoint.kind != "topic" or endpoint.qos in (STREAM, LATCHED):
@@ -257,10 +238,8 @@ def page() -> str:
     ]
     lines += [row(*code) for code in CODES]
     lines += ["", "## Joint commands", "", JOINT_COMMANDS_TEXT.rstrip("\n")]
-    lines += ["", "## Poses", "", POSES.rstrip("\n")]
     names = ", ".join(f"`{e.name}`" for e in LIFECYCLE)
     lines += ["", "## Managed nodes", "", f"{MANAGED}Names of lifecycle_msgs: {names}."]
-    lines += ["", "## Robots of several parts", "", PARTS_TEXT.rstrip("\n")]
     lines += ["", "## Time", "", TIME.rstrip("\n")]
     return "\n".join(lines) + "\n"
 

@@ -40,6 +40,7 @@ FULL = """\
 LOOPS = ("position_pid", "direct_pid", "torque_pid", "current_pid")
 
 GROUPS = {
+    "couplings": "Couplings",
     "limits": "Limits",
     **dict.fromkeys(LOOPS, "Control loops"),
     "impedance": "Impedance",
@@ -113,7 +114,10 @@ def brief(group: list[Parameter]) -> list[str]:
 
 
 #: The form of a group on the page, if not ``short``.
-FORMS = {"Control loops": loops, "Simulated encoder": brief, "Simulated drives": brief}
+FORMS = {
+    "Control loops": loops,
+    **dict.fromkeys(("Couplings", "Simulated encoder", "Simulated drives"), brief),
+}
 
 
 def texts(group: list[Parameter]) -> list[str]:
@@ -156,8 +160,8 @@ def line(found: Parameter) -> str:
 
 
 def title_of(name: str) -> str:
-    if name.startswith("poses."):
-        return GROUPS["poses"]
+    if (table := name.partition(".")[0]) in ("couplings", "poses"):
+        return GROUPS[table]
     if not name.startswith("<joint>."):
         return "The board"
     prefix, dot, _ = name.removeprefix("<joint>.").partition(".")
