@@ -55,7 +55,7 @@ def test_a_goal_cancelled_before_it_began(action: Any, monkeypatch: pytest.Monke
     board = SimpleNamespace(count=1)
     published: list[Any] = []
     requests = RequestLog(
-        SimpleNamespace(publish=published.append),
+        SimpleNamespace(publish=published.append, get_subscription_count=lambda: 1),
         SimpleNamespace(snapshots=snapshots, board=board),
     )
     monkeypatch.setattr(actions, "ActionServer", serve)

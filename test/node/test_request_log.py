@@ -41,7 +41,10 @@ class KeptLog:
             snapshots=SimpleNamespace(now=lambda: 12_000_000_034),
             board=SimpleNamespace(count=joints),
         )
-        publisher = SimpleNamespace(publish=self.messages.append)
+        self.receivers = 1
+        publisher = SimpleNamespace(
+            publish=self.messages.append, get_subscription_count=lambda: self.receivers
+        )
         self.log = RequestLog(publisher, member)
 
     def answered(self, endpoint: Any, request: Any, response: Any) -> Any:
@@ -71,6 +74,20 @@ def test_an_answer_holds_all_of_request_and_response() -> None:
     assert json.loads(record.response) == {"modes": ["pos", "pos"]}
     assert (record.header.stamp.sec, record.header.stamp.nanosec) == (12, 34)
     assert 0.0 <= record.duration < 60.0
+
+
+def test_messages_are_made_once_somebody_receives_them() -> None:
+    """The last ones, in their order: what a late subscriber is to have."""
+    kept = KeptLog()
+    kept.receivers = 0
+    for k in range(HISTORY.depth + 3):
+        response = Trigger.Response(success=True, message=f"{k}")
+        kept.log.answered(SET_CONTROL_MODE, Trigger.Request(), response, time.perf_counter())
+        kept.log.publish()
+    assert kept.messages == []
+    kept.receivers = 1
+    kept.log.publish()
+    assert [int(record.message) for record in kept.messages] == list(range(3, HISTORY.depth + 3))
 
 
 def test_read_only_calls_are_not_logged() -> None:

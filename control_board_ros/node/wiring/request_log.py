@@ -2,7 +2,7 @@
 """~/requests: requests to the board with their answers.
 
 The executor's thread records them; the publishing thread makes and publishes the messages, so
-that they delay no request.
+that they delay no request, and only while somebody receives them.
 """
 
 from __future__ import annotations
@@ -90,7 +90,14 @@ class RequestLog:
             )
 
     def publish(self) -> None:
-        """Publish the noted answers; for the publishing thread."""
+        """Publish the noted answers; for the publishing thread.
+
+        While nobody receives them, those wait that a late subscriber is to have.
+        """
+        if not self._publisher.get_subscription_count():
+            while len(self._entries) > REQUEST_LOG.qos.depth:
+                self._entries.popleft()
+            return
         while self._entries:
             self._publisher.publish(self._message(self._entries.popleft()))
 
