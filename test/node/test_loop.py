@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from queue import SimpleQueue
 from typing import Any
 
+import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -155,11 +156,11 @@ class ManualClock:
     """The time module for a pacer: its time passes in sleeps only.
 
     Attributes: held_up (for how long the thread loses the processor after each look at the
-    system's clock, s, in turn).
+    system's clock, s, in turn), ahead (what that is ahead of the monotonic one, ns).
     """
 
     def __init__(self) -> None:
-        self.now = 100.0
+        self.now, self.ahead = 100.0, SYSTEM_AHEAD
         self.held_up: list[float] = []
 
     def monotonic(self) -> float:
@@ -169,7 +170,7 @@ class ManualClock:
         return round(self.now * 1e9)
 
     def time_ns(self) -> int:
-        now = SYSTEM_AHEAD + self.monotonic_ns()
+        now = self.ahead + self.monotonic_ns()
         if self.held_up:
             self.sleep(self.held_up.pop(0))
         return now
@@ -239,6 +240,63 @@ def test_what_waited_while_the_board_stood_still_is_void(clock: ManualClock) -> 
     pacer.stop()
     clock.sleep(9.0)
     assert standstill.of(sent) == 0.0  # paused
+
+
+@pytest.mark.parametrize("hours", [-1.0, 1.0])
+def test_a_clock_that_is_set_while_the_board_stood_still_hides_nothing(
+    clock: ManualClock, hours: float
+) -> None:
+    """B6: what waited is void by either clock; what is sent later for as long again at most."""
+    period, stood = 2.0**-10, 2.0
+    pacer = Pacer(period, catches_up=False)
+    standstill = Standstill(pacer)
+    pacer.restart()
+    pacer.wait()
+    pacer.due_time()
+    waited = [clock.time_ns()]
+    clock.sleep(0.5 * stood)
+    waited.append(clock.time_ns())
+    clock.ahead += round(hours * 3600e9)
+    waited.append(clock.time_ns())
+    clock.sleep(0.5 * stood)
+    pacer.wait()
+    standstill.note()
+    assert all(standstill.voids(sent) for sent in waited)
+    clock.sleep(stood)
+    pacer.restart()
+    assert not standstill.voids(clock.time_ns())
+
+
+def test_a_clock_that_is_set_amid_a_move_moves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """B6, P1: each output is the same, whatever the system's clock does; stamps never go back."""
+    sent = [moved(monkeypatch, hours) for hours in (0.0, -1.0, 1.0)]
+    assert np.array_equal(sent[0], sent[1])
+    assert np.array_equal(sent[0], sent[2])
+    assert np.abs(sent[0][-1]).min() > 0.0
+
+
+def moved(monkeypatch: pytest.MonkeyPatch, hours: float) -> np.ndarray:
+    """The outputs of a move in whose midst the system's clock is set forward by some hours."""
+    ahead = [time.time_ns() - time.monotonic_ns()]
+    monkeypatch.setattr(timing, "system_ahead", lambda: ahead[0])
+    rig, outputs = Rig(), list[np.ndarray]()
+
+    def each(board: Board, _: float) -> None:
+        outputs.append(board.state.output.copy())
+        if board.cycle == 50:
+            assert board.position_move(None, [0.1, -0.1], [0.5, 0.5])
+        if board.cycle == 150:
+            ahead[0] += round(hours * 3600e9)
+
+    rig.loop.hooks.append(each)
+    rig.loop.start()
+    rig.run_to(400)
+    rig.loop.stop()
+    assert not any(fault.active for fault in rig.board.get_faults(None))
+    assert all(rig.board.check_motion_done(None))
+    stamps = [state.stamp for state in rig.loop.main.snapshots.states]
+    assert all(a <= b for a, b in itertools.pairwise(stamps))
+    return np.array(outputs[:400])
 
 
 def test_a_delayed_thread_reads_the_same_time(clock: ManualClock) -> None:

@@ -104,7 +104,8 @@ class Pacer:
         catches_up: whether late cycles are run.
 
     Attributes: due (when the present cycle was to begin, s of the monotonic clock), late (by how
-    much it began later than it was first due, s), began (when it did).
+    much it began later than it was first due, s), began (when it did), ahead (lead of the system's
+    clock when it was last read, ns; 0 before).
     """
 
     def __init__(
@@ -118,7 +119,7 @@ class Pacer:
         self._since = time.monotonic()
         self._cycles_since = 0
         self._deadline = self.due = self.began = self._since
-        self.late = 0.0
+        self.late, self.ahead = 0.0, 0
         self._runs = False
 
     def lag(self, now: float) -> float:
@@ -172,7 +173,8 @@ class Pacer:
 
     def due_time(self) -> int:
         """The system's time when the present cycle was to begin, ns."""
-        return round(self.due * 1e9) + system_ahead()
+        self.ahead = system_ahead()
+        return round(self.due * 1e9) + self.ahead
 
     def _overrun(self, late: float, period: float) -> float:
         """Count an overrun, and skip what is not caught up; returns the remaining delay, s."""
@@ -204,7 +206,8 @@ class Pacer:
 class Standstill:
     """The last time that cycles began late by more than LONGEST: what waited then is void (B6).
 
-    It is found within as long again, also where a sender's clock differs.
+    It is found within as long again, also where a sender's clock differs, or the system's was set
+    back meanwhile.
 
     Args:
         pacer: Of the cycles.
@@ -220,7 +223,8 @@ class Standstill:
     def note(self) -> None:
         """In each cycle, after :meth:`Pacer.wait`."""
         if self._pacer.late > self.LONGEST:
-            self._ended, self._ended_at = time.monotonic(), time.time_ns()
+            set_back = max(self._pacer.ahead - system_ahead(), 0)
+            self._ended, self._ended_at = time.monotonic(), time.time_ns() + set_back
             self._lasted = self._pacer.late
 
     def of(self, sent: int) -> float:
