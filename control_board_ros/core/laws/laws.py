@@ -148,6 +148,7 @@ GAP_SHARE = cython.declare(cython.double, 0.05)
 PURSUIT = cython.declare(cython.double, 1.02)
 
 
+@cython.final
 @cython.cclass
 class Pid:
     """A PID with feed-forward, a bounded integral and a filtered rate.
@@ -218,6 +219,7 @@ def brake_speed(
     return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
 
 
+@cython.final
 @cython.cclass
 class TimeBase:
     """The last samples of a stream, at the times of one hypothesis on when they were made (P4).
@@ -411,6 +413,7 @@ def versine(turning: cython.double, t: cython.double) -> cython.double:
     return 0.5 * t * t * (1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0)))
 
 
+@cython.final
 @cython.cclass
 class Stream:
     """A stream of direct positions: samples of a motion (P4).
@@ -780,6 +783,7 @@ class Stream:
         return self.grid.v if self.on_grid else self.sent.v
 
 
+@cython.final
 @cython.cclass
 class Joint:
     """State and constants of one joint; ``core.control`` sets the constants."""
@@ -2386,6 +2390,7 @@ def hand_down_spring(j: Joint, feed: cython.double) -> cython.void:
 # --- the cycle ------------------------------------------------------------------------------
 
 
+@cython.final
 @cython.cclass
 class Laws:
     """The control cycle of n joints, on views of the board's arrays.

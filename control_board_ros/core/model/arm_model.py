@@ -114,3 +114,4 @@ def fill(
             setattr(body, name, value)
     for name in ("slides", "mass", "rotor", "coulomb", "viscous"):
         setattr(body, name, getattr(link, name))
+    body.turned = float("nan")

@@ -70,7 +70,8 @@ class Body:
     q = cython.declare(cython.double, visibility="public")
     dq = cython.declare(cython.double, visibility="public")
     ddq = cython.declare(cython.double, visibility="public")
-    # found: R, way to the origin, ω, α, a, f, n, torque
+    # found: R, the position that it is of, way to the origin, ω, α, a, f, n, torque
+    turned = cython.declare(cython.double, visibility="public")
     r0 = cython.declare(cython.double, visibility="public")
     r1 = cython.declare(cython.double, visibility="public")
     r2 = cython.declare(cython.double, visibility="public")
@@ -118,6 +119,7 @@ class Body:
 
     def __init__(self) -> None:
         self.slides, self.start_acceleration = False, 0.0
+        self.turned = float("nan")
 
     @cython.ccall
     def hang(self, carrier: Body) -> cython.void:
@@ -182,6 +184,9 @@ def turn(b: Body) -> cython.void:
     """R = E Rot_z(q), and the way to the origin, at the joint's position."""
     c: cython.double = 1.0
     s: cython.double = 0.0
+    if b.q == b.turned:
+        return
+    b.turned = b.q
     b.ox, b.oy, b.oz = b.px, b.py, b.pz
     if b.slides:
         b.ox += b.e2 * b.q
