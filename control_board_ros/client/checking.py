@@ -27,7 +27,7 @@ VOCABS = {
     "interaction": frozenset(map(int, InteractionMode)),
 }
 #: Fields whose length differs from that of ``names``.
-OTHERS = frozenset({"poses"})
+FIELDS_OF_OTHER_LENGTH = frozenset({"poses"})
 
 
 def check_response(service: Endpoint, response: Any, board: str) -> None:
@@ -69,7 +69,7 @@ def _lengths(response: Any) -> str:
     if count > MOST_JOINTS:
         return f"{count} joints, {MOST_JOINTS} at most"
     for field, kind in response.get_fields_and_field_types().items():
-        if kind.startswith("sequence") and field not in OTHERS:
+        if kind.startswith("sequence") and field not in FIELDS_OF_OTHER_LENGTH:
             entries = len(getattr(response, field))
             if entries not in (0, count):
                 return f"{entries} {field} for {count} names"

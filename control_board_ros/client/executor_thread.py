@@ -18,10 +18,10 @@ from rclpy.node import Node
 from .errors import BoardError
 from .waiting import Wait
 
-POLL = 0.002  # s between polls of states without an rclpy event: matching
+POLL_PERIOD = 0.002  # s between polls of states without an rclpy event: matching
 #: Raised by rclpy for destroyed entities and contexts that were shut down.
 GONE = (InvalidHandle, NotInitializedException, rclpy_implementation.RCLError)
-PAUSE = 0.01  # s after an error: limits the load of a persistent one
+ERROR_PAUSE = 0.01  # s after an error: limits the load of a persistent one
 
 
 def hidden_node(name: str, context: Context, namespace: str | None = None) -> Node:
@@ -91,14 +91,14 @@ class ExecutorThread:
                 raise ExternalShutdownException from error
             if not self.closed:
                 self._report(error)
-                time.sleep(PAUSE)
+                time.sleep(ERROR_PAUSE)
         self._finish_due()
 
     def _patience(self) -> float | None:
         """Time until the next poll or deadline, s."""
         with self._lock:
             if any(wait.condition for wait in self._waits):
-                return POLL
+                return POLL_PERIOD
             deadlines = [wait.deadline for wait in self._waits if wait.deadline is not None]
         return max(min(deadlines) - time.monotonic(), 0.0) + 1e-4 if deadlines else None
 

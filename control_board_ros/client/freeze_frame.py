@@ -17,7 +17,7 @@ from .errors import InvalidAnswer
 from .state import seconds
 
 #: Maximum cycles of a frame: 2 s at 20 kHz.
-MOST_CYCLES = 40_000
+MAX_CYCLES = 40_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ class FreezeFrame:
         """The frame of a response; raises InvalidAnswer where its lengths differ."""
         count = len(response.stamps)
         for name in (*NUMBERS, "motion_done"):
-            if len(getattr(response, name)) != count or count > MOST_CYCLES:
+            if len(getattr(response, name)) != count or count > MAX_CYCLES:
                 entries = len(getattr(response, name))
                 raise InvalidAnswer(
                     f"{board}/get_freeze_frame sent an invalid response: {entries} {name} for "

@@ -28,7 +28,7 @@ from .services import Services, whole
 from .waiting import Wait
 
 #: s between checks of the board's presence while a goal runs.
-LOOK = 1.0
+PRESENCE_PERIOD = 1.0
 #: Feedback messages that are queued.
 FEEDBACK_KEPT = 100
 F = TypeVar("F")
@@ -133,7 +133,7 @@ class RosGoal:
         Raises:
             BoardError: the board has disappeared.
         """
-        self._wait = wait = self._thread.wait(LOOK)
+        self._wait = wait = self._thread.wait(PRESENCE_PERIOD)
         if self._feedback or self._result.done():
             wait.finish()
         await wait

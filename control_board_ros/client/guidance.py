@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 NOT_READY = (ControlMode.HW_FAULT, ControlMode.CALIBRATING, ControlMode.NOT_CONFIGURED)
 #: Damping over inertia, 1/s: a released joint stops within half a second; and the maximum over
 #: the least inertia, which the torque loop can follow.
-DECAY, FASTEST = 10.0, 400.0
+DAMPING_RATE, MAX_DAMPING_RATE = 10.0, 400.0
 
 
 def guide(board: ControlBoardClient, names: Sequence[str] | None = None) -> Guidance:
@@ -125,4 +125,4 @@ class Guidance:
 
 def guiding_damping(inertia_min: float, inertia_max: float, limit: float) -> float:
     """The damping of a joint that is guided, N·m·s/rad, from its inertia, kg·m², and its limit."""
-    return min(DECAY * inertia_max, FASTEST * inertia_min, limit)
+    return min(DAMPING_RATE * inertia_max, MAX_DAMPING_RATE * inertia_min, limit)

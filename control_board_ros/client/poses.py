@@ -34,7 +34,7 @@ class PoseFeedback:
 
 
 #: Maximum number of poses.
-MOST_POSES = 200
+MAX_POSES = 200
 
 
 class PoseRequests(Interface):
@@ -50,7 +50,7 @@ class PoseRequests(Interface):
         response = await self._link.call(LIST_POSES)
         if not response.success:
             raise RequestError(response.message)
-        return list(clean_names(response.poses[:MOST_POSES]))
+        return list(clean_names(response.poses[:MAX_POSES]))
 
     @operation
     async def get_pose(self, pose: str) -> Pose:

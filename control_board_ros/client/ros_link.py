@@ -42,9 +42,9 @@ from .errors import BoardError, BoardNotFound, BoardTimeout, one_line
 from .executor_thread import GONE, ExecutorThread, hidden_node
 
 #: s from the match of a subscription until delivery to it is certain.
-MATCHING = 0.05
+MATCHING_TIME = 0.05
 #: s without an answer before the query is repeated.
-ACQUAINTED = 0.3
+REPEAT_TIME = 0.3
 #: What is sent before and without waiting for anything else (E2).
 STOPS = (EMERGENCY_STOP, STOP)
 #: s between log lines about lost messages.
@@ -185,13 +185,13 @@ class RosLink:
 
         while not answered() and time.monotonic() < deadline:
             sent.append(client.call_async(client.srv_type.Request(**fields)))
-            await self.thread.until(lambda: bool(answered()), ACQUAINTED)
+            await self.thread.until(lambda: bool(answered()), REPEAT_TIME)
         if not (responses := answered()):
             for future in sent:
                 client.remove_pending_request(future)
             raise self.timed_out(service)
         # a repetition that is still on its way would stop what the caller does next
-        await self.thread.until(lambda: len(answered()) == len(sent), ACQUAINTED)
+        await self.thread.until(lambda: len(answered()) == len(sent), REPEAT_TIME)
         response = responses[0].result()
         check_response(service, response, self.name)
         return response
@@ -276,7 +276,7 @@ class RosLink:
             if publisher not in self._matched or not listens():
                 if not await self.thread.until(listens, self.find_timeout):
                     raise self.not_found()
-                await self.thread.wait(MATCHING)
+                await self.thread.wait(MATCHING_TIME)
             self._matched[publisher] = publisher.get_subscription_count()
         publisher.publish(publisher.msg_type(**fields))
         with self._lock:
@@ -326,7 +326,7 @@ class RosLink:
                 sent.append(later.call_async(made.Request()))
                 # A late answer counts.
                 answered = await self.thread.until(
-                    lambda: any(future.done() for future in sent), ACQUAINTED
+                    lambda: any(future.done() for future in sent), REPEAT_TIME
                 )
             if not answered:
                 raise self.timed_out(endpoint, patience)

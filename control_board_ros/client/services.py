@@ -24,7 +24,7 @@ from .state import CalibrationView, joint_names
 Word = TypeVar("Word", bound=StrEnum)
 
 #: Maximum characters of a message.
-MESSAGE = 5000
+MAX_MESSAGE = 5000
 
 
 class Services:
@@ -86,7 +86,7 @@ class Services:
         selection = await self.select(joints)
         response = await self.link.call(service, names=list(selection.names), **fields)
         if not response.success:
-            raise RequestError(clean(response.message, MESSAGE))
+            raise RequestError(clean(response.message, MAX_MESSAGE))
         self.link.check_asked(service, response, len(selection.names))
         return response
 
@@ -195,7 +195,7 @@ def reply_of(response: Any, asked: tuple[str, ...]) -> Reply:
         if len(entries) not in (0, len(names)):
             raise BoardError(f"{len(entries)} {field} came for {len(names)} joints")
     values = tuple(getattr(response, "values", ()))
-    return Reply(names, answers, clean(response.message, MESSAGE), reasons, codes, values)
+    return Reply(names, answers, clean(response.message, MAX_MESSAGE), reasons, codes, values)
 
 
 def whole(success: bool, message: str, names: tuple[str, ...], codes: Sequence[str] = ()) -> Reply:
@@ -204,7 +204,7 @@ def whole(success: bool, message: str, names: tuple[str, ...], codes: Sequence[s
     Raises:
         BoardError: a code is unknown.
     """
-    message = clean(message, MESSAGE)
+    message = clean(message, MAX_MESSAGE)
     if success:
         return Reply(names, (Answer.ACCEPTED,) * len(names), message)
     reply = refused(message, names)

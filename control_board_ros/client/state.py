@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from .ros_link import RosLink
 
 #: s without a state before the subscriptions are renewed, repeatedly.
-SILENCE = 5.0
+RENEWAL_PERIOD = 5.0
 #: Age in s from which a state requires an answer of the board, paused or out of reach.
-STALE = 0.5
+STALE_AGE = 0.5
 #: Messages received since a request before the newest certainly includes its effect: the first
 #: may have been read before.
-SETTLING = 2
+SETTLING_MESSAGES = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ class State:
         floats = {
             field: np.array(getattr(message, field), dtype=np.float64) for field in FLOAT_FIELDS
         }
-        for field in OPTIONAL:  # a board without these fields
+        for field in OPTIONAL_FIELDS:  # a board without these fields
             if not floats[field].size:
                 floats[field] = np.full(len(floats["position"]), np.nan)
         return cls(
@@ -117,7 +117,7 @@ class State:
 
 
 #: Fields that a board may lack.
-OPTIONAL = (
+OPTIONAL_FIELDS = (
     "motor_position",
     "motor_velocity",
     "acceleration",
@@ -148,7 +148,8 @@ class StateView:
         self._link = link
         self._message: Any = None
         self._received = 0  # messages
-        self._arrived = (0,) * SETTLING  # last receptions, ns of the system's clock, oldest first
+        # Last receptions, ns of the system's clock, oldest first.
+        self._arrived = (0,) * SETTLING_MESSAGES
         self._wanted = 0  # earliest valid value of the oldest of these, ns
         self._at = self._since = time.monotonic()  # of the last message; or of the last renewal, s
 
@@ -171,7 +172,7 @@ class StateView:
             if not await link.thread.until(self.shown, patience):
                 self._renew()
         self._wanted = min(self._wanted, self._arrived[0])
-        if fresh and self._message is not None and time.monotonic() - self._at > STALE:
+        if fresh and self._message is not None and time.monotonic() - self._at > STALE_AGE:
             await link.call(GET_CONTROL_MODE)
         if self._message is None:
             raise link.timed_out(STATE, patience)
@@ -194,7 +195,7 @@ class StateView:
 
         After an outage longer than the middleware's memory, only new subscriptions receive.
         """
-        if time.monotonic() - self._since >= SILENCE:
+        if time.monotonic() - self._since >= RENEWAL_PERIOD:
             self._since = time.monotonic()
             self._link.renew()
 

@@ -34,7 +34,7 @@ from .freeze_frame import FreezeFrame, fault_record
 from .operations import Interface, operation, request
 from .services import whole
 
-MOST_STEPS = 2**32 - 1  # of one request: a uint32 on the wire
+MAX_STEPS = 2**32 - 1  # of one request: a uint32 on the wire
 
 
 class WholeBoard(Interface):
@@ -156,8 +156,8 @@ class WholeBoard(Interface):
     @operation
     async def step(self, steps: int = 1) -> Reply:
         """Advance a paused simulation by ``steps`` control cycles."""
-        if not 1 <= steps <= MOST_STEPS:
-            return refused(f"steps must be from 1 to {MOST_STEPS}, not {steps}")
+        if not 1 <= steps <= MAX_STEPS:
+            return refused(f"steps must be from 1 to {MAX_STEPS}, not {steps}")
         return await self._services.trigger(STEP, steps=steps)
 
     @operation

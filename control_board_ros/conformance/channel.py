@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 from control_board_ros.client import BoardTimeout, State
 from control_board_ros.client.executor_thread import ExecutorThread
-from control_board_ros.client.ros_link import MATCHING
+from control_board_ros.client.ros_link import MATCHING_TIME
 from control_board_ros.interface import JOINT_STATES, MODES, STATE, Endpoint
 
 from .rules import OutOfTime
@@ -133,7 +133,7 @@ class Channel:
                 if time.monotonic() > deadline:
                     raise BoardTimeout(f"{self.board} does not listen to {topic.short}")
                 time.sleep(0.002)
-            time.sleep(MATCHING)
+            time.sleep(MATCHING_TIME)
         publisher.publish(topic.load()(**fields))
 
     def graph(self) -> tuple[dict[str, list[str]], dict[str, list[str]]]:

@@ -28,7 +28,7 @@ from .terms.vocabs import (
 V = TypeVar("V", bound=Vocab | BrakeMode)
 
 #: Selections of at most this many different requests are remembered, the latest ones.
-REMEMBERED = 256
+CACHE_SIZE = 256
 NAMES_OR_NUMBERS = frozenset({str, int})
 
 
@@ -102,7 +102,7 @@ class Selector:
         found = self._known.get(key)
         if found is None:
             found = self._resolve(key)
-            if len(self._known) >= REMEMBERED:
+            if len(self._known) >= CACHE_SIZE:
                 del self._known[next(iter(self._known))]
             self._known[key] = found
         return found

@@ -233,7 +233,7 @@ def test_new_subscriptions_receive_states_again(
     link: RosLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the old ones receive nothing any more, as after a long cut of the network."""
-    monkeypatch.setattr(state, "SILENCE", 0.3)
+    monkeypatch.setattr(state, "RENEWAL_PERIOD", 0.3)
     link.answer_timeout = 0.2
     with ros_node(link.domain, "board") as node:
         states = node.create_publisher(STATE.load(), "/board/state", 10)
@@ -251,7 +251,7 @@ def test_an_old_state_counts_only_if_the_board_answers(
     link: RosLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A paused board publishes none and answers; one that is out of reach does neither."""
-    monkeypatch.setattr(state, "STALE", 0.2)
+    monkeypatch.setattr(state, "STALE_AGE", 0.2)
     with ros_node(link.domain, "board") as node:
         board = Board(node)
         states = node.create_publisher(STATE.load(), "/board/state", 10)
@@ -259,7 +259,7 @@ def test_an_old_state_counts_only_if_the_board_answers(
         view = state.StateView(link)
         assert run(view.latest()).names == ("a",)
         publishing.cancel()
-        until(lambda: time.monotonic() - view._at > state.STALE)
+        until(lambda: time.monotonic() - view._at > state.STALE_AGE)
         assert run(view.latest()).names == ("a",)
         link.answer_timeout, board.loses = 0.3, math.inf
         with pytest.raises(BoardTimeout, match="no answer from /board/get_control_mode"):

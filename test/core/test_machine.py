@@ -12,7 +12,7 @@ from rig import board_config, joint
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import Calibration
-from control_board_ros.core.machine.explanations import LEFT
+from control_board_ros.core.machine.explanations import UNCHANGED
 from control_board_ros.core.machine.machine import Machine
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import CREDIBLE, ROWS, Measurement, Row
@@ -180,7 +180,7 @@ def test_a_request_together_changes_nothing_where_one_refuses(board: Board) -> N
         board.selector.everyone, [(STIFF, M.VELOCITY)] * 2, together=True
     )
     assert reply.answers == (Answer.REFUSED, Answer.REFUSED)
-    assert reply.reasons[0] == LEFT.text
+    assert reply.reasons[0] == UNCHANGED.text
     assert reply.reasons[1].startswith("b is in HW_FAULT")
     assert [everything(board.engine.machine, j) for j in range(2)] == before
 

@@ -28,7 +28,7 @@ def working(work: Callable[[Pulse, threading.Event], None]) -> Iterator[ThreadWa
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "HANG", 0.3)
+    monkeypatch.setattr(module, "HANG_TIME", 0.3)
 
 
 def ended_after(seconds: float) -> threading.Event:

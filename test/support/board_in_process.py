@@ -24,7 +24,7 @@ from rig import Rig
 
 from control_board_ros.client import BoardError, State
 from control_board_ros.client.freeze_frame import FreezeFrame
-from control_board_ros.client.state import SETTLING
+from control_board_ros.client.state import SETTLING_MESSAGES
 from control_board_ros.conformance.channel import KEPT
 from control_board_ros.conformance.rules import NotTestable, OutOfTime, in_order
 from control_board_ros.conformance.runner import Session, run, unread
@@ -217,7 +217,7 @@ class Client:
     def get_state(self) -> State:
         """After requests, one that shows what they led to."""
         if not self._settled:
-            self._channel.pass_time(SETTLING)
+            self._channel.pass_time(SETTLING_MESSAGES)
             self._settled = True
         return self._channel.state()
 

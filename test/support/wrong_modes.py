@@ -114,7 +114,7 @@ def the_present_mode_resets(old: Any, facts: Any, wanted: ControlMode) -> Any:
     from control_board_ros.core.machine import decisions
 
     verdict = old(facts, wanted)
-    if verdict == decisions.FINE and wanted in SELECTABLE:
+    if verdict == decisions.ACCEPT and wanted in SELECTABLE:
         return verdict._replace(effect=wanted)
     return verdict
 
@@ -402,7 +402,7 @@ def the_present_interaction_mode_stops() -> None:
 
     def decide(old: Any, facts: Any, wanted: InteractionMode) -> Any:
         verdict = old(facts, wanted)
-        return verdict._replace(effect=wanted) if verdict == decisions.FINE else verdict
+        return verdict._replace(effect=wanted) if verdict == decisions.ACCEPT else verdict
 
     def store(old: Any, self: Any, j: int, wanted: InteractionMode) -> None:
         old(self, j, wanted)

@@ -19,10 +19,10 @@ from ..config.config import CALIBRATION_TYPES, Calibration, JointConfig
 METRES_PER_RADIAN = 0.05
 
 #: Tolerance of the start position, rad.
-ARRIVED = 0.02
+START_TOLERANCE = 0.02
 
 #: Time within this tolerance, s.
-SETTLED = 0.05
+START_SETTLING_TIME = 0.05
 
 #: The phase of the way there.
 TO_START = "moving to the start position"
@@ -134,16 +134,16 @@ class Calibrator:
         self.progress.fraction = max(
             self.progress.fraction, 0.5 + 0.5 * (1 - off / self._distance)
         )
-        there = off < ARRIVED * self.scale and not hand.moving()
+        there = off < START_TOLERANCE * self.scale and not hand.moving()
         self._settled = self._settled + 1 if there else 0
-        return self._settled * self.period >= SETTLED
+        return self._settled * self.period >= START_SETTLING_TIME
 
 
 #: Travel in stall_time below which a joint is at rest, rad.
-STALLED = 0.002
+STALL_TRAVEL = 0.002
 
 #: The same of the motor, whose travel is estimated from its voltage and current.
-MOTOR_STALLED = 0.01
+MOTOR_STALL_TRAVEL = 0.01
 
 #: How far the joint goes back before it approaches again, rad, and at most of its hard range.
 BACK_OFF = 0.1
@@ -154,10 +154,10 @@ SAME_PLACE = 0.01
 SAME_PLACE_SHARE = 0.25
 
 #: Maximum motion of the joint under the push, rad.
-GAVE_WAY = 0.005
+PUSH_TRAVEL = 0.005
 
 #: Current that must flow at a stall, as a part of V/R: less for a hot winding and a bridge.
-AT_TORQUE = 0.5
+STALL_CURRENT_SHARE = 0.5
 
 #: Time constant of the filter of the current, as a part of stall_time: 1/FILTER.
 FILTER = 5.0
@@ -166,10 +166,10 @@ FILTER = 5.0
 PUSH_TIME = 2.0
 
 #: Time in which the press ends and is no longer measured as a load, s: a joint hardly falls in it.
-LET_GO = 0.05
+RELEASE_TIME = 0.05
 
 #: Time for the way back after its profile has ended, s.
-SETTLING = 1.0
+BACK_OFF_TIME = 1.0
 
 
 class HardStop(Calibrator):
@@ -230,8 +230,8 @@ class HardStop(Calibrator):
             yield phase
             still += 1
             current += self._filter * (hand.current - current)
-            moved = abs(hand.reading - mark) > STALLED * self.scale
-            if moved or abs(hand.travelled - motor) > MOTOR_STALLED * self.scale:
+            moved = abs(hand.reading - mark) > STALL_TRAVEL * self.scale
+            if moved or abs(hand.travelled - motor) > MOTOR_STALL_TRAVEL * self.scale:
                 mark, motor, still = hand.reading, hand.travelled, 0
                 self._check_range()
         self._check_current(calibration.output, current)
@@ -241,7 +241,7 @@ class HardStop(Calibrator):
         """Press no longer: a position law would hold the press as a load."""
         self.progress.phase, self.progress.fraction = phase, fraction
         self.hand.drive(0.0)
-        for _ in range(round(LET_GO / self.period)):
+        for _ in range(round(RELEASE_TIME / self.period)):
             yield phase
 
     def _back_off(self) -> Generator[str, None, None]:
@@ -255,7 +255,7 @@ class HardStop(Calibrator):
         while hand.moving() or self._way * (place - hand.position) < 0.5 * self._back:
             yield phase
             late = 0 if hand.moving() else late + 1
-            if late * self.period > SETTLING:
+            if late * self.period > BACK_OFF_TIME:
                 moved = abs(hand.position - place)
                 self._fail(
                     f"met a stop, but moved back by {moved:.4g} {self.unit} instead of "
@@ -276,7 +276,7 @@ class HardStop(Calibrator):
             yield phase
             current += self._filter * (hand.current - current)
             gave = abs(hand.reading - place)
-            if gave > GAVE_WAY * self.scale:
+            if gave > PUSH_TRAVEL * self.scale:
                 self._fail(
                     f"stalled at {calibration.output:.3g} %, then moved by {gave:.4g} "
                     f"{self.unit} at {output:.3g} %: held by load or friction, not by a stop",
@@ -328,10 +328,10 @@ class HardStop(Calibrator):
     def _check_current(self, output: float, current: float) -> None:
         """Check that the motor draws its stall current."""
         stalled = self.hand.joint.motor.stall_current(output)
-        if current / stalled < AT_TORQUE:
+        if current / stalled < STALL_CURRENT_SHARE:
             self._fail(
                 f"stalled, but the motor draws {current:.3g} A at {output:.3g} %, where a "
-                f"stall needs {stalled:.3g} A (at least {AT_TORQUE:.0%} is needed)",
+                f"stall needs {stalled:.3g} A (at least {STALL_CURRENT_SHARE:.0%} is needed)",
                 "check the encoder, the motor, its supply, and motor.resistance",
             )
 

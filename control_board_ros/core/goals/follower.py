@@ -24,13 +24,13 @@ from ..terms.vocabs import CommandKind
 from .path import SAME_TIME, Bools, Path, Run, Sample, Spline, braking
 
 #: Why joints leave a path for a newer one.
-TAKEN = "replaced by another trajectory"
+REPLACED_BY_PATH = "replaced by another trajectory"
 
 
 #: One turn of a continuous joint, rad.
 TURN = 2.0 * math.pi
 #: Paths that wait for their start at most; of more, the one that would begin first is left out.
-MOST_WAITING = 100
+MAX_WAITING = 100
 
 
 class Follower:
@@ -240,16 +240,16 @@ class Follower:
         """Joints leave the paths that would begin no sooner than a newer one, s (T5)."""
         for run in list(self._runs):
             if run.spline is None and run.start >= start - SAME_TIME:
-                self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
+                self._drop(run, np.isin(run.joints, joints), REPLACED_BY_PATH, quiet=True)
         waiting = [run for run in self._runs if run.spline is None]
-        if len(waiting) >= MOST_WAITING:
+        if len(waiting) >= MAX_WAITING:
             self.leave(min(waiting, key=lambda run: run.start))
 
     def _release(self, joints: NDArray[np.intp], newer: Run) -> None:
         """Joints leave the paths that run, for one that begins."""
         for run in list(self._runs):
             if run.spline is not None and run is not newer:
-                self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
+                self._drop(run, np.isin(run.joints, joints), REPLACED_BY_PATH, quiet=True)
 
     def _drop(self, run: Run, columns: Bools, why: str, *, quiet: bool = False) -> None:
         """Remove joints from a run, with the reason."""

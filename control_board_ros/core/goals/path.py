@@ -30,7 +30,7 @@ from ..terms.vocabs import InteractionMode
 MAX_POINTS = 10_000
 
 #: Speed up to which the last point counts as at rest, rad/s (m/s for a prismatic joint).
-AT_REST = 1e-6
+MAX_END_SPEED = 1e-6
 
 #: Times closer than this are equal, s.
 SAME_TIME = 1e-9
@@ -213,7 +213,7 @@ def make_path(
     rates = _field(names, "accelerations", accels)
     if speeds is None and rates is not None:
         raise RequestError("its points have accelerations and no velocities; send both or neither")
-    if speeds is not None and (np.abs(speeds[-1]) > AT_REST).any():
+    if speeds is not None and (np.abs(speeds[-1]) > MAX_END_SPEED).any():
         worst = int(np.argmax(np.abs(speeds[-1])))
         raise RequestError(
             f"point {len(times) - 1}, the last one, has velocity {speeds[-1, worst]:.6g} of "

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 TOLERANCE, SLIDE_TOLERANCE = 0.01, 0.001
 
 #: Time to arrive after the end of the profile, s of simulated time.
-SETTLING = 1.0
+SETTLING_TIME = 1.0
 
 #: Part of the tolerance by which the reference may miss the target of a move that has ended.
-EXACT = 0.1
+REFERENCE_SHARE = 0.1
 
 
 class Outcome(NamedTuple):
@@ -49,7 +49,7 @@ class Standing(Enum):
     ARRIVED = auto()
     SETTLING = auto()  # still on its way
     DROPPED = auto()  # the move was ended by something else
-    AWAY = auto()  # not there after SETTLING s
+    AWAY = auto()  # not there after SETTLING_TIME s
 
 
 def tolerance(kind: JointKind) -> float:
@@ -146,12 +146,12 @@ class JointMove:
         tolerance. A spring yields by design, so a compliant joint is judged by its reference.
         """
         near = tolerance(self.kind)
-        reached = abs(now.reference - self.target) <= EXACT * near
+        reached = abs(now.reference - self.target) <= REFERENCE_SHARE * near
         if reached and (now.compliant or abs(now.position - self.target) <= near):
             return Standing.ARRIVED
         if not reached and now.reference_velocity == 0.0:
             return Standing.DROPPED
-        return Standing.SETTLING if since < SETTLING else Standing.AWAY
+        return Standing.SETTLING if since < SETTLING_TIME else Standing.AWAY
 
     def ending(self, standing: Standing, now: JointNow) -> str:
         """One line when the move has ended (not SETTLING); empty where the joint has arrived."""

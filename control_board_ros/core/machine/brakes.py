@@ -33,9 +33,9 @@ PATIENCE, LEAST_PATIENCE = 5.0, 0.1
 #: How far a joint that has come to rest behind its closed brake may move, rad or m.
 SLIP_ANGLE, SLIP_DISTANCE = 0.5 * DEGREE, 1e-3
 #: Maximum time for a brake to stop a joint, s, and the speed of a stopped joint, rad/s or m/s.
-STOPPING, REST_ANGLE_RATE, REST_RATE = 1.0, 0.2 * DEGREE, 1e-3
+STOPPING_TIME, REST_ANGLE_RATE, REST_RATE = 1.0, 0.2 * DEGREE, 1e-3
 #: Period of the check of closed brakes, s.
-LOOK = 0.05
+CHECK_PERIOD = 0.05
 
 
 class WaitingLaw(NamedTuple):
@@ -90,7 +90,7 @@ class Brakes:
         self._machine, self._state = machine, machine.state
         n = machine.state.n
         self._period = machine.config.period
-        self._look = max(1, round(LOOK / self._period))
+        self._look = max(1, round(CHECK_PERIOD / self._period))
         self._brakes = [
             JointBrake(joint.brake) if joint.brake.present else None
             for joint in machine.config.joints
@@ -201,7 +201,7 @@ class Brakes:
         place = float(state.position[j] + state.offset[j])
         if math.isnan(brake.mark):
             slow = abs(state.velocity[j]) < kind.choose(REST_ANGLE_RATE, REST_RATE)
-            if slow or (state.cycle - brake.since) * self._period > STOPPING:
+            if slow or (state.cycle - brake.since) * self._period > STOPPING_TIME:
                 brake.mark = place
             return
         moved = abs(place - brake.mark)

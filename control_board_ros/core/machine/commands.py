@@ -37,7 +37,7 @@ from .machine import Machine
 
 K = CommandKind
 #: References that a limit's decimals cut by less than this are within: rad, m, percent, …
-ROUNDING = 1e-6
+LIMIT_TOLERANCE = 1e-6
 #: Effects of limits on references, by joint.
 Notes = dict[int, str]
 Start = Callable[[References, Indices, Array, Any], Any]
@@ -284,7 +284,7 @@ class Commands:
         if self._refused is None:
             return np.ones(asked.shape, dtype=np.bool_)
         low, high = self._low[kind][indices], self._high[kind][indices]
-        inside = (low - ROUNDING <= asked) & (asked <= high + ROUNDING)
+        inside = (low - LIMIT_TOLERANCE <= asked) & (asked <= high + LIMIT_TOLERANCE)
         return inside | ~self._refused[indices]
 
     def _judged(

@@ -104,7 +104,7 @@ class Verdict(NamedTuple):
         return self.answer is Answer.ACCEPTED
 
 
-FINE = Verdict(Answer.ACCEPTED)
+ACCEPT = Verdict(Answer.ACCEPTED)
 
 #: Why a joint in such a mode refuses requests; absent: it does, unless it is inactive or lacks a
 #: calibration.
@@ -144,7 +144,7 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
     if (reason := _hindrance(facts, target)) is not Reason.NONE:
         return Verdict(Answer.REFUSED, reason)
     if target is facts.mode:
-        return FINE
+        return ACCEPT
     if trigger is wanted and isinstance(target, ControlMode):
         return Verdict(Answer.ACCEPTED, effect=target)
     return Verdict(Answer.ACCEPTED, effect=trigger)
@@ -166,7 +166,7 @@ def _decide_interaction(facts: Facts, wanted: InteractionMode) -> Verdict:
         if next_mode(facts.mode, Event.UNSUPPORTED) is None:
             return _refused(facts)
         return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, Event.UNSUPPORTED)
-    return FINE if wanted is facts.interaction else Verdict(Answer.ACCEPTED, effect=wanted)
+    return ACCEPT if wanted is facts.interaction else Verdict(Answer.ACCEPTED, effect=wanted)
 
 
 def _decide_calibration(facts: Facts) -> Verdict:
@@ -191,13 +191,13 @@ def decide_brake(facts: Facts, mode: BrakeMode, *, present: bool) -> Verdict:
         return Verdict(Answer.REFUSED, Reason.OTHER_MODE)
     if mode is BrakeMode.OPEN and facts.stopped:
         return Verdict(Answer.REFUSED, Reason.EMERGENCY_STOP)
-    return FINE
+    return ACCEPT
 
 
 def decide_stop(facts: Facts) -> Verdict:
     """The verdict on a stop: it acts where a position reference is followed (P3)."""
     if facts.mode in STOPPABLE or facts.mode in AT_REST:
-        return FINE
+        return ACCEPT
     return Verdict(Answer.IGNORED, UNAVAILABLE.get(facts.mode, Reason.NOTHING_TO_STOP))
 
 
@@ -225,7 +225,7 @@ def decide_reference(
         return _ignored(facts, Reason.NOT_FINITE)
     if not fits:
         return _ignored(facts, Reason.OUT_OF_RANGE)
-    return _ignored(facts, Reason.STALE) if stale else FINE
+    return _ignored(facts, Reason.STALE) if stale else ACCEPT
 
 
 def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
@@ -234,7 +234,7 @@ def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
         return _ignored(facts, UNAVAILABLE[facts.mode])
     if not all(math.isfinite(value) for value in values):
         return _ignored(facts, Reason.NOT_FINITE)
-    return FINE
+    return ACCEPT
 
 
 def _ignored(facts: Facts, reason: Reason) -> Verdict:

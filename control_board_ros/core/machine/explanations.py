@@ -57,7 +57,7 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Requested], str]] = {
 }
 
 #: The answer of a valid joint where another one of an all-or-none request is refused.
-LEFT = JointAnswer(
+UNCHANGED = JointAnswer(
     Answer.REFUSED, "unchanged: the request is for all joints or none", Reason.TOGETHER
 )
 
@@ -66,7 +66,7 @@ def all_or_none(answers: Sequence[JointAnswer]) -> Sequence[JointAnswer]:
     """Answers of joints that are set together: where one could not, LEFT for those that could."""
     if not any(answer.code for answer in answers):
         return answers
-    return [answer if answer.code else LEFT for answer in answers]
+    return [answer if answer.code else UNCHANGED for answer in answers]
 
 
 #: Next step where a stop has no effect on a joint.

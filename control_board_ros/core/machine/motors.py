@@ -107,11 +107,11 @@ def feed_torque(joint: Joint, torque: float) -> float:
 
 #: How many times the configured torque constant one may be that users set, or a part of it; and
 #: the same of the back-EMF's: more would drive a motor by its own speed.
-FAR_OFF, MOST_EMF = 10.0, 2.0
+CONSTANT_FACTOR, EMF_FACTOR = 10.0, 2.0
 
 
 #: The least cap of a current, as a part of the peak current.
-LEAST_CAP = 1e-3
+MIN_CAP_SHARE = 1e-3
 #: Values of motors that can be set: caps, constants, friction.
 SETTABLE = ("max_currents", "output_limits", *TERMS)
 
@@ -184,8 +184,8 @@ class MotorAccess:
             raise RequestError(f"none of {', '.join(requested)} given; send one or more")
         configs = [self._machine.config.joints[j] for j in selection.numbers]
         least = {
-            "torque_constants": [c.motor.torque_constant / FAR_OFF for c in configs],
-            "max_currents": [LEAST_CAP * c.limits.peak_current for c in configs],
+            "torque_constants": [c.motor.torque_constant / CONSTANT_FACTOR for c in configs],
+            "max_currents": [MIN_CAP_SHARE * c.limits.peak_current for c in configs],
         }
         for name in least.keys() & checked.keys():
             for joint, low, value in zip(
@@ -210,8 +210,8 @@ class MotorAccess:
         bounds: dict[str, tuple[Array, bool]] = {
             "max_currents": (limits.current, False),
             "output_limits": (limits.output, True),
-            "torque_constants": (FAR_OFF * constants, False),
-            "back_emf_constants": (MOST_EMF * constants, True),
+            "torque_constants": (CONSTANT_FACTOR * constants, False),
+            "back_emf_constants": (EMF_FACTOR * constants, True),
             "viscous_positive": (limits.torque / limits.velocity, True),
             "viscous_negative": (limits.torque / limits.velocity, True),
             "coulomb_positive": (limits.torque, True),

@@ -44,7 +44,7 @@ from .explanations import (
 from .machine import Machine
 
 #: Answer of a joint that does what was requested.
-DONE = JointAnswer()
+CARRIED_OUT = JointAnswer()
 
 
 class Step(NamedTuple):
@@ -159,7 +159,7 @@ class Requests:
                 return JointAnswer(verdict.answer, text, verdict.reason), steps
         if ControlMode.FORCE_IDLE in whats and self._machine.brakes.is_stuck(j):
             return JointAnswer(text=explain_stuck(facts)), steps
-        return DONE, steps
+        return CARRIED_OUT, steps
 
     def _carry_out(self, steps: Sequence[Step]) -> None:
         """Carry out verdicts; changes into one mode together for all of its joints."""

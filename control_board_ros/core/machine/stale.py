@@ -27,7 +27,7 @@ PAUSE = 0.5
 #: A position this close to the joint takes it up where it is, rad or m.
 NEAR_ANGLE, NEAR_DISTANCE = 0.05, 5e-3
 #: References of a stream at least; one before a fault and one after it are none.
-STREAM = 2
+MIN_STREAM = 2
 #: The kinds that name a place.
 POSITIONS = frozenset({CommandKind.POSITION, CommandKind.POSITION_DIRECT})
 
@@ -83,7 +83,7 @@ class StaleStreams:
 
     def _outlived(self, j: int) -> bool:
         """Whether references of a joint have come without a pause."""
-        return bool(self._count[j] >= STREAM and self._state.time - self._last[j] < PAUSE)
+        return bool(self._count[j] >= MIN_STREAM and self._state.time - self._last[j] < PAUSE)
 
     def _meets(self, kind: CommandKind, j: int, value: float) -> bool:
         """Whether a position takes a joint up where it is."""

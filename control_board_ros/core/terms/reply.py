@@ -82,7 +82,7 @@ class Reply:
     waits: tuple[float, ...] = field(default=(), compare=False)
 
     def __bool__(self) -> bool:
-        return bool(self.answers) and all(answer in GOOD for answer in self.answers)
+        return bool(self.answers) and all(answer in SUCCESSFUL_ANSWERS for answer in self.answers)
 
     def with_modes(self, modes: Sequence[Vocab]) -> Reply:
         """The same reply with the modes after the request."""
@@ -100,7 +100,7 @@ class Reply:
         return "; ".join(text for text in texts if text)
 
 
-GOOD = frozenset({Answer.ACCEPTED, Answer.SENT})
+SUCCESSFUL_ANSWERS = frozenset({Answer.ACCEPTED, Answer.SENT})
 
 
 def quantity(command: CommandKind, value: float, joint: JointKind) -> str:

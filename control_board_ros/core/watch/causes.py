@@ -24,9 +24,9 @@ from ..terms.measurement import CREDIBLE, Row
 from .monitor import JointMonitor
 
 #: Part of the I²t budget that raises a warning, and below which an I²t fault can be cleared.
-STRAINED = 0.8
+I2T_WARNING_SHARE = 0.8
 #: Distance to the temperature limit that raises a warning, K.
-HOT = 10.0
+HEAT_MARGIN = 10.0
 
 
 def heat_constants(limits: Limits) -> dict[str, float]:
@@ -35,8 +35,8 @@ def heat_constants(limits: Limits) -> dict[str, float]:
     return {
         "nominal_squared": nominal,
         "budget": (limits.peak_current**2 - nominal) * limits.overload_time,
-        "warn_used": STRAINED,
-        "warn_temperature": limits.temperature - HOT,
+        "warn_used": I2T_WARNING_SHARE,
+        "warn_temperature": limits.temperature - HEAT_MARGIN,
     }
 
 
@@ -48,14 +48,14 @@ def warnings(monitor: JointMonitor) -> dict[str, str]:
     if monitor.hot:
         texts["temperature"] = (
             f"winding at {monitor.temperature:.0f} °C, its limit is "
-            f"{monitor.warn_temperature + HOT:.0f} °C; reduce its load"
+            f"{monitor.warn_temperature + HEAT_MARGIN:.0f} °C; reduce its load"
         )
     return texts
 
 
 def overload_time(monitor: JointMonitor, period: float) -> float:
     """Time until an I²t fault can be cleared, s; period: of the slow checks, s."""
-    above = monitor.overload - STRAINED * monitor.budget
+    above = monitor.overload - I2T_WARNING_SHARE * monitor.budget
     return float(max(above, 0.0) / monitor.nominal_squared) + 2.0 * period
 
 

@@ -19,7 +19,7 @@ from ..terms.modes import INITIAL_INTERACTION, SENSE_TORQUE, UNPOWERED, Law, law
 #: Laws that follow a torque: without one, the joint is in fault.
 FOLLOWS_TORQUE = frozenset({Law.TORQUE, Law.IMPEDANCE})
 #: Age of the torque before the first one, s.
-NEVER = 1e3
+UNRECEIVED_AGE = 1e3
 
 
 class ExternalTorques:
@@ -35,7 +35,7 @@ class ExternalTorques:
 
     def __init__(self, config: BoardConfig, state: StateArrays) -> None:
         self._state = state
-        self._torques, self._stamps = np.zeros(state.n), np.full(state.n, -NEVER)
+        self._torques, self._stamps = np.zeros(state.n), np.full(state.n, -UNRECEIVED_AGE)
         self.known = np.array([joint.torque_sensor for joint in config.joints])
         self.reconfigure(config)
         self.known[self.joints] = False

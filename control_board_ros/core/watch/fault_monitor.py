@@ -28,8 +28,8 @@ from ..terms.arguments import Array
 from ..terms.faults import Cause, FaultCode
 from ..terms.measurement import CREDIBLE, ROWS, Row
 from .causes import (
+    I2T_WARNING_SHARE,
     ROWS_OF,
-    STRAINED,
     Check,
     alarm_cause,
     bound_cause,
@@ -40,8 +40,8 @@ from .causes import (
 from .monitor import JointMonitor, Monitor
 
 #: Sources of a stop, a program or the silence of the heartbeat: cause and remedy.
-ASKED = ("requested", "release it")
-SILENCE = ("no heartbeat for {:g} s", "it must come again")
+REQUESTED_STOP = ("requested", "release it")
+HEARTBEAT_SILENCE = ("no heartbeat for {:g} s", "it must come again")
 
 
 class EmergencyStop:
@@ -68,7 +68,7 @@ class EmergencyStop:
 
     def ask(self, stop: bool) -> None:
         """Request it, or release the request."""
-        self._note(ASKED, stop)
+        self._note(REQUESTED_STOP, stop)
 
     def beat(self, time: float) -> None:
         """Record a heartbeat, at a time of the board, s."""
@@ -79,7 +79,7 @@ class EmergencyStop:
         if self.timeout > 0.0:
             if self._last_beat is None:  # the first reading: silence counts from now on
                 self._last_beat = time
-            self._note(SILENCE, time - self._last_beat > self.timeout)
+            self._note(HEARTBEAT_SILENCE, time - self._last_beat > self.timeout)
 
     def _note(self, cause: tuple[str, str], holds: bool) -> None:
         if holds:
@@ -90,7 +90,7 @@ class EmergencyStop:
 
 
 #: Cycles from one slow check to the next.
-SLOW = 8
+SLOW_CHECK_CYCLES = 8
 
 #: Time constant of the forgetting of travel errors, s.
 TRAVEL_MEMORY = 0.5
@@ -102,7 +102,7 @@ JUMP_RADIANS, JUMP_METRES = 0.5 * DEGREE, 1e-3
 
 #: Encoder and current are sampled so far apart at most, s. A reversal at full speed makes a
 #: travel error of twice the speed for that time; in simulation it is the physics step.
-APART = 1e-3
+SAMPLING_OFFSET = 1e-3
 
 #: Measured speed that is a fault, in speed limits (F7).
 OVERSPEED = 1.5
@@ -142,9 +142,9 @@ class FaultMonitor:
             [self._values, state.measured, self._before, state.motors],
             [self._values[row].data for row in ROWS_OF.values()],
             [row.data for row in rows],
-            SLOW,
+            SLOW_CHECK_CYCLES,
             config.period,
-            math.exp(-SLOW * config.period / TRAVEL_MEMORY),
+            math.exp(-SLOW_CHECK_CYCLES * config.period / TRAVEL_MEMORY),
         )
         self.take = self.monitor.take
         self._configs = config.joints
@@ -227,7 +227,7 @@ class FaultMonitor:
         if code is FaultCode.OVERHEATING:
             monitor.max_temperature = limits.temperature - limits.temperature_hysteresis
         elif code is FaultCode.I2T:
-            monitor.max_overload = STRAINED * monitor.budget
+            monitor.max_overload = I2T_WARNING_SHARE * monitor.budget
 
     def healthy(self) -> bool:
         """Watch the reading; false when any joint has a cause to be in HW_FAULT.
@@ -270,7 +270,7 @@ class FaultMonitor:
             return alarm_cause(value)._replace(text=clean(self.reasons[j]))
         if check in ROWS_OF:
             return bound_cause(check, monitor, joint, float(self._values[ROWS_OF[check], j]))
-        return slow_cause(check, monitor, joint, SLOW * self._period)
+        return slow_cause(check, monitor, joint, SLOW_CHECK_CYCLES * self._period)
 
     def has_news(self) -> bool:
         """Whether a joint has approached a fault by heat since the last call (F6)."""
@@ -343,7 +343,7 @@ def checked_limits(joint: JointConfig, period: float) -> dict[str, float]:
         "max_temperature": limits.temperature,
     }
     return {name: min(bound, CREDIBLE) for name, bound in bounds.items()} | {
-        "max_travel": joint.max_travel_error + 2.0 * limits.velocity * APART,
+        "max_travel": joint.max_travel_error + 2.0 * limits.velocity * SAMPLING_OFFSET,
         "max_overrun": 0.5 * (limits.hard_upper - limits.hard_lower) + limits.hard_margin,
         "max_overload": heat_constants(limits)["budget"],
     }

@@ -10,9 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 
 #: s between two looks, and without progress that are a hang.
-LOOK, HANG = 0.1, 1.0
+CHECK_PERIOD, HANG_TIME = 0.1, 1.0
 #: s of the processor that a thread uses between two looks at most if it is blocked.
-BLOCKED = 1e-4
+MAX_BLOCKED_TIME = 1e-4
 #: The threads of this process (Linux).
 TASKS = Path("/proc/self/task")
 
@@ -62,9 +62,9 @@ class Watched:
             ready: Threads that run or wait for a processor.
         """
         before, self._used = self._used, self._processor_time()
-        works = self.thread.native_id in ready or self._used - before >= BLOCKED
+        works = self.thread.native_id in ready or self._used - before >= MAX_BLOCKED_TIME
         self._blocked = 0.0 if works else self._blocked + granted
-        return self._blocked >= HANG or self._used - self._begin >= HANG
+        return self._blocked >= HANG_TIME or self._used - self._begin >= HANG_TIME
 
     def _processor_time(self) -> float:
         ident = self.thread.ident
@@ -97,10 +97,10 @@ class ThreadWatch:
     def wait(self, ended: threading.Event) -> str:
         """Wait for the end; returns the reason if it is a thread, else an empty text."""
         before, used_before = time.monotonic(), time.process_time()
-        while not ended.wait(LOOK):
+        while not ended.wait(CHECK_PERIOD):
             now, used = time.monotonic(), time.process_time()
             # A process that was stopped as a whole did not hang.
-            passed, before = min(now - before, 2.0 * LOOK), now
+            passed, before = min(now - before, 2.0 * CHECK_PERIOD), now
             worked, used_before = used - used_before, used
             stuck = []
             for name, watched in self._threads.items():
@@ -112,5 +112,5 @@ class ThreadWatch:
             granted = min(passed, worked) if ready else passed
             for name, watched in stuck:
                 if watched.hangs(granted, ready):
-                    return f"the {name} thread hangs for {HANG:g} s"
+                    return f"the {name} thread hangs for {HANG_TIME:g} s"
         return ""

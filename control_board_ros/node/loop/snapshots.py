@@ -16,7 +16,7 @@ from .timing import TimeBase
 
 EVENTS_KEPT = 1000
 #: States and modes kept for a delayed publisher; older ones are lost.
-KEPT = 50
+MAX_QUEUED = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +64,8 @@ class Snapshots:
         self._board, self._base = board, base
         self.on_change: Callable[[], None] = lambda: None
         self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
-        self.states: deque[StampedState] = deque(maxlen=KEPT)
-        self.mode_changes: deque[StampedModes] = deque(maxlen=KEPT)
+        self.states: deque[StampedState] = deque(maxlen=MAX_QUEUED)
+        self.mode_changes: deque[StampedModes] = deque(maxlen=MAX_QUEUED)
         self._modes_version = self._faults_version = -1
         self.latest: StampedState
         self.modes: StampedModes

@@ -18,7 +18,7 @@ from ...interface import CONFIGURE
 from ...text import clean
 
 #: Characters of a line.
-LONGEST = 2000
+LINE_LENGTH = 2000
 
 
 class KnownError(Exception):
@@ -38,7 +38,7 @@ def say(text: str) -> None:
 def complain(text: str) -> None:
     """Print one line on stderr, also after it was closed."""
     with contextlib.suppress(OSError, ValueError):
-        print(f"control_board: {clean(text, LONGEST)}", file=sys.stderr, flush=True)
+        print(f"control_board: {clean(text, LINE_LENGTH)}", file=sys.stderr, flush=True)
 
 
 def settle_stdout() -> None:

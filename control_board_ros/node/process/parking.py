@@ -15,7 +15,7 @@ from ..loop.loop import Member
 PERIOD = 0.02
 
 PAUSED = "the simulation is paused; resume it first, with ~/pause"
-LEFT = "a second signal came"
+SECOND_SIGNAL = "a second signal came"
 
 
 def park(
@@ -43,7 +43,7 @@ def park(
     thread.start()
     while thread.is_alive() and not at_once.is_set():
         thread.join(PERIOD)
-    return reasons[0] if reasons else LEFT
+    return reasons[0] if reasons else SECOND_SIGNAL
 
 
 def _move(
@@ -54,7 +54,7 @@ def _move(
         return reason
     with member.exclusive() as board:
         if left.is_set():  # while this thread waited for the lock
-            return LEFT
+            return SECOND_SIGNAL
         task = start_parking(board, pose)
         time = task.remaining_time()
     on_start(time)
@@ -65,7 +65,7 @@ def _move(
             outcome = task.outcome()
         if outcome is not None:
             return "" if outcome.success else outcome.message
-    return LEFT
+    return SECOND_SIGNAL
 
 
 def _stopped(member: Member) -> str:

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from ...compiled import describe
 from ...core.state import Snapshot
 from ...core.terms.faults import FaultCode, FaultRecord
-from ...core.watch.causes import HOT, STRAINED
+from ...core.watch.causes import HEAT_MARGIN, I2T_WARNING_SHARE
 from ..loop.loop import ControlLoop
 from ..loop.snapshots import StampedModes
 from ..loop.timing import PhaseTimes, scheduling
@@ -132,7 +132,7 @@ class Diagnostics:
             text += "; its brake slips: support the joint, and check the brake"
         elif new := rejected - self._rejected[j]:
             text += f"; {new} commands rejected in the last second"
-        elif overload > STRAINED or temperature > self._hottest[j] - HOT:
+        elif overload > I2T_WARNING_SHARE or temperature > self._hottest[j] - HEAT_MARGIN:
             text += "; near a fault by heat: reduce its load"
         else:
             level = DiagnosticStatus.OK

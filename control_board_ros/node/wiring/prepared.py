@@ -22,11 +22,11 @@ from .messages import NANOSECONDS, set_stamp, split_time
 
 STAMP = Struct("=iI")
 #: Times that the layout is looked for, and serialized messages that are compared each time.
-ATTEMPTS, LOOKS = 5, 4
+ATTEMPTS, SAMPLES = 5, 4
 #: A byte of the numbers of a marked message, and a stamp without a zero byte, ns.
-MARK, MARKED = 0x41, 0x41414141 * NANOSECONDS + 0x11111111
+MARK, MARKED_STAMP = 0x41, 0x41414141 * NANOSECONDS + 0x11111111
 #: A stamp to try a layout with, ns.
-TRIAL = 1_234_567_890_123_456_789
+TRIAL_STAMP = 1_234_567_890_123_456_789
 #: Type codes of :mod:`array` for the fields whose bytes are those of a snapshot's numbers.
 CODES = {"sequence<double>": "d", "sequence<uint64>": "Q"}
 
@@ -87,12 +87,12 @@ class PreparedMessage:
         """The bytes of the blank message, cut where its numbers begin and end."""
         looks = [
             bytes(serialize_message(self._message(numbers, stamp)))
-            for _ in range(LOOKS)
-            for numbers, stamp in ((blank, 0), (marked, MARKED))
+            for _ in range(SAMPLES)
+            for numbers, stamp in ((blank, 0), (marked, MARKED_STAMP))
         ]
         places = changing(looks[::2], looks[1::2])
         edges, begin = [0], 0
-        for size in map(len, self._pieces(marked, MARKED)):
+        for size in map(len, self._pieces(marked, MARKED_STAMP)):
             piece = places[begin : begin + size]
             if len(piece) < size or piece[-1] - piece[0] != size - 1:
                 break
@@ -105,8 +105,10 @@ class PreparedMessage:
 
     def _try(self, trial: Any) -> None:
         """Read a message from bytes, and compare it with the original."""
-        whole = self._message(trial, TRIAL)
-        if deserialize_message(self.of(trial, TRIAL), type(whole)) != self._message(trial, TRIAL):
+        whole = self._message(trial, TRIAL_STAMP)
+        if deserialize_message(self.of(trial, TRIAL_STAMP), type(whole)) != self._message(
+            trial, TRIAL_STAMP
+        ):
             raise UnknownLayout("a message made of bytes reads otherwise")
 
 

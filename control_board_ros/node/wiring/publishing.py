@@ -46,10 +46,10 @@ from .prepared import prepared_state
 from .trajectories import controller_state
 
 #: Time limit of each kind of message to arrive, at the end.
-ARRIVAL = Duration(seconds=0.1)
+ARRIVAL_TIME = Duration(seconds=0.1)
 
 #: Without these, every publisher adds two entities to each wait of the executor.
-QUIET = PublisherEventCallbacks(use_default_callbacks=False)
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 
 #: Fields of numbers, and the snapshot's attribute for each.
 JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
@@ -62,7 +62,7 @@ BOARD_STATE = {
 
 def publisher(node: Node, topic: Endpoint) -> Any:
     return node.create_publisher(
-        topic.load(), topic.name, topic.qos.profile(), event_callbacks=QUIET
+        topic.load(), topic.name, topic.qos.profile(), event_callbacks=NO_EVENTS
     )
 
 
@@ -135,7 +135,7 @@ class StatePublisher:
     def await_arrival(self) -> None:
         """Wait, for a limited time, until published messages have arrived."""
         for publisher in (self._states, self._modes, self._joint_states):
-            publisher.wait_for_all_acked(ARRIVAL)
+            publisher.wait_for_all_acked(ARRIVAL_TIME)
 
     def publish(self) -> None:
         """Publish every new snapshot; a state without subscribers costs nothing.

@@ -23,12 +23,12 @@ from .request_log import RequestLog
 PERIOD = 1.0
 #: Causes distinguished within one period; further ones count as one.
 MAX_CAUSES = 50
-OTHER = "further causes"
+FURTHER_CAUSES = "further causes"
 #: Numbers, and not the digits of a name: joint_1 and joint_2 have causes of their own.
 NUMBERS = re.compile(r"(?<!\w)[-+]?\d[\d.e+-]*")
 
 #: Characters of a line of the log.
-LONGEST = 2000
+LINE_LENGTH = 2000
 
 Write = Callable[[str], None]
 #: Where a repeated message has its count.
@@ -146,13 +146,13 @@ def writers(log: RcutilsLogger) -> dict[str, Write]:
     """
 
     def info(text: str) -> None:
-        log.info(clean(text, LONGEST))
+        log.info(clean(text, LINE_LENGTH))
 
     def warning(text: str) -> None:
-        log.warning(clean(text, LONGEST))
+        log.warning(clean(text, LINE_LENGTH))
 
     def error(text: str) -> None:
-        log.error(clean(text, LONGEST))
+        log.error(clean(text, LINE_LENGTH))
 
     return {"info": info, "warning": warning, "error": error}
 
@@ -183,8 +183,8 @@ class ThrottledLog:
         with self._lock:
             known = self._repeats.get(cause)
             if known is None and len(self._repeats) >= MAX_CAUSES:
-                cause = OTHER
-                known = self._repeats.get(OTHER)
+                cause = FURTHER_CAUSES
+                known = self._repeats.get(FURTHER_CAUSES)
             text = with_count(message, what)
             self._repeats[cause] = (write, text, known[2] + 1 if known else 1)
             if known is None:

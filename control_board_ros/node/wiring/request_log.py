@@ -22,10 +22,10 @@ from ..loop.loop import Member
 from .messages import set_stamp
 
 #: Requests kept for a delayed publisher; older ones are lost.
-KEPT = 1000
+MAX_ENTRIES = 1000
 #: Most entries of an array, where the board has fewer joints; most characters of a text.
 ENTRIES, CHARACTERS = 32, 500
-ENDS = {
+GOAL_EVENTS = {
     GoalStatus.STATUS_SUCCEEDED: "succeeded",
     GoalStatus.STATUS_CANCELED: "canceled",
     GoalStatus.STATUS_ABORTED: "aborted",
@@ -56,7 +56,7 @@ class RequestLog:
     def __init__(self, publisher: Any, member: Member) -> None:
         self._snapshots = member.snapshots
         self._longest = max(member.board.count, ENTRIES)
-        self._entries: deque[Entry] = deque(maxlen=KEPT)
+        self._entries: deque[Entry] = deque(maxlen=MAX_ENTRIES)
         self._publisher = publisher
 
     def note(
@@ -140,7 +140,7 @@ class GoalRecord:
 
     def ended(self, result: Any) -> Any:
         """Note its end, in the present state of its handle; returns its result."""
-        event = ENDS.get(self._handle.status, "aborted")  # rclpy aborts one without an end
+        event = GOAL_EVENTS.get(self._handle.status, "aborted")  # rclpy aborts one without an end
         self._note(event, result, success=event == "succeeded")
         return result
 
