@@ -179,16 +179,16 @@ def arrays(response: Any, kind: type) -> dict[str, Floats]:
     return {field.name: np.array(getattr(response, field.name), float) for field in fields(kind)}
 
 
-def reply_of(response: Any, asked: tuple[str, ...]) -> Reply:
+def reply_of(response: Any, requested: tuple[str, ...]) -> Reply:
     """The board's answer per requested joint; none where the whole request was invalid.
 
     Raises:
         BoardError: the response is invalid.
     """
     answers = tuple(_word(Answer, text) for text in response.answers)
-    if len(answers) not in (0, len(asked)):
-        raise BoardError(f"{len(answers)} answers came for {len(asked)} joints")
-    names = asked if answers else ()
+    if len(answers) not in (0, len(requested)):
+        raise BoardError(f"{len(answers)} answers came for {len(requested)} joints")
+    names = requested if answers else ()
     reasons = tuple(map(clean, response.reasons)) if any(response.reasons) else ()
     codes = tuple(_word(Reason, code) for code in response.codes) if any(response.codes) else ()
     for field, entries in (("reasons", reasons), ("codes", codes)):

@@ -214,7 +214,7 @@ class Board(JointGroup):
 
     def _start_up(self) -> None:
         groups = self.bring_up.groups
-        waiting = [name for name, one in groups.items() if not one.config.autoconfigure]
+        waiting = [name for name, group in groups.items() if not group.config.autoconfigure]
         if self.stage is Stage.ACTIVE and len(waiting) < len(groups):
             self.engine.start_up.due.clear()
             self.bring_up.begin(waiting)

@@ -112,13 +112,13 @@ class JointGroup(ModeShortcuts):
             With ``waits`` and ``modes``; of all joints, unchanged, where none is in fault.
         """
         try:
-            chosen = self.selector.select(joints)
+            selection = self.selector.select(joints)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        if chosen is self.selector.everyone:
+        if selection is self.selector.everyone:
             faulted = [name for name in self.names if self.get_faults(name)[0].active]
-            chosen = self.selector.select(faulted)
-        reply = self.engine.requests.recover(chosen, partial=partial)
+            selection = self.selector.select(faulted)
+        reply = self.engine.requests.recover(selection, partial=partial)
         return reply.with_modes(self.get_control_mode(reply.joints))
 
     def emergency_stop(self, stop: bool = True) -> None:
@@ -132,14 +132,14 @@ class JointGroup(ModeShortcuts):
         """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""
         self.engine.emergency.beat(self.time if now is None else now)
 
-    def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Requested]]) -> Reply:
+    def _ask(self, joints: Joints, requests_of: Callable[[int], Sequence[Requested]]) -> Reply:
         """Decide a request; ``wanted_of`` returns that of each joint for a number of joints."""
         try:
-            chosen = self.selector.select(joints)
-            wanted = wanted_of(len(chosen.names))
+            selection = self.selector.select(joints)
+            requested = requests_of(len(selection.names))
         except ValueError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.requests.request(chosen, wanted)
+        return self.engine.requests.request(selection, requested)
 
     # --- references ---------------------------------------------------------------------------
 
@@ -159,16 +159,16 @@ class JointGroup(ModeShortcuts):
         try:
             if valid_for:
                 check_valid_for(kind, valid_for)
-            chosen = self.selector.select(joints)
-            count = len(chosen.names)
-            asked = spread(values, count, f"{kind} references")
+            selection = self.selector.select(joints)
+            count = len(selection.names)
+            references = spread(values, count, f"{kind} references")
             extra = None if along is None else spread_along(kind, along, count)
         except RequestError as error:
             return self.reject(joints, f"{kind} reference ignored: {error}")
         return self.engine.commands.command(
             kind,
-            chosen,
-            asked,
+            selection,
+            references,
             extra,
             together=together,
             time=time,
@@ -230,19 +230,19 @@ class JointGroup(ModeShortcuts):
         With ``together`` all joints accept them or none does.
         """
         try:
-            chosen = self.selector.select(joints)
-            terms = terms_of(len(chosen.names), outputs, torques)
+            selection = self.selector.select(joints)
+            terms = terms_of(len(selection.names), outputs, torques)
         except RequestError as error:
             return self.reject(joints, f"feedforward ignored: {error}")
-        return self.engine.feedforward.set_feedforward(chosen, terms, together=together)
+        return self.engine.feedforward.set_feedforward(selection, terms, together=together)
 
     def stop(self, joints: Joints = None) -> Reply:
         """Set the position reference to the measured position; the mode stays (P3)."""
         try:
-            chosen = self.selector.select(joints)
+            selection = self.selector.select(joints)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.requests.stop(chosen)
+        return self.engine.requests.stop(selection)
 
     def reject(self, joints: Joints, message: str, code: Reason = Reason.INVALID) -> Reply:
         """Refuse a command that is wrong as a whole; the joints that it names count it (P13)."""
@@ -273,10 +273,10 @@ class JointGroup(ModeShortcuts):
         """
         try:
             selection = self._braked(joints)
-            wanted = brake_modes(modes, len(selection.names))
+            requested = brake_modes(modes, len(selection.names))
         except ValueError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.requests.set_brakes(selection, wanted)
+        return self.engine.requests.set_brakes(selection, requested)
 
     def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
         """Brake modes; None where a joint has no brake."""

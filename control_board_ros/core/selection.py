@@ -99,13 +99,13 @@ class Selector:
             return self.everyone
         if not NAMES_OR_NUMBERS.issuperset(map(type, key)):  # True and 1.0 equal 1
             return self._resolve(key)
-        found = self._known.get(key)
-        if found is None:
-            found = self._resolve(key)
+        selection = self._known.get(key)
+        if selection is None:
+            selection = self._resolve(key)
             if len(self._known) >= CACHE_SIZE:
                 del self._known[next(iter(self._known))]
-            self._known[key] = found
-        return found
+            self._known[key] = selection
+        return selection
 
     def refuse(self, joints: Any, error: ValueError) -> Reply:
         """Refuse a whole request; the reply names its joints where they exist (M6, M7)."""
@@ -120,13 +120,13 @@ class Selector:
         """Numbers of the existing joints of a wrong request; of all where it names none."""
         many = isinstance(joints, Iterable) and not isinstance(joints, str)
         named: list[Any] = list(cast(Any, joints)) if many else [joints]
-        found: set[int] = set()
+        numbers: set[int] = set()
         for joint in named or [None]:
             try:
-                found |= set(self.select(joint).numbers)
+                numbers |= set(self.select(joint).numbers)
             except RequestError:
                 continue  # already in the message of the request
-        return sorted(found)
+        return sorted(numbers)
 
     def _resolve(self, joints: tuple[int | str, ...]) -> Selection:
         seen: dict[int, None] = {}
@@ -185,7 +185,7 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
 
 
 def all_within(
-    selection: Selection, what: str, values: Any, most: Array, *, zero: bool = False
+    selection: Selection, what: str, values: Any, highest: Array, *, zero: bool = False
 ) -> Array:
     """The values of a request, one per joint, shape (k,); one value goes to all of them.
 
@@ -193,7 +193,7 @@ def all_within(
         selection: the joints.
         what: what the values are, for the message.
         values: as a user gave them.
-        most: the greatest allowed of every joint of the board, shape (n,).
+        highest: the greatest allowed of every joint of the board, shape (n,).
         zero: whether 0 is allowed, too.
 
     Raises:
@@ -201,7 +201,7 @@ def all_within(
     """
     count = len(selection.names)
     array = spread(values, count, what, one_for_all=True)
-    high = most[selection.joints]
+    high = highest[selection.joints]
     bad = ~(((array >= 0.0) if zero else (array > 0.0)) & (array <= high))
     if bad.any():
         k = int(np.argmax(bad))

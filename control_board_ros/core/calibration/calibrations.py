@@ -172,12 +172,12 @@ class Group(NamedTuple):
 
 def groups_of(config: BoardConfig) -> list[Group]:
     """The calibration group of each joint; joints in none form the last one of their part."""
-    found = []
+    group_of_joint = []
     for part, zone in enumerate(config.zones()):
         groups = zone.config.calibration_groups
         turns = {name: turn for turn, names in enumerate(groups) for name in names}
-        found += [Group(part, turns.get(name, len(turns))) for name in zone.config.names]
-    return found
+        group_of_joint += [Group(part, turns.get(name, len(turns))) for name in zone.config.names]
+    return group_of_joint
 
 
 class JointAccess:

@@ -43,7 +43,11 @@ def joined(parts: Mapping[str, BoardConfig]) -> BoardConfig:
         )
     return BoardConfig(
         heartbeat_timeout=min(
-            (one.heartbeat_timeout for one in parts.values() if one.heartbeat_timeout > 0.0),
+            (
+                config.heartbeat_timeout
+                for config in parts.values()
+                if config.heartbeat_timeout > 0.0
+            ),
             default=0.0,
         ),
         joints=tuple(joint for config in parts.values() for joint in config.joints),

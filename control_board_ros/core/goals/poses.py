@@ -114,10 +114,10 @@ def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
     """
     if not (math.isfinite(speed) and speed >= 0.0):
         raise RequestError(f"speed {speed:g} is not valid; above 0, or 0 for that of the pose")
-    asked = speed or pose.speed
+    requested_speed = speed or pose.speed
     speeds = board.get_ref_speed(pose.joints)
-    if asked:
-        speeds = np.full(len(pose.joints), asked)
+    if requested_speed:
+        speeds = np.full(len(pose.joints), requested_speed)
     times = board.get_move_time(pose.joints, np.array(pose.positions), speeds)
     k = int(np.argmax(times))
     time = float(times[k])

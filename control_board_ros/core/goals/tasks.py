@@ -156,7 +156,7 @@ class JointMove:
     def ending(self, standing: Standing, now: JointNow) -> str:
         """One line when the move has ended (not SETTLING); empty where the joint has arrived."""
         kind = self.kind
-        where, wanted = (
+        where, target_text = (
             f"{self.name} is at {kind.position(now.position)}",
             kind.position(self.target),
         )
@@ -164,14 +164,16 @@ class JointMove:
         if standing is Standing.ARRIVED:
             if not now.compliant or away <= tolerance(kind):
                 return ""
-            return f"{where}, its reference at {wanted}: it is COMPLIANT and yields to its load"
+            return (
+                f"{where}, its reference at {target_text}: it is COMPLIANT and yields to its load"
+            )
         if standing is Standing.DROPPED:
             return (
-                f"{where}, not at its target {wanted}: {self._cause(now)} during the move; "
+                f"{where}, not at its target {target_text}: {self._cause(now)} during the move; "
                 "send it again"
             )
         return (
-            f"{where}, {kind.position(away)} away from its target {wanted}: it is blocked, "
+            f"{where}, {kind.position(away)} away from its target {target_text}: it is blocked, "
             "its reference was moved by something else, or its gains are too low"
         )
 
@@ -239,9 +241,11 @@ class MoveTask:
             return Outcome(False, self._left(left[0]))
         for joint, target in zip(self._joints, self._targets(), strict=True):
             if target != joint.target:
-                taken = f"{joint.name} to {joint.kind.position(target)}"
-                wanted = joint.kind.position(joint.target)
-                return Outcome(False, f"another move commands {taken} instead of {wanted}")
+                command_text = f"{joint.name} to {joint.kind.position(target)}"
+                target_text = joint.kind.position(joint.target)
+                return Outcome(
+                    False, f"another move commands {command_text} instead of {target_text}"
+                )
         if all(board.check_motion_done(self.names)):
             return self._arrival()
         self._ended = None

@@ -142,7 +142,7 @@ class Commands:
         self,
         kind: CommandKind,
         selection: Selection,
-        asked: Array,
+        requested: Array,
         along: Array | None,
         *,
         together: bool,
@@ -155,7 +155,7 @@ class Commands:
         Args:
             kind: of the references.
             selection: the joints.
-            asked: the references, shape (k,).
+            requested: the references, shape (k,).
             along: likewise; None: as set.
             together: whether all joints accept their references or none does.
             time: s after which position moves arrive, all at once (R5), no less than
@@ -166,38 +166,38 @@ class Commands:
         """
         extra = self._standing(kind, selection) if along is None else along
         indices = selection.joints
-        good = self._state.accepts[kind, indices] & np.isfinite(asked)
+        good = self._state.accepts[kind, indices] & np.isfinite(requested)
         if along is not None:
             good &= self._fits(kind, indices, along)
         stale = None
         if not sampled:
             if self._refused is not None:
-                good &= self.within(kind, indices, asked)
-            stale = self._machine.streams.void(kind, indices, asked, good)
+                good &= self.within(kind, indices, requested)
+            stale = self._machine.streams.void(kind, indices, requested, good)
             self._machine.streams.note(indices)
         if stale is not None:
             good &= ~stale
         answers: list[JointAnswer] = []
         if not good.all():
-            answers = self._judged(kind, selection, asked, along, stale)
+            answers = self._judged(kind, selection, requested, along, stale)
             if together:
                 return decided(selection.names, all_or_none(answers))
-            indices, asked = indices[good], asked[good]
+            indices, requested = indices[good], requested[good]
             extra = None if extra is None else extra[good]
-        taken, notes = asked, Notes()
+        bounded, notes = requested, Notes()
         if indices.size:
-            taken, notes = self._start(kind, indices, asked, extra, time, valid_for)
+            bounded, notes = self._start(kind, indices, requested, extra, time, valid_for)
         if not (answers or notes):
             given = (Answer.ACCEPTED,) * len(selection.names)
-            return Reply(selection.names, given, values=tuple(taken.tolist()))
-        started = dict(zip(indices.tolist(), taken.tolist(), strict=True))
+            return Reply(selection.names, given, values=tuple(bounded.tolist()))
+        started = dict(zip(indices.tolist(), bounded.tolist(), strict=True))
         answers = answers or [JointAnswer()] * len(selection.names)
         return reply_of(selection, answers, started, notes)
 
     def get_move_time(self, indices: Indices, positions: Array, speeds: Array) -> Array:
         """The duration of position moves that start now (P1), s, shape (k,)."""
-        taken = self._taken(indices, positions)
-        return np.array(self._references.plan_moves(indices, taken, speeds).times)
+        bounded = self._taken(indices, positions)
+        return np.array(self._references.plan_moves(indices, bounded, speeds).times)
 
     def _taken(self, indices: Indices, positions: Array) -> Array:
         """Targets within the software limits (P9)."""
@@ -220,7 +220,7 @@ class Commands:
         self,
         kind: CommandKind,
         indices: Indices,
-        asked: Array,
+        requested: Array,
         extra: Array | None,
         time: float | None,
         valid_for: float,
@@ -231,35 +231,37 @@ class Commands:
             The references in force, and the effects of limits.
         """
         row, references = COMMANDS[kind], self._references
-        taken = np.minimum(np.maximum(asked, self._low[kind][indices]), self._high[kind][indices])
+        bounded = np.minimum(
+            np.maximum(requested, self._low[kind][indices]), self._high[kind][indices]
+        )
         starts = self._state.position_reference[indices]
         notes: Notes = {}
         if time is not None:
-            ways = np.abs(taken - starts)
-            moves = references.move_within(indices, taken, time)
+            ways = np.abs(bounded - starts)
+            moves = references.move_within(indices, bounded, time)
             notes = self._slower(indices, ways, ways / time if time > 0.0 else ways, moves)
         else:
-            moves = row.start(references, indices, taken, extra)
+            moves = row.start(references, indices, bounded, extra)
             if moves is not None and extra is not None:
-                notes = self._slower(indices, np.abs(taken - starts), extra, moves)
-        if not same(asked, taken):
-            notes |= self._limit_notes(kind, indices, asked, taken)
-        references.last[kind, indices] = taken
+                notes = self._slower(indices, np.abs(bounded - starts), extra, moves)
+        if not same(requested, bounded):
+            notes |= self._limit_notes(kind, indices, requested, bounded)
+        references.last[kind, indices] = bounded
         if row.timeout is not None:
             period = self._machine.config.period
             timeout = in_cycles(valid_for, period) if valid_for else None
             self._machine.timeouts.renew(kind, indices, self._state.clock + 1.0, timeout)
-        return taken, notes
+        return bounded, notes
 
     def _limit_notes(
-        self, kind: CommandKind, indices: Indices, asked: Array, taken: Array
+        self, kind: CommandKind, indices: Indices, requested: Array, bounded: Array
     ) -> Notes:
         """Effect of limits on references (P1, P9, P14)."""
         joints = self._machine.config.joints
         return {
             j: explain_bound(joints[j], kind, sent, bound)
             for j, sent, bound in zip(
-                indices.tolist(), asked.tolist(), taken.tolist(), strict=True
+                indices.tolist(), requested.tolist(), bounded.tolist(), strict=True
             )
             if sent != bound
         }
@@ -279,33 +281,35 @@ class Commands:
                 notes[j] = text
         return notes
 
-    def within(self, kind: CommandKind, indices: Indices, asked: Array) -> NDArray[np.bool_]:
+    def within(self, kind: CommandKind, indices: Indices, requested: Array) -> NDArray[np.bool_]:
         """Whether references lie within the limits, or are bounded where they do not."""
         if self._refused is None:
-            return np.ones(asked.shape, dtype=np.bool_)
+            return np.ones(requested.shape, dtype=np.bool_)
         low, high = self._low[kind][indices], self._high[kind][indices]
-        inside = (low - LIMIT_TOLERANCE <= asked) & (asked <= high + LIMIT_TOLERANCE)
+        inside = (low - LIMIT_TOLERANCE <= requested) & (requested <= high + LIMIT_TOLERANCE)
         return inside | ~self._refused[indices]
 
     def _judged(
         self,
         kind: CommandKind,
         selection: Selection,
-        asked: Array,
+        requested: Array,
         along: Array | None,
         stale: NDArray[np.bool_] | None,
     ) -> list[JointAnswer]:
         """The answer of each joint; ignored references are counted (M4)."""
         answers = []
         fits = (
-            np.ones(asked.shape, bool)
+            np.ones(requested.shape, bool)
             if along is None
             else self._fits(kind, selection.joints, along)
         )
-        within = self.within(kind, selection.joints, asked)
+        within = self.within(kind, selection.joints, requested)
         for k, j in enumerate(selection.joints.tolist()):
             facts = self._machine.facts(j)
-            values = (float(asked[k]),) if along is None else (float(asked[k]), float(along[k]))
+            values = (
+                (float(requested[k]),) if along is None else (float(requested[k]), float(along[k]))
+            )
             inside = bool(fits[k] and within[k])
             outlived = stale is not None and bool(stale[k])
             verdict = decide_reference(facts, kind, values, fits=inside, stale=outlived)

@@ -82,9 +82,9 @@ class Facts(NamedTuple):
             return self._replace(mode=target, fault=self.fault.cleared(), cause=None)
         return self
 
-    def withholds(self, wanted: ControlMode) -> bool:
+    def withholds(self, requested: ControlMode) -> bool:
         """Whether the lack of a calibration, or the stage, withholds a mode (K7)."""
-        return (self.lacks_calibration or self.inactive) and wanted not in UNPOWERED_MODES
+        return (self.lacks_calibration or self.inactive) and requested not in UNPOWERED_MODES
 
 
 class Verdict(NamedTuple):
@@ -115,29 +115,29 @@ UNAVAILABLE = {
 }
 
 
-def decide(facts: Facts, wanted: Requested) -> Verdict:
+def decide(facts: Facts, requested: Requested) -> Verdict:
     """The verdict on a request.
 
     Args:
         facts: Of one joint.
-        wanted: A control mode that can be requested (a key of REQUESTS), an interaction mode, or
-            Event.CALIBRATE.
+        requested: A control mode that can be requested (a key of REQUESTS), an interaction mode,
+            or Event.CALIBRATE.
     """
-    if isinstance(wanted, InteractionMode):
-        return _decide_interaction(facts, wanted)
-    if wanted is Event.CALIBRATE:
+    if isinstance(requested, InteractionMode):
+        return _decide_interaction(facts, requested)
+    if requested is Event.CALIBRATE:
         return _decide_calibration(facts)
-    assert isinstance(wanted, ControlMode)
-    return _decide_control_mode(facts, wanted)
+    assert isinstance(requested, ControlMode)
+    return _decide_control_mode(facts, requested)
 
 
-def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
+def _decide_control_mode(facts: Facts, requested: ControlMode) -> Verdict:
     """M1, M5, M8, F2, F4, K2, K7, Y4."""
-    trigger = REQUESTS[wanted]
-    if trigger is wanted and wanted not in facts.joint.control_modes:
+    trigger = REQUESTS[requested]
+    if trigger is requested and requested not in facts.joint.control_modes:
         trigger = Event.UNSUPPORTED
     target = next_mode(facts.mode, trigger)
-    if target is None or facts.withholds(wanted):
+    if target is None or facts.withholds(requested):
         return _refused(facts)
     if trigger is Event.UNSUPPORTED:
         return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, trigger)
@@ -145,7 +145,7 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
         return Verdict(Answer.REFUSED, reason)
     if target is facts.mode:
         return ACCEPT
-    if trigger is wanted and isinstance(target, ControlMode):
+    if trigger is requested and isinstance(target, ControlMode):
         return Verdict(Answer.ACCEPTED, effect=target)
     return Verdict(Answer.ACCEPTED, effect=trigger)
 
@@ -158,15 +158,15 @@ def _hindrance(facts: Facts, target: ControlMode | Choice) -> Reason:
     return Reason.BRAKE_CLOSED if closed else Reason.NONE
 
 
-def _decide_interaction(facts: Facts, wanted: InteractionMode) -> Verdict:
+def _decide_interaction(facts: Facts, requested: InteractionMode) -> Verdict:
     """I1, I2, I4, I7."""
     if facts.mode not in STORES_INTERACTION:
         return _refused(facts)
-    if wanted not in facts.joint.interaction_modes:
+    if requested not in facts.joint.interaction_modes:
         if next_mode(facts.mode, Event.UNSUPPORTED) is None:
             return _refused(facts)
         return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, Event.UNSUPPORTED)
-    return ACCEPT if wanted is facts.interaction else Verdict(Answer.ACCEPTED, effect=wanted)
+    return ACCEPT if requested is facts.interaction else Verdict(Answer.ACCEPTED, effect=requested)
 
 
 def _decide_calibration(facts: Facts) -> Verdict:

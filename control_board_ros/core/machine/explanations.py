@@ -42,9 +42,9 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Requested], str]] = {
     Reason.INACTIVE: lambda facts, _: (
         f"{facts.joint.name} has no power while the board is inactive; {ACTIVATE}"
     ),
-    Reason.UNSUPPORTED: lambda facts, wanted: (
-        f"{facts.joint.name} does not implement {asked(wanted)} and is now in HW_FAULT; "
-        f"it has {offered(facts, wanted)}; send FORCE_IDLE, then one of these"
+    Reason.UNSUPPORTED: lambda facts, requested: (
+        f"{facts.joint.name} does not implement {mode_text(requested)} and is now in HW_FAULT; "
+        f"it has {offered(facts, requested)}; send FORCE_IDLE, then one of these"
     ),
     Reason.CAUSE_PERSISTS: lambda facts, _: persisting(facts),
     Reason.EMERGENCY_STOP: lambda facts, _: persisting(facts),
@@ -77,17 +77,17 @@ STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
 STOP_OTHERWISE = "idl disables it"
 
 
-def explain(reason: Reason, facts: Facts, wanted: Requested) -> str:
+def explain(reason: Reason, facts: Facts, requested: Requested) -> str:
     """Why a request for a joint was not carried out; empty where it was."""
-    return REQUEST_TEXTS[reason](facts, wanted) if reason is not Reason.NONE else ""
+    return REQUEST_TEXTS[reason](facts, requested) if reason is not Reason.NONE else ""
 
 
-def explain_kept(facts: Facts, wanted: Requested) -> str:
+def explain_kept(facts: Facts, requested: Requested) -> str:
     """Why a joint is not recovered: it does not implement the mode before the fault now (E1)."""
     return (
         f"{facts.joint.name} stays in {facts.mode.name}: without its torque sensor it does not "
-        f"implement {asked(wanted)}, its mode before the fault; send FORCE_IDLE, or recover it "
-        "when its torque is measured again"
+        f"implement {mode_text(requested)}, its mode before the fault; send FORCE_IDLE, or "
+        "recover it when its torque is measured again"
     )
 
 
@@ -164,20 +164,20 @@ def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...])
     return f"feedforward for {facts.joint.name} ignored: {why}"
 
 
-def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: float) -> str:
+def explain_bound(joint: JointConfig, kind: CommandKind, requested: float, bounded: float) -> str:
     """Effect of a limit on a reference (P1, P9, P14)."""
-    shown = quantity(kind, taken, joint.kind), quantity(kind, asked, joint.kind)
+    shown = quantity(kind, bounded, joint.kind), quantity(kind, requested, joint.kind)
     return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was requested)"
 
 
 def explain_refused(
-    joint: JointConfig, kind: CommandKind, asked: float, bounds: tuple[float, float]
+    joint: JointConfig, kind: CommandKind, requested: float, bounds: tuple[float, float]
 ) -> str:
     """Why a reference beyond its limits is refused where the board does not bound it (P9)."""
     low, high = (quantity(kind, bound, joint.kind) for bound in bounds)
     return (
-        f"{asked:g} is {quantity(kind, asked, joint.kind)}, outside {low} to {high}; values are "
-        "in SI units, and out_of_range is refuse"
+        f"{requested:g} is {quantity(kind, requested, joint.kind)}, outside {low} to {high}; "
+        "values are in SI units, and out_of_range is refuse"
     )
 
 
@@ -229,10 +229,10 @@ def explain_slower(
     least = joint.kind.choose(WORTH_A_WORD, SLIDE_WORTH_A_WORD)
     if way >= 0.99 * speed * time or way <= least:
         return ""
-    mean, asked = joint.kind.velocity(way / time), joint.kind.velocity(speed)
+    mean, speed_text = joint.kind.velocity(way / time), joint.kind.velocity(speed)
     return (
-        f"{joint.name}: {time:.3g} s at a mean speed of {mean} ({asked} was requested), bounded "
-        f"by {TOGETHER if factor > 1.0 else ALONE}"
+        f"{joint.name}: {time:.3g} s at a mean speed of {mean} ({speed_text} was requested), "
+        f"bounded by {TOGETHER if factor > 1.0 else ALONE}"
     )
 
 
@@ -272,8 +272,8 @@ def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
     if reason in WITHHELD_TEXTS:
         return WITHHELD_TEXTS[reason](facts)
     codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
-    taken = f"it is accepted in {', '.join(codes)}" if codes else "the joint has no mode for it"
-    return f"mode is {facts.mode.name}; {taken}"
+    hint = f"it is accepted in {', '.join(codes)}" if codes else "the joint has no mode for it"
+    return f"mode is {facts.mode.name}; {hint}"
 
 
 def persisting(facts: Facts) -> str:
@@ -292,14 +292,16 @@ def not_finite(values: tuple[float, ...]) -> str:
     return f"{bad} is not a finite number"
 
 
-def asked(wanted: Requested) -> str:
+def mode_text(requested: Requested) -> str:
     """A mode as code and name."""
-    return wanted.name if isinstance(wanted, Event) else f"{wanted.code} ({wanted.name})"
+    return (
+        requested.name if isinstance(requested, Event) else f"{requested.code} ({requested.name})"
+    )
 
 
-def offered(facts: Facts, wanted: Requested) -> str:
+def offered(facts: Facts, requested: Requested) -> str:
     """The modes that a joint implements, as alternatives to one that it does not."""
     joint = facts.joint
-    compliant = isinstance(wanted, InteractionMode)
+    compliant = isinstance(requested, InteractionMode)
     have = joint.interaction_modes if compliant else joint.control_modes
     return ", ".join(mode.code for mode in have)

@@ -52,12 +52,12 @@ class Feedforward:
         ]
         verdicts = [self._verdict(j, values) for j, values in parts]
         answers = all_or_none(verdicts) if together else verdicts
-        taken = []
+        bounded = []
         for (j, values), verdict, answer in zip(parts, verdicts, answers, strict=True):
             machine.state.rejected[j] += np.uint64(bool(verdict.code))
             joint = machine.controller.joints[j]
-            taken.append(math.nan if answer.code else add_feedforward(joint, *values))
-        return replace(decided(selection.names, answers), values=tuple(taken))
+            bounded.append(math.nan if answer.code else add_feedforward(joint, *values))
+        return replace(decided(selection.names, answers), values=tuple(bounded))
 
     def _verdict(self, j: int, terms: Sequence[float | None]) -> JointAnswer:
         """What becomes of the terms of a joint."""
@@ -86,23 +86,23 @@ def terms_of(
 
 def add_feedforward(joint: Joint, output: float | None, torque: float | None) -> float:
     """Set u_ff (percent) and τ_ff (N·m), either or both; the first given, as bounded."""
-    taken = [] if output is None else [feed_output(joint, output)]
+    bounded = [] if output is None else [feed_output(joint, output)]
     if torque is not None:
-        taken.append(feed_torque(joint, torque))
-    return taken[0]
+        bounded.append(feed_torque(joint, torque))
+    return bounded[0]
 
 
 def feed_output(joint: Joint, output: float) -> float:
     """Set u_ff within the limit of the output, percent (P11); as bounded."""
-    joint.output_offset = taken = float(min(max(output, -joint.max_output), joint.max_output))
-    return taken
+    joint.output_offset = bounded = float(min(max(output, -joint.max_output), joint.max_output))
+    return bounded
 
 
 def feed_torque(joint: Joint, torque: float) -> float:
     """Set τ_ff within the limit of the torque, N·m (P11); as bounded."""
-    taken = float(min(max(torque, -joint.max_torque), joint.max_torque))
-    joint.offer_torque(taken)
-    return taken
+    bounded = float(min(max(torque, -joint.max_torque), joint.max_torque))
+    joint.offer_torque(bounded)
+    return bounded
 
 
 #: How many times the configured torque constant one may be that users set, or a part of it; and

@@ -52,7 +52,7 @@ class Step(NamedTuple):
 
     joint: int
     verdict: Verdict
-    wanted: Requested
+    requested: Requested
 
 
 class Requests:
@@ -64,7 +64,7 @@ class Requests:
     def request(
         self,
         selection: Selection,
-        wanted: Sequence[Requested | tuple[Requested, ...]],
+        requested: Sequence[Requested | tuple[Requested, ...]],
         *,
         together: bool = False,
     ) -> Reply:
@@ -75,34 +75,39 @@ class Requests:
 
         Args:
             selection: The joints, shape (k,).
-            wanted: The request of each, one or several in order: a key of REQUESTS, an
+            requested: The request of each, one or several in order: a key of REQUESTS, an
                 interaction mode, or Event.CALIBRATE.
             together: Whether nothing changes where one joint cannot do all of it.
         """
-        judged = [
-            self._decide(j, asked if isinstance(asked, tuple) else (asked,))
-            for j, asked in zip(selection.numbers, wanted, strict=True)
+        outcomes = [
+            self._decide(j, request if isinstance(request, tuple) else (request,))
+            for j, request in zip(selection.numbers, requested, strict=True)
         ]
-        reply = self._answer(selection, judged, together=together)
+        reply = self._answer(selection, outcomes, together=together)
         self._machine.streams.forget(
             j
-            for j, asked, answer in zip(selection.numbers, wanted, reply.answers, strict=True)
-            if answer is Answer.ACCEPTED and names_a_mode(asked)
+            for j, request, answer in zip(selection.numbers, requested, reply.answers, strict=True)
+            if answer is Answer.ACCEPTED and names_a_mode(request)
         )
         return reply
 
     def _answer(
         self,
         selection: Selection,
-        judged: Sequence[tuple[JointAnswer, list[Step]]],
+        outcomes: Sequence[tuple[JointAnswer, list[Step]]],
         *,
         together: bool,
     ) -> Reply:
         """Carry out what was decided, and answer."""
-        answers = [answer for answer, _ in judged]
+        answers = [answer for answer, _ in outcomes]
         held = together and any(answer.code for answer in answers)
         self._carry_out(
-            [step for _, steps in judged for step in steps if not (held and step.verdict.accepts)]
+            [
+                step
+                for _, steps in outcomes
+                for step in steps
+                if not (held and step.verdict.accepts)
+            ]
         )
         return decided(selection.names, all_or_none(answers) if together else answers)
 
@@ -114,23 +119,23 @@ class Requests:
             partial: Whether those that can do so where others cannot.
         """
         state = self._machine.state
-        wanted: list[tuple[Requested, ...]] = []
+        requested: list[tuple[Requested, ...]] = []
         waits = []
         for j in selection.numbers:
             mode, interaction = state.before[j]
             facts = self._machine.facts(j)
             waits.append(facts.cause.wait if facts.cause is not None else 0.0)
             if facts.mode not in FAULTED:
-                wanted.append(())
+                requested.append(())
             elif mode in REQUESTS:
-                wanted.append((ControlMode.FORCE_IDLE, interaction, mode))
+                requested.append((ControlMode.FORCE_IDLE, interaction, mode))
             else:  # its calibration was aborted by the fault
-                wanted.append((ControlMode.FORCE_IDLE,))
-        judged = [
-            self._decide_recovery(j, asked)
-            for j, asked in zip(selection.numbers, wanted, strict=True)
+                requested.append((ControlMode.FORCE_IDLE,))
+        outcomes = [
+            self._decide_recovery(j, request)
+            for j, request in zip(selection.numbers, requested, strict=True)
         ]
-        reply = self._answer(selection, judged, together=not partial)
+        reply = self._answer(selection, outcomes, together=not partial)
         return replace(reply, waits=tuple(waits))
 
     def _decide_recovery(
@@ -141,7 +146,7 @@ class Requests:
         if not answer.code:
             return answer, steps
         if answer.answer is Answer.UNSUPPORTED:
-            text = explain_kept(self._machine.facts(j), steps[-1].wanted)
+            text = explain_kept(self._machine.facts(j), steps[-1].requested)
             answer = JointAnswer(Answer.REFUSED, text, answer.code)
         return answer, []
 
@@ -181,13 +186,13 @@ class Requests:
         for mode, entered in entering.items():
             self._machine.enter(entered, mode)
 
-    def _store_interaction(self, j: int, wanted: InteractionMode) -> None:
+    def _store_interaction(self, j: int, requested: InteractionMode) -> None:
         """Store an interaction mode; where the law changes with it the joint stops (I3, I4)."""
         state = self._machine.state
         mode, before = state.control_modes[j], state.interaction_modes[j]
-        state.interaction_modes[j] = wanted
+        state.interaction_modes[j] = requested
         state.note_modes([j])
-        if law_of(mode, before) is not law_of(mode, wanted):
+        if law_of(mode, before) is not law_of(mode, requested):
             self._machine.enter([j], mode)
 
     def stop(self, selection: Selection) -> Reply:
@@ -199,41 +204,41 @@ class Requests:
             text = "" if verdict.accepts else explain_stop(facts)
             answers.append(JointAnswer(verdict.answer, text, verdict.reason))
         modes = self._machine.state.control_modes
-        if chosen := [j for j in selection.numbers if modes[j] in STOPPABLE]:
-            self._hold(chosen)
+        if stopping := [j for j in selection.numbers if modes[j] in STOPPABLE]:
+            self._hold(stopping)
         return decided(selection.names, answers)
 
-    def _hold(self, chosen: Sequence[int]) -> None:
+    def _hold(self, stopping: Sequence[int]) -> None:
         """Stop joints; where the law is the impedance, keep the load (I10)."""
         machine, state = self._machine, self._machine.state
-        laws = [machine.controller.joints[j] for j in chosen]
-        places = machine.references.places(chosen)
+        laws = [machine.controller.joints[j] for j in stopping]
+        places = machine.references.places(stopping)
         inside = [min(max(q, j.lower), j.upper) for q, j in zip(places, laws, strict=True)]
-        machine.references.hold(chosen, inside)
-        machine.timeouts.cancel(chosen)
-        for j in chosen:
+        machine.references.hold(stopping, inside)
+        machine.timeouts.cancel(stopping)
+        for j in stopping:
             mode = state.control_modes[j]
             if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
                 machine.set_law([j], law, direct=mode in DIRECT_GAINS, feeds=True)
 
-    def set_brakes(self, selection: Selection, wanted: Sequence[BrakeMode]) -> Reply:
+    def set_brakes(self, selection: Selection, requested: Sequence[BrakeMode]) -> Reply:
         """Decide the brake mode of each joint, then set it (M7)."""
         brakes = self._machine.brakes
         answers = []
-        for j, mode in zip(selection.numbers, wanted, strict=True):
+        for j, mode in zip(selection.numbers, requested, strict=True):
             facts = self._machine.facts(j)
             verdict = decide_brake(facts, mode, present=brakes.has(j))
             text = explain_brake(verdict.reason, facts)
             answers.append(JointAnswer(verdict.answer, text, verdict.reason))
-        for j, mode, answer in zip(selection.numbers, wanted, answers, strict=True):
+        for j, mode, answer in zip(selection.numbers, requested, answers, strict=True):
             if not answer.code:
                 brakes.set_mode(j, mode)
         return decided(selection.names, answers)
 
 
-def names_a_mode(wanted: Requested | tuple[Requested, ...]) -> bool:
+def names_a_mode(requested: Requested | tuple[Requested, ...]) -> bool:
     """Whether a request is for a mode that accepts references, and not to leave one only."""
-    steps = wanted if isinstance(wanted, tuple) else (wanted,)
+    steps = requested if isinstance(requested, tuple) else (requested,)
     return any(step in ACCEPTS for step in steps)
 
 

@@ -90,7 +90,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 #: The functions of couplings, by name.
 FUNCTIONS = {"four_bar": FourBar}
-ARGUMENTS = {name: tuple(one.name for one in fields(made)) for name, made in FUNCTIONS.items()}
+ARGUMENTS = {name: tuple(item.name for item in fields(made)) for name, made in FUNCTIONS.items()}
 
 
 #: A matrix whose condition number is beyond this is singular.

@@ -50,6 +50,6 @@ class Events:
     def take(self, part: str = "") -> list[BoardEvent]:
         """The events of a part, or of the board, since the last call, oldest first."""
         waiting = self._waiting[part]
-        taken = list(waiting)
+        events = list(waiting)
         waiting.clear()
-        return taken
+        return events

@@ -221,8 +221,8 @@ class ControlLoop:
     def take_phases(self) -> PhaseTimes | None:
         """Where the time of the cycles since the last call went; None: none was timed."""
         cycles = self._cycles
-        taken = [cycles.popleft() for _ in range(len(cycles))]
-        return PhaseTimes.of(taken) if taken else None
+        timed = [cycles.popleft() for _ in range(len(cycles))]
+        return PhaseTimes.of(timed) if timed else None
 
     # -- time ---------------------------------------------------------------------------------
 

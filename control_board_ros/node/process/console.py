@@ -133,7 +133,7 @@ def transitions(name: str) -> str:
 
 def first_target(joint: JointConfig) -> float:
     """A position to try: 30 degrees or 20 mm, moved well within the joint's limits."""
-    wanted = joint.kind.choose(math.radians(30.0), 0.02)
+    preferred = joint.kind.choose(math.radians(30.0), 0.02)
     low, high = joint.limits.lower, joint.limits.upper
     margin = 0.1 * (high - low) if high - low < ENDLESS else 0.0
-    return min(max(wanted, low + margin), high - margin)
+    return min(max(preferred, low + margin), high - margin)

@@ -210,13 +210,13 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         whole = subscription._callback_type is Subscription.CallbackType.WithMessageInfo
         take, kind, raw = subscription.handle.take_message, subscription.msg_type, subscription.raw
         for _ in range(BATCH):
-            taken = take(kind, raw)
-            if taken is None:
+            sample = take(kind, raw)
+            if sample is None:
                 return
             if whole:
-                callback(taken[0], taken[1])
+                callback(sample[0], sample[1])
             else:
-                callback(taken[0])
+                callback(sample[0])
 
     def _serve_timer(self, timer: Any) -> None:
         if timer.handle.is_timer_ready():  # a cancelled timer shows up as ready

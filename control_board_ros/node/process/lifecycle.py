@@ -108,17 +108,19 @@ def answer_every_request(node: LifecycleNode, on_error: OnError) -> None:
         return services[name].callback(kind.Request(), kind.Response())
 
     def change_state(request: Any, response: Any) -> Any:
-        wanted = request.transition
+        requested = request.transition
         available = now("get_available_transitions", GetAvailableTransitions).available_transitions
         possible = [each.transition for each in available]
         if not any(
-            wanted.label == transition.label if wanted.label else wanted.id == transition.id
+            requested.label == transition.label
+            if requested.label
+            else requested.id == transition.id
             for transition in possible
         ):
             state = now("get_state", GetState).current_state.label
             log.warning(
-                f"transition {wanted.label or wanted.id} refused: the node is {state}; possible "
-                f"now: {', '.join(transition.label for transition in possible) or 'none'}"
+                f"transition {requested.label or requested.id} refused: the node is {state}; "
+                f"possible now: {', '.join(transition.label for transition in possible) or 'none'}"
             )
             return ChangeState.Response(success=False)
         try:

@@ -139,11 +139,11 @@ class Actions:
         kind = action.load()
 
         async def execute(handle: Any) -> Any:
-            asked = GoalRecord(self._requests, action, handle)
+            record = GoalRecord(self._requests, action, handle)
             if handle.is_cancel_requested:
                 handle.canceled()
                 text = "cancelled before it began"
-                return asked.ended(kind.Result(success=False, message=text))
+                return record.ended(kind.Result(success=False, message=text))
             try:
                 begin = start(handle.request)
                 with self._member.exclusive() as board:
@@ -151,8 +151,8 @@ class Actions:
             except ValueError as error:
                 handle.abort()
                 why = list(map(str, error.codes)) if isinstance(error, RequestError) else []
-                return asked.refused(kind.Result(success=False, message=str(error), codes=why))
-            asked.accepted()
+                return record.refused(kind.Result(success=False, message=str(error), codes=why))
+            record.accepted()
             if self._member.loop.paused:
                 text = "the simulation is paused; resume it with ~/pause"
                 self._warn(f"{action.short} waits: {text}", "times")
@@ -161,7 +161,7 @@ class Actions:
             if len(self._goals) == 1:
                 self._timer.reset()
             outcome = await ended
-            return asked.ended(kind.Result(success=outcome.success, message=outcome.message))
+            return record.ended(kind.Result(success=outcome.success, message=outcome.message))
 
         return action_server(node, action, execute)
 

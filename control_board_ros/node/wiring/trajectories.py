@@ -74,10 +74,10 @@ class FollowTrajectory:
 
     async def _execute(self, handle: Any) -> Any:
         """Start a goal and wait for its end; the result of a refused one has its code and text."""
-        asked = GoalRecord(self._requests, FOLLOW_JOINT_TRAJECTORY, handle)
+        record = GoalRecord(self._requests, FOLLOW_JOINT_TRAJECTORY, handle)
         if handle.is_cancel_requested:  # it preempts no other goal
             handle.canceled()
-            return asked.ended(result(End(Code.SUCCESSFUL, "cancelled before it began")))
+            return record.ended(result(End(Code.SUCCESSFUL, "cancelled before it began")))
         try:
             self._start(handle)
         except GoalError as error:
@@ -89,11 +89,11 @@ class FollowTrajectory:
             end = End(Code.INVALID_GOAL, "internal error; see the board's log")
         else:
             assert self._goal is not None
-            asked.accepted()
-            return asked.ended(result(await self._goal.ended))
+            record.accepted()
+            return record.ended(result(await self._goal.ended))
         self._logger.warning(f"{FOLLOW_JOINT_TRAJECTORY.short} refused: {end.text}")
         handle.abort()
-        return asked.refused(result(end))
+        return record.refused(result(end))
 
     def _start(self, handle: Any) -> None:
         request, old = handle.request, self._goal
