@@ -13,6 +13,8 @@ T = TypeVar("T")
 GUARD = 120.0
 #: Time between two checks, s: a poll without a pause takes the processor from what it waits for.
 PERIOD = 0.01
+#: The same, as a share of the time waited so far: a long wait needs few checks, too.
+SHARE = 0.05
 
 
 def until(
@@ -24,15 +26,16 @@ def until(
     """Wait until a condition returns something true, and return that.
 
     Args:
-        condition: called every ``period`` seconds.
+        condition: called every ``period`` seconds, and more rarely the longer it takes.
         report: what a failure shows, called when it is due.
         period: s.
 
     Raises:
         AssertionError: the condition was not true within ``GUARD`` seconds.
     """
-    deadline = time.monotonic() + GUARD
+    start = time.monotonic()
     while not (found := condition()):
-        assert time.monotonic() < deadline, report()
-        time.sleep(period)
+        waited = time.monotonic() - start
+        assert waited < GUARD, report()
+        time.sleep(max(period, SHARE * waited))
     return found
