@@ -27,7 +27,7 @@ MAKES: dict[str, tuple[str, dict[str, str]]] = {
     "feetech": ("feetech", {"unwatched": "1"}),
 }
 #: One fault of so many is tried, all day and in make test-long.
-SELDOM, OFTEN = 421, 61
+SELDOM, OFTEN = 421, 151
 #: Pairs of faults of a make.
 PAIRS = 200
 
