@@ -19,7 +19,8 @@ PARTS = ["head", "torso", "left_arm", "right_arm", "left_leg", "right_leg"]
 
 @pytest.fixture(scope="module")
 def process() -> Iterator[BoardProcess]:
-    with board_process({"robot": "icub", "physics": "ideal"}, robot="icub") as board:
+    params = {"robot": "icub", "physics": "ideal", "control_rate": 250.0}
+    with board_process(params, robot="icub") as board:
         yield board
 
 

@@ -26,7 +26,7 @@ PARTS = {
 @pytest.fixture(scope="module")
 def process() -> Iterator[BoardProcess]:
     params = {"robot": "iiwa", "robot_name": "pair", "parts": PARTS, "physics": "ideal"}
-    with board_process(params, robot="pair") as board:
+    with board_process(params | {"control_rate": 250.0}, robot="pair") as board:
         yield board
 
 

@@ -18,6 +18,7 @@ PARAMS: dict[str, Any] = {
     "parts": {"upper": UPPER, "lower": LOWER},
     "physics": "ideal",
     "allow_fault_injection": True,
+    "control_rate": 250.0,
 }
 
 

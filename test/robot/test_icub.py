@@ -43,6 +43,7 @@ def board() -> Iterator[BoardProcess]:
         "autoconfigure": False,
         "allow_fault_injection": True,
         "publish_clock": True,
+        "control_rate": 250.0,
     }
     with board_process(params, robot="icub") as process:
         yield process
