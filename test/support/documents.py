@@ -100,10 +100,13 @@ RUN = ("run", "board", "loads", "own", "until")
 WATCHED = 2.0
 #: Programs that need no board.
 ALONE = ("pytest", "pip", "fast-discovery-server", ".venv/bin/python")
-#: The board of a page that starts none, with fewer cycles than its reader's; that of a page that
-#: moves for 40 s is faster, too.
-BOARD = "control_board --ros-args -p control_rate:=250.0"
-BOARDS = {"identify": "control_board --ros-args -p control_rate:=125.0 -p real_time_factor:=4.0"}
+#: What boards get before the words of a page: fewer cycles than its reader's.
+FEWER = ["control_board", "--ros-args", "-p", "control_rate:=250.0"]
+#: The page that shows limits which depend on the rate: its board has its reader's.
+RATED = "impedance"
+#: The board of a page that starts none and moves for 40 s.
+FASTER = "control_board --ros-args -p control_rate:=125.0 -p real_time_factor:=4.0"
+BOARDS = {"identify": FASTER}
 #: Exit code of a program of ours that Ctrl-C ended.
 INTERRUPTED = 130
 
@@ -378,6 +381,10 @@ class Reader:
         """Start another board in place of the one there is; ``node`` is a robot's own."""
         self._boards.close()
         self._session = None
+        if words[0] == "control_board" and {"--params-file", RATED}.isdisjoint(
+            [*words, self._page]
+        ):
+            words = [*FEWER, *words[1:]]
         robot = node.strip("/").partition("/")[0]
         made = board_process(command=["env", *words], robot=robot, env=self.installed | self._path)
         self._board = self._boards.enter_context(made)
@@ -385,7 +392,7 @@ class Reader:
     @property
     def board(self) -> BoardProcess:
         if self._board is None:
-            self.start(BOARDS.get(self._page, BOARD).split())
+            self.start(BOARDS.get(self._page, "control_board").split())
         assert self._board is not None
         return self._board
 
