@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import struct
 from importlib import import_module
+from importlib.resources import files
 from types import SimpleNamespace
 from typing import Any
 
@@ -186,3 +187,31 @@ def test_an_odrive_has_power_in_closed_loop_only_of_all_states() -> None:
 def made() -> Any:
     core = pytest.importorskip("damiao_motor.core.motor", reason="damiao-motor is not installed")
     return core.DaMiaoMotor(1, 0x11, SimpleNamespace(), motor_type="4310")
+
+
+def of_the_maker(name: str) -> list[list[str]]:
+    """The lines of a file of the Dynamixel SDK, by their columns; none where there is no file."""
+    file = files("dynamixel_easy_sdk") / "control_table" / name
+    return (
+        [line.split("\t") for line in file.read_text("utf-8").split("\n")]
+        if file.is_file()
+        else []
+    )
+
+
+def test_every_dynamixel_is_as_its_maker_lists_it() -> None:
+    """Its number, whether it has a current, where its indirect data begin, and its speeds."""
+    pytest.importorskip("dynamixel_easy_sdk", reason="dynamixel-sdk 4 is not installed")
+    names = {line[0]: line[1] for line in of_the_maker("dynamixel.model") if len(line) == 2}
+    for number, model in dynamixel.MODELS.items():
+        stem = model.name.lower().replace("-", "_")
+        assert names.get(f"{number}", f"{stem}.model") == f"{stem}.model"
+        older = of_the_maker(f"{stem}_fw52.model")
+        assert model.fewer == bool(older), stem
+        for lines, firmware in ((of_the_maker(f"{stem}.model"), 53), (older, 52)):
+            items = {line[2]: line[0] for line in lines if len(line) == 3}
+            units = {line[0]: line[1] for line in lines if len(line) == 4}
+            assert not lines or int(items["Indirect Data 1"]) == model.data(firmware), stem
+            assert not lines or ("Goal Current" in items) == bool(model.ampere), stem
+            speed = float(units.get("Present Velocity", dynamixel.SPEED))
+            assert speed == pytest.approx(dynamixel.SPEED, rel=1e-3), stem

@@ -22,6 +22,7 @@ import sys
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -159,6 +160,20 @@ class Order:
         items[:] = sorted(chosen, key=lambda item: self._places[item.nodeid])
 
 
+class Imports:
+    """A plugin of pytest: the modules of a tree are there before the first test, which may be late
+    to import them.
+    """
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+
+    def pytest_collection_modifyitems(self) -> None:
+        """All tests are collected."""
+        for path in self._tree.paths:
+            import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
+
+
 class Copy:
     """A copy of the package, in which one module at a time is broken.
 
@@ -214,7 +229,7 @@ class Copy:
         options += [f"--basetemp={self.folder / 'temporary'}"]
         import pytest
 
-        return int(pytest.main([*options, *files], plugins=[plugin]))
+        return int(pytest.main([*options, *files], plugins=[plugin, Imports(self._tree)]))
 
 
 def forked(work: Callable[[], int], seconds: float, *, group: bool = False) -> int:
