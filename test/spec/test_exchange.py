@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -69,6 +70,13 @@ def test_a_function_that_others_have_imported(module: ModuleType):
     above = module.above
     assert changed(module, "y > least", "y <= least")
     assert above([1, 2, 3]) == [1, 2]
+
+
+def test_a_function_that_is_left_out_of_garbage_collections(module: ModuleType):
+    """As test/conftest.py leaves out all that pytest has collected."""
+    gc.freeze()
+    assert changed(module, "y > least", "y <= least")
+    assert module.above([1, 2, 3]) == [1, 2]
 
 
 def test_caches_are_cleared(module: ModuleType):

@@ -23,6 +23,7 @@ class Functions:
         self._of: defaultdict[tuple[str, str], defaultdict[int, list[FunctionType]]]
         self._of = defaultdict(lambda: defaultdict(list))
         self._caches = []
+        gc.unfreeze()  # what tests have frozen is not listed
         for one in gc.get_objects():
             kind = type(one)  # isinstance asks objects, and some of other packages raise
             if kind is functools._lru_cache_wrapper:
