@@ -6,13 +6,14 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 from drive_bench import LIBRARIES, PERIOD, Bench
+from sdo_objects import Objects, result
 
 from control_board_ros.core.terms.drives import DriveReport, SetPoint
 from control_board_ros.plants.errors import PlantSettingsError
@@ -101,34 +102,6 @@ def test_lost_and_late_answers_are_counted(
     bench.plant._says_at = 0.0  # a second passes
     bench.follow(kind)
     assert [one.lost for one in reports] + [one.late for one in reports] == counts()
-
-
-class Objects:
-    """Objects of a CANopen drive, as ``cia402.sdo.Sdo`` asks for them.
-
-    Attributes: values (by index and subindex), written.
-    """
-
-    def __init__(self, values: dict[tuple[int, int], int]) -> None:
-        self.values, self.written = values, dict[tuple[int, int], int]()
-
-    def maybe(self, index: int, subindex: int, _form: str) -> Generator[Any, Any, int | None]:
-        yield from ()
-        return self.values.get((index, subindex))
-
-    def accepts(
-        self, index: int, subindex: int, _form: str, value: int
-    ) -> Generator[Any, Any, bool]:
-        yield from ()
-        if (index, subindex) in self.values:
-            self.written[index, subindex] = value
-        return (index, subindex) in self.values
-
-
-def result(questions: Generator[Any, Any, Any]) -> Any:
-    with pytest.raises(StopIteration) as end:
-        next(questions)
-    return end.value.value
 
 
 def units(objects: dict[tuple[int, int], int], **own: float) -> Any:
