@@ -46,6 +46,7 @@ GROUPS = {
     "impedance": "Impedance",
     "payload": "Payload",
     "contact": "Contact",
+    "admittance": "Admittance",
     "motor": "Motor",
     "brake": "Brake",
     "timeouts": "Timeouts",

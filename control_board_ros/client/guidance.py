@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..core.selection import RequestError
+from ..core.terms.drives import SetPoint
 from ..core.terms.reply import Reply
 from ..core.terms.vocabs import ControlMode, InteractionMode
 
@@ -78,14 +79,17 @@ class Guidance:
         self._restore(entered=True)
 
     def _damping(self) -> list[float]:
-        """For joints that stop when they are let go, N·m·s/rad."""
+        """For joints that stop when they are let go, N·m·s/rad; the least of position drives."""
         names = self._names
+        drives = self._client.get_drives(names)
         keys = [f"{name}.{key}" for name in names for key in ("inertia_max", "inertia_min")]
         inertia = self._client.get_parameters(keys)
         _, max_damping = self._client.get_max_impedance(names)
         return [
-            guiding_damping(inertia[f"{n}.inertia_min"], inertia[f"{n}.inertia_max"], limit)
-            for n, limit in zip(names, max_damping.tolist(), strict=True)
+            0.0
+            if drive.impedance == SetPoint.POSITION.code
+            else guiding_damping(inertia[f"{n}.inertia_min"], inertia[f"{n}.inertia_max"], limit)
+            for n, limit, drive in zip(names, max_damping.tolist(), drives, strict=True)
         ]
 
     def _restore(self, *, entered: bool) -> None:

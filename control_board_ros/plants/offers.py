@@ -106,7 +106,11 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
         and (current or mode is not ControlMode.CURRENT)  # Y2
     )
     interaction = tuple(
-        mode for mode in joint.interaction_modes if senses or mode not in SENSE_TORQUE
+        mode
+        for mode in joint.interaction_modes
+        if senses
+        or (joint.admittance.dead_band and has.current_sensor)
+        or mode not in SENSE_TORQUE
     )
     travels = has.current_sensor and (drive == (SetPoint.PWM,) or has.output_sensor)
     return replace(

@@ -17,6 +17,7 @@ from ..description.couplings import coupling_of
 from ..description.urdf import Urdf
 from ..sim.config import IDEAL, PYBULLET, JointSimulation, SimulationConfig
 from .couplings import Motors, motor_coupling
+from .schema import VIRTUAL
 
 T = TypeVar("T")
 Values = Mapping[str, Any]
@@ -114,7 +115,8 @@ def urdf_model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel:
         coulomb={name: values[f"{name}.motor.coulomb"] for name in names},
         viscous={name: values[f"{name}.motor.viscous"] for name in names},
         moved={name: values[f"{name}.inertia"] for name in names},
-        in_links=values["physics"] == PYBULLET,
+        in_links=values["physics"] == PYBULLET
+        and values["plant"][: len(VIRTUAL)] in ("", VIRTUAL),
     )
     x, y, z = values["gravity"]
     return arm_model(urdf, names, made, homes, (x, y, z))
@@ -133,6 +135,10 @@ def board_of(
     """
     coupling = coupled.joints or Coupling.plain([own.name for own in joints])
     for own in joints:
+        if own.yields and own.name not in coupling.physical_joints:
+            key = f"{own.name}.admittance.dead_band"
+            allowed = "0 for an axis of a coupling: its weight is unknown"
+            raise ConfigError(key, own.admittance.dead_band, allowed)
         if not own.gravity_compensation:
             continue
         key = f"{own.name}.gravity_compensation"

@@ -23,6 +23,7 @@ from ..core.config.config import BoardConfig, ConfigError
 from ..core.config.parameter import Parameter
 from ..core.goals.pose import Pose
 from ..core.model.coupling import Coupling
+from ..core.terms.drives import SetPoint
 from ..core.terms.modes import SENSE_TORQUE
 from ..description.derive import complete
 from ..description.robots import EXTENDS, NAMES, load_robot, located, remark_of
@@ -277,9 +278,12 @@ def _settings(
         for name, found in joints.items():
             if not found["torque_sensor"]:  # I7
                 found["control_modes"] = [m for m in found["control_modes"] if m not in SENSING]
-                found["interaction_modes"] = [
-                    m for m in found["interaction_modes"] if m not in SENSING
-                ]
+                if found["admittance.dead_band"]:
+                    found["drive"] = found["drive"] or [SetPoint.POSITION.code]
+                else:
+                    found["interaction_modes"] = [
+                        m for m in found["interaction_modes"] if m not in SENSING
+                    ]
             values |= {f"{name}.{key}": value for key, value in found.items()}
         if parts:
             values["calibration_groups"] = groups_of(

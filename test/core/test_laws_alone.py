@@ -493,16 +493,16 @@ def test_a_drive_that_closes_the_position() -> None:
     at = {"forward": 11.0, "viscous": 2.0, "coulomb": 0.0, "pursuit": 4.0}
     one = handing("POSITION", **at)
     one.position_pid.integral, one.position_pid.kff = 3.0, 0.5
-    LAWS.hand_down_path(one, 1.5)
+    LAWS.hand_down_path(one, 1.5, one.followed, one.followed_velocity)
     torque = 3.0 + 0.25 + 11.0 + 1.5 + 0.6
     assert (one.set_position, one.set_velocity) == (0.5, 0.3)
     assert one.set_torque == one.torque_reference == pytest.approx(torque)
     one = handing("VELOCITY", **at)
-    LAWS.hand_down_path(one, 1.5)
+    LAWS.hand_down_path(one, 1.5, one.followed, one.followed_velocity)
     assert (one.set_position, one.set_velocity) == (0.0, pytest.approx(0.3 + 4.0 * 0.3))
     for way in (1.0, -1.0):
         one = handing("VELOCITY", **(at | {"position": 0.5 - way * 5.0, "forward": way * 500.0}))
-        LAWS.hand_down_path(one, 0.0)
+        LAWS.hand_down_path(one, 0.0, one.followed, one.followed_velocity)
         assert one.set_velocity == pytest.approx(way * 3.06)
         assert one.set_torque == way * 60.0
 

@@ -44,6 +44,7 @@ from .parameter import (
 )
 from .parts import (
     DEGREE,
+    Admittance,
     Brake,
     Constraints,
     Contact,
@@ -58,6 +59,7 @@ from .parts import (
 
 __all__ = [
     "STARTUP_MODES",
+    "Admittance",
     "BoardConfig",
     "Brake",
     "Calibration",
@@ -241,6 +243,7 @@ class JointConfig:
     )
     payload: Payload = part("Payload: ", default=Payload())
     contact: Contact = part("Contact: ", default=Contact())
+    admittance: Admittance = part("Admittance: ", default=Admittance())
     reference_speed: float = parameter(
         "Reference speed at start",
         "rad/s or m/s",
@@ -371,11 +374,28 @@ class JointConfig:
         return self.drive or (SetPoint.PWM,)
 
     @property
+    def yields(self) -> bool:
+        """Whether in COMPLIANT the position goal of its drive gives way to the external torque of
+        its current, which is then its torque sensing (I7).
+        """
+        return (
+            self.admittance.dead_band > 0.0
+            and not self.torque_sensor
+            and self.set_point_of(Law.POSITION) is SetPoint.POSITION
+        )
+
+    def set_point_of(self, law: Law) -> SetPoint | None:
+        """The set-point by which a law reaches its drive; None: it does not (S1)."""
+        if law is Law.IMPEDANCE and self.yields:
+            return SetPoint.POSITION
+        return set_point_of(law, self.set_points)
+
+    @property
     def drive_use(self) -> DriveUse:
         """The set-point of each control law."""
 
         def code(law: Law) -> str | None:
-            set_point = set_point_of(law, self.set_points)
+            set_point = self.set_point_of(law)
             return None if set_point is None else set_point.code
 
         return DriveUse(
@@ -393,7 +413,7 @@ class JointConfig:
         stiff, compliant = InteractionMode.STIFF, InteractionMode.COMPLIANT
         control = tuple(m for m in self.control_modes if reachable(m, stiff, self.set_points))
         object.__setattr__(self, "control_modes", control)
-        if not reachable(MOVES, compliant, self.set_points):
+        if not (self.yields or reachable(MOVES, compliant, self.set_points)):
             only = tuple(m for m in self.interaction_modes if m is not compliant)
             object.__setattr__(self, "interaction_modes", only)
 
@@ -408,11 +428,20 @@ class JointConfig:
         if InteractionMode.STIFF not in self.interaction_modes:
             raise ConfigError(f"{key}.interaction_modes", "without stif", "a list that holds stif")
         sense = SENSE_TORQUE.intersection((*self.control_modes, *self.interaction_modes))
+        if self.yields:
+            sense -= {InteractionMode.COMPLIANT}
+            if self.contact.bandwidth == 0.0:
+                raise ConfigError(
+                    f"{key}.contact.bandwidth",
+                    0.0,
+                    f"above 0: the external torque that {key}.admittance.dead_band acts on",
+                )
         if sense and not self.torque_sensor:
             raise ConfigError(
                 f"{key}.torque_sensor",
                 False,
-                "true, or leave torq out of control_modes and comp out of interaction_modes",
+                "true, or leave torq out of control_modes and comp out of interaction_modes; comp "
+                "stays with drive [position] and an admittance.dead_band",
             )
         self._check_final(f"{key}.startup_mode", self.startup_mode, STARTUP_MODES)
         self._check_interaction(f"{key}.startup_interaction", self.startup_interaction)
@@ -532,6 +561,14 @@ class BoardConfig:
             raise ConfigError("model", len(self.model.links), f"{len(self.joints)} links")
         check_parameters("", self)
         self._check_couplings()
+        for joint in () if self.model is not None or self.parts else self.joints:
+            if joint.yields:
+                raise ConfigError(
+                    f"{joint.name}.admittance.dead_band",
+                    joint.admittance.dead_band,
+                    "0 without the masses of the arm (physics: ideal, base_fixed: false): no "
+                    "external torque is known",
+                )
         if self.output not in OUTPUTS:
             raise ConfigError("output", self.output, _one_of(OUTPUTS))
         if self.out_of_range not in OUT_OF_RANGE:

@@ -262,6 +262,31 @@ class Contact:
 
 
 @configuration
+class Admittance:
+    """COMPLIANT of a joint without torque sensor whose drive takes positions only (SPEC I5, I7):
+    its goal gives way to the external torque that its current shows.
+    """
+
+    dead_band: float = parameter(
+        "external torque below which the joint is stiff in COMPLIANT, whatever its stiffness, at "
+        "no load; above the dry friction; 0: no COMPLIANT",
+        "N·m or N",
+        default=0.0,
+        low=0.0,
+    )
+    load_share: float = live("share of the load that adds to the dead band", default=0.1, high=1.0)
+    bandwidth: float = parameter(
+        "bandwidth of the external torque that the goal gives way to; the damping is at least "
+        "position_pid.kp, which is the servo's own, over 2π times it",
+        "Hz",
+        default=5.0,
+        above=0.0,
+        high=1e4,
+        run_time=True,
+    )
+
+
+@configuration
 class Timeouts:
     """Reference timeouts (SPEC P12), and sensor silence that is a fault."""
 

@@ -19,7 +19,7 @@ from ..model.dynamics import Body
 from ..state import Indices, StateArrays
 from ..terms.drives import SetPoint
 from ..terms.measurement import Array
-from ..terms.modes import Law, set_point_of
+from ..terms.modes import Law
 from ..terms.motors import Term
 from .laws import Joint, Laws
 from .laws import Pid as Loop
@@ -42,6 +42,15 @@ SLIP = 1e-2
 
 #: A new payload acts whole after this time, s.
 LOADING = 0.5
+
+#: Laws after which the set-point of a drive is the place that it held.
+HOLDS_PLACE = frozenset({Law.POSITION, Law.IMPEDANCE})
+
+#: Time constants of the torque felt after which it is taken over.
+SETTLED = 3.0
+
+#: Damping of a goal that gives way where the drive's stiffness is not configured, N·m·s/rad.
+LEAST_DAMPING = 1e-3
 
 #: An integral part that is beyond a new limit gets there in this time, evenly, s.
 UNLOADING = 0.5
@@ -250,6 +259,9 @@ class Controller:
         resting = {part: self._laws[part].prepare() for part in {self._laws_of[j] for j in joints}}
         for j in joints:
             joint = self.joints[j]
+            if joint.dead_band > 0.0 and (joint.law not in HOLDS_PLACE or joint.feeds != feeds):
+                joint.sag = 0.0  # its drive did not hold this place
+                joint.set_position = joint.followed if math.isfinite(joint.followed) else 0.0
             joint.feeds = feeds
             joint.calibrated = bool(state.calibrated[j])
             joint.torque = joint_torque(joint, float(state.torque[j]), float(state.current[j]))
@@ -288,11 +300,11 @@ class Controller:
     def _set_drive(self, j: int, law: Law) -> None:
         """The set-point by which a law reaches the joint's drive (S1)."""
         joint, own = self.joints[j], self._config.joints[j]
-        kind = set_point_of(law, own.set_points)
+        kind = own.set_point_of(law)
         if kind is None and law is Law.OUTPUT:  # of a calibrator (K8)
-            kind = set_point_of(Law.CURRENT, own.set_points)
+            kind = own.set_point_of(Law.CURRENT)
         if kind is None or kind is SetPoint.OFF:  # what it would be
-            kind = set_point_of(Law.POSITION, own.set_points)
+            kind = own.set_point_of(Law.POSITION)
         assert kind is not None
         self._state.kinds[j] = kind
         # P8: the PWM as given; Y2: amperes whatever the board's output is
@@ -384,6 +396,12 @@ def set_constants(
     joint.compensates = own.gravity_compensation
     joint.external_share = -math.expm1(-2.0 * math.pi * own.contact.bandwidth * period)
     joint.contact_threshold, joint.contact_time = own.contact.threshold, own.contact.time
+    joint.dead_band = own.admittance.dead_band if own.yields else 0.0
+    joint.load_share = own.admittance.load_share
+    turning = 2.0 * math.pi * own.admittance.bandwidth
+    joint.felt_share = -math.expm1(-turning * period)
+    joint.felt_time = SETTLED / turning
+    joint.min_damping = max(own.position_pid.kp / turning, LEAST_DAMPING)
     joint.ohms, joint.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     winding = motor.inductance / motor.resistance

@@ -144,6 +144,10 @@ SEPARATION = cython.declare(cython.double, 0.25)
 HOLD_FILTER = cython.declare(cython.double, 0.03)
 #: Part of the torque limit that the error of a reference may be worth after a gap.
 GAP_SHARE = cython.declare(cython.double, 0.05)
+#: Way of a goal that gives way over which the load taken over fades, in hystereses of the limit
+#: warning (1°, 1 mm); speed, as a part of the limit, up to which a drive's sag is that at rest.
+FADING = cython.declare(cython.double, 3.0)
+SAGGING = cython.declare(cython.double, 0.05)
 #: Speed bound of the position law, in speed limits: headroom for references at the limit.
 PURSUIT = cython.declare(cython.double, 1.02)
 
@@ -827,6 +831,12 @@ class Joint:
     external_share = cython.declare(cython.double, visibility="public")  # of a cycle; 0: off
     contact_threshold = cython.declare(cython.double, visibility="public")  # N·m; 0: none
     contact_time = cython.declare(cython.double, visibility="public")  # s
+    # of a goal that gives way: torque that it is stiff below, N·m, 0: none does; share of the load
+    # on top; least damping; share of a cycle in the torque felt
+    dead_band = cython.declare(cython.double, visibility="public")
+    load_share = cython.declare(cython.double, visibility="public")
+    min_damping = cython.declare(cython.double, visibility="public")
+    felt_share = cython.declare(cython.double, visibility="public")
 
     # --- what users and modes set -----------------------------------------------------------
     law = cython.declare(cython.int, visibility="public")
@@ -926,6 +936,16 @@ class Joint:
     contact_lasted = cython.declare(cython.double, visibility="public")  # beyond its threshold, s
     contact = cython.declare(cython.bint, visibility="public")  # for contact_time
     had_contact = cython.declare(cython.bint, visibility="public")  # in the last step
+    feels = cython.declare(cython.bint, visibility="public")  # the torque from outside is known
+    felt = cython.declare(cython.double, visibility="public")  # low-passed, N·m
+    borne = cython.declare(cython.double, visibility="public")  # |load| of the model, likewise
+    felt_taken = cython.declare(cython.double, visibility="public")  # at the start of the law
+    felt_time = cython.declare(cython.double, visibility="public")  # in which it is taken, s
+    felt_left = cython.declare(cython.double, visibility="public")  # of it
+    offset_taken = cython.declare(cython.double, visibility="public")  # τ_ff before it
+    goal = cython.declare(cython.double, visibility="public")  # of the drive, in COMPLIANT
+    goal_velocity = cython.declare(cython.double, visibility="public")
+    sag = cython.declare(cython.double, visibility="public")  # set-point beyond goal or reference
     lifts = cython.declare(cython.bint, visibility="public")  # compensates, and the arm is known
     lift = cython.declare(cython.double, visibility="public")  # compensated gravity torque
     blocked = cython.declare(cython.bint, visibility="public")  # at rest against its reference
@@ -971,6 +991,8 @@ class Joint:
         self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
         self.calm = self.spring = 1.0
         self.contact = self.had_contact = False
+        self.dead_band = self.sag = self.felt = self.borne = 0.0
+        self.feels = False
 
     # --- requests ---------------------------------------------------------------------------
 
@@ -985,11 +1007,20 @@ class Joint:
         if smooth:
             position = self.followed  # its velocity is the mean of the last cycle
             speed = self.followed_velocity + 0.5 * self.period * self.followed_acceleration
+        guided: cython.bint
+        moves: cython.bint = fabs(self.velocity) > REST_SPEED * self.max_velocity
+        if self.dead_band > 0.0:
+            guided = self.law == IMPEDANCE and not self.settling
+            moves = moves and not guided  # its goal stops, whatever pushes the joint
+            if fabs(self.velocity) <= SAGGING * self.max_velocity:
+                self.sag = self.set_position - position
+            elif guided:
+                position = self.goal
         self.moving = False
         self.moved = self.reference = self.followed = position
         self.ramped = self.ramp_velocity = self.ramp_target = 0.0
         self.driven = self.stepping = self.smooth = False
-        self.stopping = self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
+        self.stopping = self.active = moves
         self.stop_due = self.stopping
         self.brake(self.max_acceleration)
         self.moved_velocity = 0.0
@@ -1223,6 +1254,10 @@ class Joint:
         self.torque_command = load - self.lift
         self.holding = self.law in (TORQUE, CURRENT)
         self.hold_place = self.followed
+        if self.dead_band > 0.0:
+            self.goal, self.goal_velocity = self.followed, self.followed_velocity
+            self.felt_taken, self.offset_taken = self.felt, self.torque_offset
+            self.felt_left = self.felt_time
         self.torque_pid.reset(self.torque - self.torque_pid.kff * load - self.feed_torque())
 
     @cython.ccall
@@ -1232,6 +1267,8 @@ class Joint:
             self.take(self.known_load())
         self.offset_given = True
         self.torque_offset, self.load_taken = torque, 0.0
+        if self.dead_band > 0.0:
+            self.felt_taken = self.offset_taken = self.felt_left = 0.0
 
     @cython.ccall
     def command_torque(self, torque: cython.double) -> cython.void:
@@ -1489,6 +1526,8 @@ def observe_external(j: Joint, motion: cython.double) -> cython.double:
     if not j.has_torque_sensor:
         torque += friction(j, j.sampled)
     j.external += min(j.external_share * j.unobserved / j.period, 1.0) * (torque - j.external)
+    if j.dead_band > 0.0:
+        feel(j, motion)
     if j.contact_threshold <= 0.0 or fabs(j.external) <= j.contact_threshold:
         j.contact_lasted = 0.0
     else:
@@ -1496,6 +1535,15 @@ def observe_external(j: Joint, motion: cython.double) -> cython.double:
     j.contact = j.contact_lasted > 0.0 and j.contact_lasted >= j.contact_time - 1e-6 * j.period
     j.unobserved = 0.0
     return j.external
+
+
+@cython.cfunc
+def feel(j: Joint, motion: cython.double) -> cython.void:
+    """What a goal gives way to, and the load: low-passed from their first numbers on."""
+    share: cython.double = min(j.felt_share * j.unobserved / j.period, 1.0) if j.feels else 1.0
+    j.felt += share * (j.external - j.felt)
+    j.borne += share * (fabs(motion) - j.borne)
+    j.feels = True
 
 
 @cython.cfunc
@@ -2058,6 +2106,41 @@ def impedance(j: Joint) -> cython.double:
 
 
 @cython.cfunc
+def give_way(j: Joint) -> cython.void:
+    """One cycle of the goal of a drive that takes positions only, in COMPLIANT (I5).
+
+    ġ = (z(τ − τ₀) + τ_ff + k (q_ref − g))/d,   z(x) = sign x · max(|x| − D, 0)
+
+    τ is the torque from outside, low-passed (X1), D the dead band and a share of the load. τ₀,
+    what is felt on entering (M9), fades as the goal gives way: τ̇₀ = −τ₀ |ġ|/FADING. The speed
+    limit and braking ahead of software limits bound ġ (P9, P14); where τ is not known, or old
+    (B7), it is zero.
+    """
+    time: cython.double = j.elapsed if j.elapsed <= GAP * j.period else j.period
+    least: cython.double = j.dead_band + j.load_share * j.borne
+    push: cython.double
+    speed: cython.double = 0.0
+    up: cython.double = brake_speed(j.upper - j.goal, j.max_acceleration, time)
+    down: cython.double = brake_speed(j.goal - j.lower, j.max_acceleration, time)
+    if j.felt_left > 0.0:  # it follows what the braking has left in the low pass
+        j.felt_left -= time
+        j.felt_taken = j.felt
+    push = j.felt - j.felt_taken
+    push -= clamp(push, -least, least)
+    if j.feels and not j.blind:
+        speed = push + j.torque_offset - j.offset_taken + j.stiffness * (j.followed - j.goal)
+        speed /= max(j.damping, j.min_damping) + j.stiffness * time
+    speed = clamp(speed, -min(down, j.max_velocity), min(up, j.max_velocity))
+    if push != 0.0:
+        j.felt_taken *= max(1.0 - fabs(speed) * time / (FADING * j.limit_edge), 0.0)
+    j.goal = clamp(j.goal + speed * time, j.lower, j.upper)
+    j.goal_velocity = speed
+    if j.calibrated:
+        come_in(j, j.goal)
+        note_limit(j)
+
+
+@cython.cfunc
 def hold_torque(j: Joint, share: cython.double) -> cython.double:
     """A hold that yields: clip(kp (q_hold − q) − kd q̇, ± share·τ_max).
 
@@ -2118,8 +2201,7 @@ def control(j: Joint) -> cython.void:
         return
     given = j.output_offset * j.per_feed if j.feeds else 0.0
     if j.kind in (AS_POSITION, AS_VELOCITY):
-        keep_near(j)
-        hand_down_path(j, given)
+        lead_drive(j, given)
         return
     if j.coasts and j.law != POSITION and not j.settling:
         coast(j)
@@ -2150,6 +2232,17 @@ def control(j: Joint) -> cython.void:
     if given != drive:
         unwind(loop, drive - given)
     hand_down(j, given)
+
+
+@cython.cfunc
+def lead_drive(j: Joint, feed: cython.double) -> cython.void:
+    """The set-point of a drive that closes the loop: of the reference, or of a goal (I5, S2)."""
+    if j.law == IMPEDANCE and not j.settling:
+        give_way(j)
+        hand_down_path(j, feed, j.goal, j.goal_velocity)
+    else:
+        keep_near(j)
+        hand_down_path(j, feed, j.followed, j.followed_velocity)
 
 
 @cython.cfunc
@@ -2353,21 +2446,26 @@ def hand_down(j: Joint, drive: cython.double) -> cython.void:
 
 
 @cython.cfunc
-def hand_down_path(j: Joint, feed: cython.double) -> cython.void:
-    """The followed reference for a drive that closes the loop of position or velocity (S2).
+def hand_down_path(
+    j: Joint, feed: cython.double, place: cython.double, velocity: cython.double
+) -> cython.void:
+    """A place of reference or goal for a drive that closes the loop of position or velocity (S2).
 
     τ_ff = τ(q, q̇_ref, q̈_ref) + τ_friction(q̇_ref) + the load on entering (M9); as a velocity:
-    q̇_ref + v (q_ref − q), v = kp/kd of the position PID.
+    q̇_ref + v (q_ref − q), v = kp/kd of the position PID. What the drive sagged by under the load
+    on entering is added to the place of a joint that gives way (M9).
     """
     p: Pid = j.position_pid
-    torque: cython.double = p.integral + p.kff * j.followed + j.forward + feed
-    torque += friction(j, j.followed_velocity)
+    torque: cython.double = p.integral + p.kff * place + j.forward + feed
+    torque += friction(j, velocity)
     j.set_torque = clamp(torque, -j.max_torque, j.max_torque)
-    j.set_position, j.set_velocity = j.followed, j.followed_velocity
+    j.set_position, j.set_velocity = place, velocity
+    if j.sag != 0.0:
+        j.set_position = clamp(place + j.sag, j.lower, j.upper)
     if j.kind == AS_VELOCITY:
         j.set_position = 0.0
         if not j.blind:
-            j.set_velocity += j.calm * j.pursuit * (j.followed - j.position)
+            j.set_velocity += j.calm * j.pursuit * (place - j.position)
         j.set_velocity = clamp(j.set_velocity, -PURSUIT * j.max_velocity, PURSUIT * j.max_velocity)
     j.torque_reference = j.set_torque
 
@@ -2383,7 +2481,7 @@ def hand_down_spring(j: Joint, feed: cython.double) -> cython.void:
     if not j.blind:
         pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
         soften(j)
-    hand_down_path(j, feed)
+    hand_down_path(j, feed, j.followed, j.followed_velocity)
     j.set_stiffness, j.set_damping = p.kp * j.spring, p.kd * j.calm
 
 
@@ -2492,6 +2590,8 @@ class Laws:
         changed: cython.bint = False
         settling: cython.bint = False
         due: cython.bint = False
+        yields: cython.bint = False
+        known: cython.bint = self.arm is not None
         for k in range(len(self.joints)):
             j = self.joints[k]
             j.current_before = j.current
@@ -2500,6 +2600,8 @@ class Laws:
             observe(j, self.position[k], self.velocity[k], self.age[k])
             settling = settling or j.settling
             due = due or j.stop_due
+            yields = yields or j.dead_band > 0.0
+            known = known and j.calibrated
         if due:
             self.stops.plan(self.modelled)
         if settling and self.modelled:
@@ -2508,7 +2610,7 @@ class Laws:
             weigh(self.joints[k])
         if settling:
             self.settle_joints()
-        self.sense_external()
+        self.sense_external(yields and known)
         for k in range(len(self.joints)):
             j = self.joints[k]
             if j.active and not j.braked:
@@ -2587,14 +2689,19 @@ class Laws:
                 j.motion = self.arm_torque[k]
 
     @cython.cfunc
-    def sense_external(self) -> cython.void:
-        """Torques from outside; NaN without a model, or a torque that the joint gives (X1)."""
+    def sense_external(self, yields: cython.bint = False) -> cython.void:
+        """Torques from outside; NaN without a model, or a torque that the joint gives (X1).
+
+        Args:
+            yields: Whether the arm is known and a joint gives way to its torque, which is then
+                observed also with a model that nothing else reckons with.
+        """
         k: cython.Py_ssize_t
         j: Joint
         wanted: cython.bint = False
         if not self.observes:
             return
-        if self.modelled:
+        if self.modelled or yields:
             for k in range(len(self.joints)):
                 j = self.joints[k]
                 wanted = wanted or j.external_share > 0.0
@@ -2607,6 +2714,7 @@ class Laws:
             if (
                 wanted
                 and j.external_share > 0.0
+                and (self.modelled or j.dead_band > 0.0)
                 and not (j.braked and not j.has_torque_sensor)
                 and is_number(self.arm_torque[k])
             ):
@@ -2614,7 +2722,7 @@ class Laws:
             else:
                 self.external[k] = NAN
                 j.external = j.unobserved = j.contact_lasted = 0.0
-                j.contact = False
+                j.contact = j.feels = False
 
     @cython.cfunc
     def sense_gravity(self) -> cython.void:
@@ -2635,6 +2743,8 @@ class Laws:
         if not self.knows_arm():
             for j in self.joints:
                 j.forward = j.inertia * j.followed_acceleration
+                if j.dead_band > 0.0 and j.law == IMPEDANCE and not j.settling:
+                    j.forward = 0.0
             return
         for k in range(len(self.joints)):
             j = self.joints[k]

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl guide and replay on an SO-101 of virtual Feetech servos (SPEC I7, G1, G2)."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cbctl_process import Asker, Cbctl, interrupted
+from waiting import until
+
+pytest.importorskip("scservo_sdk")
+PUSHED = "wrist_roll"
+
+
+@pytest.fixture(scope="module")
+def params() -> dict[str, Any]:
+    """As docs/howto/guide_and_replay.md has it, for a slower computer."""
+    return {
+        "robot": str(Path(__file__).parents[1] / "support" / "so101.urdf"),
+        "plant": "virtual/feetech",
+        "control_rate": 100.0,
+        "plant_timeout": 1.0,
+        "joint_defaults.on_silence": "braked",
+        "joint_defaults.position_pid.kp": 17.8,
+        "joint_defaults.motor.coulomb": 0.0524,
+        "joint_defaults.limits.torque": 1.6,
+        "joint_defaults.limits.velocity": 3.0,
+        "joint_defaults.admittance.dead_band": 0.08,
+    }
+
+
+def modes(ask: Asker, kind: str) -> set[str]:
+    return {row[kind] for row in ask("modes").values()}
+
+
+def places(ask: Asker) -> dict[str, float]:
+    return {name: float(row["position"]) for name, row in ask("watch", "--once").items()}
+
+
+@pytest.mark.slow
+def test_they_are_guided_held_and_replayed(cbctl: Cbctl, tmp_path: Path) -> None:
+    """I7, M9, G2: COMPLIANT by their current; what is pushed moves, here by its τ_ff (P11)."""
+    ask, way = Asker(cbctl), tmp_path / "way.mcap"
+    until(lambda: modes(ask, "control_mode") == {"pos"})
+    time.sleep(2.0)  # what the servos sag by
+    before = places(ask)
+    guiding = cbctl.start("guide", "--for", "60s", "--record", str(way), "--json")
+    until(lambda: modes(ask, "interaction_mode") == {"comp"})
+    torques = [row["external_torque"] for row in ask("watch", "--once").values()]
+    assert all(abs(torque) < 0.5 for torque in torques)
+    until(lambda: list(Path(tempfile.gettempdir()).glob("cbctl*/way/*")))  # it records
+    assert ask("feedforward", PUSHED, "--torque", "0.1")["success"] is True
+    until(lambda: places(ask)[PUSHED] > 0.2)
+    assert ask("feedforward", PUSHED, "--torque", "0")["success"] is True
+    time.sleep(0.5)
+    guided = places(ask)
+    ended = interrupted(guiding)
+    assert ended.code == 0, ended.err
+    assert modes(ask, "interaction_mode") == {"stif"}
+    assert modes(ask, "control_mode") == {"pos"}
+    assert places(ask) == pytest.approx(guided, abs=0.01)
+    assert guided | {PUSHED: 0.0} == pytest.approx(before | {PUSHED: 0.0}, abs=0.02)
+    assert ask("move", f"{PUSHED}=0.0")["success"] is True
+    answer = ask("replay", str(way), "--yes")
+    assert answer["success"] is True, answer
+    assert places(ask)[PUSHED] == pytest.approx(guided[PUSHED], abs=0.03)
