@@ -16,6 +16,7 @@ from sdo_objects import Objects, result
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import VALUES, Value
+from control_board_ros.plants.drives.interview import converse
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.testing.plant_contract import board_for
 
@@ -330,3 +331,141 @@ def test_a_boot_up_is_a_restart_and_a_heartbeat_is_none() -> None:
         faults = bench.follow(POSITION, 2).faults
         assert not faults[0]
         assert "restarted" in str(faults[1])
+
+
+def test_a_moteus_says_its_model_where_it_has_a_number() -> None:
+    frames = pytest.importorskip("control_board_ros.plants.moteus.frames")
+    driver = pytest.importorskip("control_board_ros.plants.moteus.driver")
+
+    def answer(first: int, *numbers: int) -> bytes:
+        head = bytes([0x28, len(numbers), first & 0x7F | 0x80, first >> 7])
+        return head + struct.pack(f"<{len(numbers)}i", *numbers)
+
+    found = driver.found_of(3, answer(0x100, 4, 0x010203, frames.REGISTER_MAP))
+    assert (found.id, found.type, found.firmware) == (3, "moteus model 4", "1.2.3")
+    for model in (0, -1):
+        data = answer(0x100, model, 0, frames.REGISTER_MAP)
+        assert driver.found_of(3, data).type == "moteus"
+    assert driver.found_of(3, answer(0x102, frames.REGISTER_MAP)).type == "moteus"
+    with pytest.raises(PlantSettingsError, match="its register map is 9"):
+        driver.found_of(3, answer(0x102, 9))
+
+
+def test_dynamixels_without_a_current_have_no_such_set_point() -> None:
+    kinds = (POSITION, SetPoint.VELOCITY, SetPoint.CURRENT, PWM)
+    for text, accepted in (("1", kinds), ("0", (*kinds[:2], PWM))):
+        with bench_of("dynamixel", current=text) as bench:
+            assert bench.accepts == accepted
+
+
+def test_a_text_is_asked_for_by_its_object() -> None:
+    pytest.importorskip("canopen")
+    from control_board_ros.plants.cia402.sdo import Sdo
+
+    assert next(Sdo(1).text(0x1008)).request == [(0x601, bytes.fromhex("4008100000000000"))]
+
+
+def written(questions: Any) -> dict[int, int | None]:
+    """What a set-up writes, by address, where each write is acknowledged."""
+    from control_board_ros.plants.drives.serial_line import Reply
+
+    found, question = {}, next(questions)
+    try:
+        while True:
+            item, value, _ = question.request
+            found[item.address] = value
+            question = questions.send([Reply(value, 0)])
+    except StopIteration:
+        return found
+
+
+def test_a_mode_of_a_dynamixel_comes_with_its_goal_of_rest() -> None:
+    """S8: the position where it is, 0 of all others; the mode, where it is another."""
+    with bench_of("dynamixel") as bench:
+        bench.world.state[0] = 0.5
+        bench.connect()
+        driver, place = bench.plant.driver, 2048 + round(0.5 * 4096 / REV)
+        assert written(driver.set_law(0, 4)) == {11: 4, 116: place}
+        assert written(driver.set_law(0, 4)) == {116: place}
+        assert written(driver.set_law(0, 1)) == {11: 1, 104: 0}
+        assert written(driver.set_law(0, 0)) == {11: 0, 102: 0}
+        assert written(driver.set_law(0, 16)) == {11: 16, 100: 0}
+        assert written(driver.set_law(0, 5)) == {11: 5, 116: place}
+
+
+def test_a_mode_of_a_feetech_comes_with_its_goals_of_rest() -> None:
+    """S8: goal position where it is, time or PWM and velocity 0; the mode, where it is another."""
+    with bench_of("feetech") as bench:
+        bench.world.state[0] = 0.5
+        bench.connect()
+        driver, place = bench.plant.driver, 2048 + round(0.5 * 4096 / REV)
+        assert written(driver.set_law(0, 0)) == {42: place}
+        assert written(driver.set_law(0, 1)) == {42: place, 33: 1}
+
+
+def test_what_a_cia402_drive_is() -> None:
+    pytest.importorskip("canopen")
+    from control_board_ros.plants.cia402.identity import found_of
+
+    def found(**more: Any) -> Any:
+        values = {(0x6041, 0): 0x0021, (0x1008, 0): "servo", (0x100A, 0): "2.1"}
+        values |= {(0x603F, 0): 0x3210, (0x6079, 0): 48_000}
+        values |= {(int(key[1:], 16), 0): value for key, value in more.items()}
+        kept = {key: value for key, value in values.items() if value is not None}
+        return result(found_of(Objects(kept), 7))  # type: ignore[arg-type]
+
+    one = found()
+    assert (one.id, one.type, one.firmware, one.voltage) == (7, "servo", "2.1", 48.0)
+    assert one.fault is None
+    assert found(x6041=0x0008).fault.number == 0x3210
+    assert found(x6041=0x0008, x603F=None).fault.number == 0
+    bare = found(x1008=None, x100A=None, x6079=None)
+    assert (bare.type, bare.firmware) == ("CiA 402", "")
+    assert math.isnan(bare.voltage)
+
+
+@pytest.mark.parametrize("volts", [48, -1, 127, -128])
+def test_an_answer_of_a_moteus_is_read_as_its_library_reads_it(volts: int) -> None:
+    """In half volts; −128 stands for none."""
+    frames = pytest.importorskip("control_board_ros.plants.moteus.frames")
+    parse = import_module("moteus.protocol").parse_reply
+    heads = frames.USUAL_HEADS
+    data = frames.USUAL.pack(heads[0], 10, heads[1], 0.25, -1.5, 0.5, 2.0, heads[2], volts, 30, 33)
+    found, theirs = frames.reading(data), parse(data)
+    assert found == pytest.approx(
+        [theirs[register] for register in (0, 1, 2, 3, 4, 0xD, 0xF)], nan_ok=True
+    )
+    assert math.isnan(found[5]) == (volts == -128)
+
+
+def test_a_voltage_of_a_moteus_is_along_q() -> None:
+    """The command of a PWM: mode 8, 0 V and the volts, then the question for the readings."""
+    driver = pytest.importorskip("control_board_ros.plants.moteus.driver")
+    drive = driver.Drive(1)
+    head = bytes([0x01, 0x00, 0x08, 0x0E, 0x1A]) + struct.pack("<ff", 0.0, -2.5)
+    packed = driver.f.voltage(drive.controller, -2.5)
+    assert packed[: len(head)] == head
+    assert driver.f.padded(packed[len(head) :]).startswith(drive.query.rstrip(b"\x50"))
+
+
+@pytest.mark.parametrize(
+    ("answers", "text"),
+    [
+        (["4b081000414200ff"], "AB"),  # expedited, two of its bytes are used
+        (["4108100009000000", "0041424344454647", "1b4849ffffffffff"], "ABCDEFGHI"),
+        (["8008100000000206"], ""),  # an abort: it has none
+    ],
+)
+def test_a_text_of_a_cia402_drive_is_read_whole(answers: list[str], text: str) -> None:
+    """CiA 301: the bytes of a frame that are not used are counted, whatever is in them."""
+    pytest.importorskip("canopen")
+    from control_board_ros.plants.cia402.sdo import Sdo
+
+    frames = [*map(bytes.fromhex, answers)]
+
+    def asked(question: Any) -> list[bytes]:
+        answer = frames.pop(0)
+        return [question.pick(answer)]
+
+    assert converse(Sdo(1).text(0x1008), asked) == text
+    assert not frames

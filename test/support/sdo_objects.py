@@ -12,13 +12,22 @@ import pytest
 class Objects:
     """Objects of a CANopen drive, as ``cia402.sdo.Sdo`` asks for them.
 
-    Attributes: values (by index and subindex), written.
+    Attributes: values (by index and subindex; texts, too), written.
     """
 
-    def __init__(self, values: dict[tuple[int, int], int]) -> None:
+    def __init__(self, values: dict[tuple[int, int], Any]) -> None:
         self.values, self.written = values, dict[tuple[int, int], int]()
 
-    def maybe(self, index: int, subindex: int, _form: str) -> Generator[Any, Any, int | None]:
+    def get(self, index: int, subindex: int, form: str) -> Generator[Any, Any, Any]:
+        found = yield from self.maybe(index, subindex, form)
+        assert found is not None, hex(index)
+        return found
+
+    def text(self, index: int) -> Generator[Any, Any, str]:
+        yield from ()
+        return str(self.values.get((index, 0), ""))
+
+    def maybe(self, index: int, subindex: int, _form: str) -> Generator[Any, Any, Any]:
         yield from ()
         return self.values.get((index, subindex))
 
