@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import struct
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -469,3 +470,67 @@ def test_a_text_of_a_cia402_drive_is_read_whole(answers: list[str], text: str) -
 
     assert converse(Sdo(1).text(0x1008), asked) == text
     assert not frames
+
+
+def test_limits_of_a_moteus_are_those_that_are_configured() -> None:
+    """S4: in revolutions; NaN: none."""
+    with bench_of("moteus") as bench:
+        one, two = (drive.conf for drive in bench.drives)
+        one |= {"servopos.position_min": -0.25, "servopos.position_max": 0.5}
+        one |= {"servo.max_velocity": 2.0, "servo.max_current_A": 30.0}
+        two |= {"servopos.position_min": math.nan, "servopos.position_max": math.nan}
+        bench.connect()
+        has = [joint.limits for joint in bench.plant.describe().joints]
+        assert (has[0].lower, has[0].upper) == pytest.approx((-REV / 4.0, REV / 2.0))
+        assert (has[0].velocity, has[0].current) == pytest.approx((2.0 * REV, 30.0))
+        assert (has[1].lower, has[1].upper) == (None, None)
+
+
+def test_a_pwm_of_a_moteus_is_a_share_of_its_supply() -> None:
+    """Half of it is the most that a phase gets."""
+    with bench_of("moteus", unwatched="1") as bench:
+        bench.connect()
+        drive = bench.plant.driver._drives[0]
+        frames = import_module("control_board_ros.plants.moteus.frames")
+        sent = bench.plant.driver._command(0, PWM, values(pwm=-20.0))
+        assert sent == frames.voltage(drive.controller, -0.2 * 0.5 * 24.0)
+
+
+def test_motor_encoders_of_cia402_drives_are_read_where_they_are() -> None:
+    with bench_of("cia402", **{"right.motor_counts": "4096"}) as bench:
+        bench.world.state[0] = 0.5
+        bench.connect()
+        bench.follow(POSITION, 40, position=0.5)
+        found, drives = bench.follow(POSITION, position=0.5), bench.plant.driver._drives
+        assert [drive.whole for drive in drives] == [3, 7]
+        assert math.isnan(found.motor_position[0])
+        raw = bench.drives[1]._value(0x6063)
+        assert found.motor_position[1] == pytest.approx(raw * REV / 4096, abs=1e-2)
+        assert abs(found.motor_position[1]) > 0.4
+
+
+@pytest.mark.parametrize(
+    ("entries", "quotient"),
+    [((20, 5), 4.0), ((20, 0), 0.0), ((0, 5), 0.0), ((None, 5), 0.0), ((20, None), 0.0)],
+)
+def test_a_ratio_of_a_cia402_drive_has_both_entries(entries: Any, quotient: float) -> None:
+    pytest.importorskip("canopen")
+    from control_board_ros.plants.cia402.identity import _ratio
+
+    objects = {(0x6091, place): value for place, value in enumerate(entries, 1)}
+    assert result(_ratio(Objects(objects), 0x6091)) == quotient  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("period", "units", "exponent"),
+    [(1e-3, 1, -3), (4e-3, 4, -3), (2.5e-3, 25, -4), (0.5, 255, -3), (2e-5, 1, -4)],
+)
+def test_a_period_is_told_in_units_that_hold_it(period: float, units: int, exponent: int) -> None:
+    with bench_of("cia402") as bench:
+        bench.connect()
+        objects = Objects({(0x60C2, 1): 0, (0x60C2, 2): 0, (0x1006, 0): 0})
+        driver = bench.plant.driver
+        driver._setup = replace(driver._setup, period=period)
+        result(driver._set_period(objects))
+        told = (objects.written[0x60C2, 1], objects.written[0x60C2, 2])
+        assert (*told, objects.written[0x1006, 0]) == (units, exponent, round(1e6 * period))
