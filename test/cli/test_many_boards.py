@@ -48,10 +48,14 @@ def test_the_environment_names_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (given.board, given.only) == ("control_board", True)
 
 
+#: The parameters of a board of one joint.
+ONE = {"joints": ["lbr_iiwa_joint_1"], "control_rate": 250.0}
+
+
 @pytest.mark.ros
 @pytest.mark.slow
 def test_the_only_board_is_taken() -> None:
-    with board_process({"joints": ["lbr_iiwa_joint_1"]}, namespace="lab") as board:
+    with board_process(ONE, namespace="lab") as board:
         shown = Cbctl(board.environment).run("modes")
         assert (shown.code, shown.err) == (0, "")
         assert "lbr_iiwa_joint_1  pos" in shown.out
@@ -81,7 +85,7 @@ def test_a_verb_for_one_board_says_so(alone: Cbctl) -> None:
 @pytest.mark.slow
 def test_two_boards() -> None:
     """A table below each name, JSON by board, one verb for both; the boards are discovered."""
-    arm, two = {"joints": ["lbr_iiwa_joint_1"]}, {"robot": "panda"}
+    arm, two = ONE, {"robot": "panda", "control_rate": 250.0}
     with (
         board_process(arm, namespace="a") as first,
         board_process(two, namespace="b", domain=first.domain),

@@ -16,7 +16,12 @@ from control_board_ros.core.terms.drives import DriveReport
 from control_board_ros.testing import BoardProcess, board_process, ros_node
 
 pytestmark = pytest.mark.ros
-PLANT = {"plant": "levers", "plant_timeout": 5.0, "joint_defaults.startup_mode": "idl"}
+PLANT = {
+    "plant": "levers",
+    "plant_timeout": 5.0,
+    "joint_defaults.startup_mode": "idl",
+    "control_rate": 250.0,
+}
 
 
 @pytest.fixture(scope="module")

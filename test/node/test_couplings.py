@@ -31,6 +31,7 @@ def params() -> dict[str, Any]:
         "robot": "icub_hand",
         "physics": "mujoco",
         "real_time_factor": 4.0,
+        "control_rate": 250.0,
         "state_rate": 25.0,
         "pwm_name": "ipwm",
         BRAKED: {"brake": {"present": True}},

@@ -21,7 +21,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 @pytest.fixture(scope="module")
 def params() -> dict[str, Any]:
     # Free joints that gain power amid a fall would be faster than F7 allows.
-    return {"lifecycle": True, "autostart": False, "gravity": [0.0, 0.0, -1.0]}
+    falling = [0.0, 0.0, -1.0]
+    return {"lifecycle": True, "autostart": False, "gravity": falling, "control_rate": 250.0}
 
 
 def change(talker: Talker, label: str = "", number: int = 0) -> bool:

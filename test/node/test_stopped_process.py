@@ -30,7 +30,8 @@ STOOD, AWAY = 2.0, 0.4
 
 @pytest.fixture(scope="module")
 def params() -> dict[str, Any]:
-    return {"yarp_interface": True, "yarp_msgs_name": "~/yarp", "physics": "ideal"}
+    rest = {"physics": "ideal", "control_rate": 250.0}
+    return {"yarp_interface": True, "yarp_msgs_name": "~/yarp", **rest}
 
 
 @contextmanager

@@ -40,6 +40,7 @@ def params() -> dict[str, Any]:
     return {
         "yarp_interface": True,
         "yarp_msgs_name": BASE.removeprefix("/"),
+        "control_rate": 250.0,
     }
 
 

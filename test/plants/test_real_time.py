@@ -32,6 +32,7 @@ PLANT = {
     "plant_timeout": 5.0,  # a busy machine is no silence
     "allow_fault_injection": True,
     "joint_defaults.startup_mode": "idl",
+    "control_rate": 250.0,
 }
 PARTS = {
     "robot_name": "pair",
