@@ -35,7 +35,7 @@ def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) 
     """B1: whatever moves the joints."""
     report = tmp_path / "report.xml"
     with (
-        board_process(RATE | {"physics": physics}, config=ARM) as board,
+        board_process(RATE | {"physics": physics, "control_rate": 250.0}, config=ARM) as board,
         session_on(board) as session,
     ):
         client = session.bench.client
