@@ -20,7 +20,7 @@ from control_board_ros.core.terms.vocabs import ControlMode
 #: Worst measured speed on a wire: of a drive of positions each late set-point is a step.
 SPEED = {"position": 1.1}
 #: Greatest speed against the way after a change of mode amid motion, by drive; to reach: 0.02.
-BACK = {"pwm": 0.022}
+BACK = {"current": 0.025}
 #: A current loop of the board, as quick as it can be without a wire.
 CURRENT_LOOP = {
     "output": "current",
@@ -31,6 +31,8 @@ CURRENT_LOOP = {
 #: The wires, of which make test takes one.
 QUICK_WIRES = [w if w == "all" else pytest.param(w, marks=pytest.mark.slow) for w in WIRES]
 MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl"]
+#: Those that drop a load on purpose.
+LIMP = ["open", "idl", "fidl"]
 
 
 def move(bench: BadWire, ways: list[float], distance: float = 0.8) -> np.ndarray:
@@ -100,9 +102,10 @@ def test_a_joint_is_taken_over_where_it_is_not_where_it_was_read(row: str, then:
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("row", ROWS)
-def test_a_change_of_mode_turns_no_joint_round(row: str, count: int) -> None:
-    """M9, B7: amid motion to any mode that brakes, with answers 10 ms late: not above 2 %."""
-    bench = BadWire(row, WIRES["latency"])
+@pytest.mark.parametrize("wire", ["latency", "all"])
+def test_a_change_of_mode_turns_no_joint_round(wire: str, row: str, count: int) -> None:
+    """M9, B7: amid motion to any mode that brakes, with late and lost answers: not above 2 %."""
+    bench = BadWire(row, WIRES[wire])
     bench.run(100)
     rng = random.Random(row)
     modes = [mode for mode in ("pos", "posd", "vel", "mix", "torq") if mode in offers(bench, 0)]
@@ -120,6 +123,27 @@ def test_a_change_of_mode_turns_no_joint_round(row: str, count: int) -> None:
         bench.run(150)
         _, back = worst(bench.speeds, [way, way])
         assert back <= BACK.get(row, 0.02), (before, after)
+    assert not bench.faults
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+@pytest.mark.parametrize("wire", ["loss", "latency", "all"])
+@pytest.mark.parametrize("row", ROWS)
+def test_no_joint_of_an_arm_sags_on_a_change_of_mode_at_rest(row: str, wire: str) -> None:
+    """M9, B7: with its weight, by each drive: within 1 mrad after 1 s, as docs/motion.md asks."""
+    bench = BadWire(row, WIRES[wire], joints=JOINTS, physics="pybullet")
+    bench.run(400)
+    bench.enter("pos", settle=4000)
+    modes, ways = bench.board.get_available_modes(0)[0]
+    states = [(m, way) for m in modes for way in ways if m.code in MODES and m.code not in LIMP]
+    rng = random.Random(row)
+    for mode, way in rng.choices(states, k=12):
+        place = bench.position
+        assert bench.board.set_interaction_mode(None, way)
+        assert bench.board.set_control_mode(None, mode)
+        bench.run(1000)
+        assert np.abs(bench.position - place).max() < 1e-3, (mode, way)
     assert not bench.faults
 
 

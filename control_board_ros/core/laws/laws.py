@@ -138,6 +138,9 @@ FED = cython.declare(cython.int, 64)
 #: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
 WIRE_PHASE = cython.declare(cython.double, 0.2)
+#: Time over which braking fades out on a wire, in ages of late readings; at most, s.
+FADING = cython.declare(cython.double, 8.0)
+FADING_MOST = cython.declare(cython.double, 0.08)
 #: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
 SEPARATION = cython.declare(cython.double, 0.25)
 #: Time constant of the feedback that a coasting joint keeps, s.
@@ -1740,17 +1743,21 @@ def advance_stop(j: Joint) -> cython.void:
     step: cython.int = j.plan_steps
     elapsed: cython.double = min(j.elapsed, GAP * j.period)
     span: cython.double = min(j.span, GAP * j.period)
-    change: cython.double = j.stop_rate * span
+    rate: cython.double = fading(j, j.moved_velocity)
+    change: cython.double = min(j.stop_rate, rate) * span
     place: cython.double
     ahead: cython.double
     over: cython.double = j.velocity - j.ramp_velocity
+    known_to: cython.double
     if step > 0:
         step = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
     if j.smooth:
         stop_smoothly(j, elapsed)
     elif step < j.plan_steps:
         j.plan_time += elapsed
-        j.moved_velocity += j.plan[step] * span
+        if j.plan[step] * j.moved_velocity >= 0.0:
+            rate = INFINITE
+        j.moved_velocity += clamp(j.plan[step], -rate, rate) * span
     else:
         j.plan_steps = 0
         j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
@@ -1765,11 +1772,25 @@ def advance_stop(j: Joint) -> cython.void:
         j.stopping = j.smooth = j.move_cycles * j.period < j.brake_time
     else:
         j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
-    if not j.stopping and fabs(over) > REST_SPEED * j.max_velocity:
+    known_to = REST_SPEED * j.max_velocity + j.max_acceleration * j.wire  # late set-points (B7)
+    if not j.stopping and fabs(over) > known_to:
         ahead = j.position - j.moved - j.ramped
         # it runs past the end, for want of torque
         if ahead * over > 0.0 and ahead * j.velocity > 0.0:
             go_on_stopping(j, j.position)
+
+
+@cython.cfunc
+@cython.inline
+def fading(j: Joint, velocity: cython.double) -> cython.double:
+    """The deceleration at which a stop fades out on a wire, rad/s²: √(2 a v/t), a → 0 in t (B7).
+
+    A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
+    """
+    time: cython.double = min(FADING * j.wire, FADING_MOST)
+    if time <= 0.0:
+        return INFINITE
+    return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)
 
 
 @cython.cfunc
