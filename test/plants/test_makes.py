@@ -464,8 +464,11 @@ def test_a_text_of_a_cia402_drive_is_read_whole(answers: list[str], text: str) -
 
     frames = [*map(bytes.fromhex, answers)]
 
+    heads = iter((0x40, 0x60, 0x70))
+
     def asked(question: Any) -> list[bytes]:
-        answer = frames.pop(0)
+        ((_, sent),), answer = question.request, frames.pop(0)
+        assert (sent[0], len(sent)) == (next(heads), 8)
         return [question.pick(answer)]
 
     assert converse(Sdo(1).text(0x1008), asked) == text
@@ -534,3 +537,18 @@ def test_a_period_is_told_in_units_that_hold_it(period: float, units: int, expon
         result(driver._set_period(objects))
         told = (objects.written[0x60C2, 1], objects.written[0x60C2, 2])
         assert (*told, objects.written[0x1006, 0]) == (units, exponent, round(1e6 * period))
+
+
+@pytest.mark.parametrize("kind", [SetPoint.VELOCITY, SetPoint.TORQUE])
+def test_a_cia402_drive_rests_in_the_modes_that_do_not_act(kind: SetPoint) -> None:
+    """S8: the target position is where it is, the others are 0, whatever mode acts by mistake."""
+    with bench_of("cia402") as bench:
+        bench.connect()
+        torque = 0.1 if kind is SetPoint.TORQUE else 0.0
+        found = bench.follow(kind, 60, velocity=0.5, torque=torque)
+        assert (found.position > 0.01).all()
+        counts = bench.plant.driver._drives[0].scale.position
+        for drive, position in zip(bench.drives, found.position, strict=True):
+            assert drive._value(0x607A) == pytest.approx(position * counts, rel=0.1)
+            assert bool(drive._value(0x60FF)) == (kind is SetPoint.VELOCITY)
+            assert bool(drive._value(0x6071)) == (kind is SetPoint.TORQUE)
