@@ -380,7 +380,7 @@ def test_qos_overrides_act_on_their_topic_only(unusual: tuple[BoardProcess, Talk
 @pytest.mark.slow
 def test_a_change_of_pace_keeps_the_time() -> None:
     """real_time_factor set live: no stamp goes back, and diagnostics have the same clock."""
-    with board_process() as board, talking_to(board) as talker:
+    with board_process({"control_rate": 250.0}) as board, talking_to(board) as talker:
         talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
         started, begun = time.monotonic(), stamp_of(talker.state())
         assert begun == pytest.approx(time.time(), abs=30.0)
