@@ -2046,8 +2046,38 @@ def keep_near(j: Joint) -> cython.void:
         lead = (j.delay + 2.0 * j.wire) * fabs(j.followed_velocity)  # either way
         lead += LEAD * j.max_torque / (p.kp * j.calm)
         if fabs(j.followed - j.position) > lead:
-            stay(j, clamp(j.followed, j.position - lead, j.position + lead))
+            if j.kind == AS_POSITION:
+                keep_near_drive(j, lead)
+            else:
+                stay(j, clamp(j.followed, j.position - lead, j.position + lead))
         hold_back(j)
+
+
+@cython.cfunc
+def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
+    """Bound the lead over a drive that closes the loop of position, with a stiffness of its own.
+
+    What it sags by under a load is no lead: a reference that followed such a joint would sink with
+    it. At the torque limit, by its current, the reference yields, so that it is that limit. Below,
+    it goes on, up to WIDE leads. Beyond, and where no current is known, it waits.
+    """
+    error: cython.double = j.followed - j.position
+    torque: cython.double = j.torque if error > 0.0 else -j.torque
+    if torque > j.max_torque:
+        stay(j, j.position + error * j.max_torque / torque)
+    elif not (torque > 0.0 and fabs(error) <= WIDE * lead):
+        wait_for_drive(j, clamp(j.followed, j.position - lead, j.position + lead))
+
+
+@cython.cfunc
+def wait_for_drive(j: Joint, place: cython.double) -> cython.void:
+    """Stop the followed reference at a place that it has not passed, else where it was."""
+    before: cython.double = j.set_position - j.sag
+    low: cython.double = min(j.followed, place)
+    high: cython.double = max(j.followed, place)
+    place = clamp(before, low, high)
+    if place != j.followed:
+        stay(j, place)
 
 
 @cython.cfunc
@@ -2083,10 +2113,14 @@ def hold_back(j: Joint) -> cython.void:
 
     I_free is the integral part while the joint moved, or was at a reference at rest; T' is the
     time until the board sees the release and the winding has removed the torque. The followed
-    reference waits.
+    reference waits. Of a drive that closes the loop of position, kp·e + I is what it gives by its
+    current, where known, and I_free what it gave.
     """
     p: Pid = j.position_pid
     excess: cython.double
+    push: cython.double = p.kp * (j.followed - j.position) + p.integral
+    if j.kind == AS_POSITION and is_number(j.torque) and j.torque != 0.0:
+        push = j.torque
     back: cython.double
     most: cython.double = (
         LIGHT * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
@@ -2099,13 +2133,17 @@ def hold_back(j: Joint) -> cython.void:
     elif j.followed_velocity != 0.0:
         j.blocked = True
     if not j.blocked:
-        j.carried = p.integral
+        j.carried = push if j.kind == AS_POSITION else p.integral
         return
-    excess = p.kp * (j.followed - j.position) + p.integral - j.carried
+    excess = push - j.carried
     if fabs(excess) > most:
         back = j.followed - (excess - clamp(excess, -most, most)) / p.kp
         # not beyond where the joint is
-        stay(j, clamp(back, min(j.followed, j.position), max(j.followed, j.position)))
+        back = clamp(back, min(j.followed, j.position), max(j.followed, j.position))
+        if j.kind == AS_POSITION:
+            wait_for_drive(j, back)
+        else:
+            stay(j, back)
 
 
 @cython.cfunc
