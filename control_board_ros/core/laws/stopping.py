@@ -7,15 +7,16 @@ sooner, so that the path costs it no more than KEEPING beyond its own braking di
     T_i = min(T, |v_i|/a_i + 2 KEEPING/|v_i|)
 
 Where a motor lacks the torque for that, the stop is the best of some that are predicted with the
-model of the arm. In each step of a prediction the accelerations are those nearest to full braking
-that all motors can give::
+model of the arm. In each step of a prediction few joints yield, and the others brake fully::
 
-    min Σ w_i (q̈_i + a_i sign q̇_i)²,  |M(q) q̈ + h(q, q̇)| ≤ SHARE τ_max,  |q̈_i| ≤ a_i
-    w_i = ω_i (|q̇_i|/a_i + EASE)² (1 + URGE z_i)²
+    min Σ w_i (q̈_i + 2 a_i sign q̇_i)²,  |M(q) q̈ + h(q, q̇)| ≤ SHARE τ_max,  |q̈_i| ≤ a_i
+    w_i = ω_i (|q̇_i|/a_i + EASE) (1 + URGE z_i)²
 
-z_i: what the joint runs beyond its braking distance v²/(2a), or comes back. The further a joint
-runs, the greater its ω_i in the next prediction. The best one is that whose furthest joint runs
-least.
+The aim lies beyond full braking, so that a joint yields only where it relieves the motor by enough
+for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes before a_i: a light joint that
+heavy ones pull along may exceed it, and the reference does too. z_i: what the joint runs beyond its
+braking distance v²/(2a), or comes back. The further a joint runs, the greater its ω_i in the next
+prediction. The best one is that whose furthest joint runs least, time counted as LATE.
 
 Plain Python in Cython's pure mode, as the laws are. Units: rad, rad/s, N·m, s; m and N where
 joints slide.
@@ -56,6 +57,8 @@ SWEEPS = cython.declare(cython.int, 60)
 EXACT = cython.declare(cython.double, 2e-3)
 #: Torque and speed beyond the limit that a plan may have, as a part of it; more counts as z does.
 SLACK = cython.declare(cython.double, 0.03)
+#: A later rest counts as way beyond the braking distance, rad/s.
+LATE = cython.declare(cython.double, 0.2)
 #: Slower than this is at rest, as a part of what one step of braking takes away.
 STILL = cython.declare(cython.double, 1e-9)
 
@@ -126,6 +129,7 @@ class Stops:
     mass: cython.double[::1]
     bias: cython.double[::1]
     x: cython.double[::1]
+    full: cython.double[::1]  # the acceleration of full braking in a step
     y: cython.double[::1]
     trial: cython.double[::1]
     best: cython.double[::1]
@@ -144,7 +148,7 @@ class Stops:
         self.limit, self.dry, self.wet, self.urge = row(n), row(n), row(n), row(n)
         self.weight, self.q, self.v, self.most = row(n), row(n), row(n), row(n)
         self.beyond, self.bias, self.x, self.chosen = row(n), row(n), row(n), row(n)
-        self.mass, self.y = row(n * n), row(2 * n)
+        self.mass, self.y, self.full = row(n * n), row(2 * n), row(n)
         self.trial, self.best = row(n * MOST_STEPS), row(n * MOST_STEPS)
         if arm is not None:
             self.arm_position, self.arm_velocity, self.arm_acceleration, self.arm_torque = arm.rows
@@ -268,16 +272,19 @@ class Stops:
         steps: cython.int = 0
         z: cython.double
         score: cython.double
+        good: cython.bint
         for k in range(self.stopping):
             self.wanted[k] = self.hardest[k]
         while self.rounds < ROUNDS:
             self.rounds += 1
             z = self.predict()
             score = z + max(self.excess - SLACK, 0.0) + max(self.hasty - SLACK, 0.0)
+            good = score < GOOD
+            score += LATE * self.steps * self.step
             if score < least:
                 least, steps, self.furthest = score, self.steps, z
                 self.best[:] = self.trial
-            if score < GOOD:
+            if good:
                 break
             for k in range(self.stopping):
                 self.urge[k] *= GROWTH + self.beyond[k] / max(z, 1e-9)
@@ -366,9 +373,9 @@ class Stops:
         error: cython.double
         for k in range(self.stopping):
             error = -self.v[k] / self.step
-            self.x[k] = max(min(error, self.wanted[k]), -self.wanted[k])
+            self.x[k] = self.full[k] = max(min(error, self.wanted[k]), -self.wanted[k])
             error = fabs(self.v[k]) / self.hardest[k] + EASE
-            self.weight[k] = self.urge[k] * error * error
+            self.weight[k] = self.urge[k] * error
             error = 1.0 + URGE * max(self.beyond[k], 0.0)
             self.weight[k] *= error * error
         error = self.torque_error()
@@ -377,6 +384,9 @@ class Stops:
                 self.y[k] = 0.0
             return
         self.strained = True
+        for k in range(self.stopping):
+            if self.v[k] != 0.0:
+                self.x[k] += -self.hardest[k] if self.v[k] > 0.0 else self.hardest[k]
         self.warm()
         for _ in range(SWEEPS):
             for k in range(self.stopping):
@@ -419,14 +429,14 @@ class Stops:
 
     @cython.cfunc
     def bound_acceleration(self, k: cython.Py_ssize_t) -> cython.void:
-        """No joint brakes harder than its limit, or leaves its speed limit."""
+        """No joint brakes harder than fully, turns round, or leaves its speed limit."""
         top: cython.double = self.hardest[k]
         bottom: cython.double = -self.hardest[k]
         y: cython.double
         if self.v[k] > 0.0:
-            top = max((self.fastest[k] - self.v[k]) / self.step, 0.0)
+            bottom, top = self.full[k], max((self.fastest[k] - self.v[k]) / self.step, 0.0)
         if self.v[k] < 0.0:
-            bottom = min((-self.fastest[k] - self.v[k]) / self.step, 0.0)
+            bottom, top = min((-self.fastest[k] - self.v[k]) / self.step, 0.0), self.full[k]
         y = self.multiplier(self.y[self.count + k], self.x[k], bottom, top, 1.0 / self.weight[k])
         self.x[k] -= (y - self.y[self.count + k]) / self.weight[k]
         self.y[self.count + k] = y
