@@ -38,7 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
-    if asked.page and (asked.joint or asked.delay or (asked.rows and asked.drive)):
+    if asked.page and (
+        asked.joint or asked.delay or asked.parameter or (asked.rows and asked.drive)
+    ):
         parser.error("--page requires whole robots; leave out --joint, --delay, --rows of drives")
     if asked.page and asked.drive and asked.drive != SetPoint.PWM.code:
         record_drive(asked, rows)
@@ -96,6 +98,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--robot", action="append", help=f"{', '.join(ROBOTS)}, or a URDF's path; repeatable"
     )
+    parser.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="of the robot, such as JOINT.limits.torque=500; repeatable",
+    )
     parser.add_argument("--rows", help=f"of {','.join(ROWS)}")
     parser.add_argument("--joint", action="append", help="name or index; repeatable")
     parser.add_argument("--poses", type=int, default=3, help="how many: home, stretched, random")
@@ -138,6 +147,9 @@ def _wires(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> int:
 def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str, object]:
     began = time.process_time()
     robot = find(name)
+    changes = dict(word.split("=", 1) for word in asked.parameter)
+    given = {key: json.loads(value) for key, value in changes.items()}
+    robot = replace(robot, parameters={**robot.parameters, **given})
     if asked.drive:
         drive = {"joint_defaults.drive": [asked.drive], "joint_defaults.drive_delay": asked.delay}
         robot = replace(robot, parameters={**robot.parameters, **drive})

@@ -139,6 +139,7 @@ def release(rig: Rig, j: int) -> Figures:
 
     overshoot = max(way · (q_end − q)) / |q_pushed − q_end|, percent, in the 2 s after the push
     (as in ``stiffness``) is taken away; q_end is where it comes to rest, way the push's sign.
+    ``friction``: dry friction of the motor over the push.
     """
     if not rig.has(j, M.POSITION, Way.COMPLIANT):
         return {}
@@ -151,7 +152,8 @@ def release(rig: Rig, j: int) -> Figures:
     rig.rest(j)
     rig.check()
     rig.simulation.plant.push(j, 0.0)
-    return {"overshoot": overshoot_of_return(rig.record(j, 2.0))}
+    overshoot = overshoot_of_return(rig.record(j, 2.0))
+    return {"overshoot": overshoot, "friction": rig.dry_friction(j) / abs(force)}
 
 
 def overshoot_of_return(record: Record) -> float:

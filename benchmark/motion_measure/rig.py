@@ -183,6 +183,10 @@ class Rig:
     def sliding(self, j: int) -> bool:
         return self.joints[j].kind == "prismatic"
 
+    def dry_friction(self, j: int) -> float:
+        """Of a joint's motor and gearbox, N·m or N."""
+        return self._settings.simulation.joints[j].motor.coulomb
+
     def has(self, j: int, mode: ControlMode, interaction: InteractionMode = Way.STIFF) -> bool:
         """Whether a joint implements a mode with an interaction mode."""
         joint = self.joints[j]

@@ -145,7 +145,10 @@ ROWS = {
         Row(
             "release",
             force_rows.release,
-            (Quantity("overshoot", "release at greatest k: overshoot", "%", 10.0, 10.0),),
+            (
+                Quantity("overshoot", "release at greatest k: overshoot", "%", 10.0, 10.0),
+                Quantity("friction", "release: dry friction over the push", "×", 0.0, 0.0),
+            ),
         ),
         Row(
             "push",

@@ -359,6 +359,16 @@ def test_a_reference_is_approached_as_fast_as_it_can_be_braked() -> None:
     assert bounds == {"limit", "acceleration", ""}
 
 
+def test_a_planned_stop_is_followed_as_it_was_predicted() -> None:
+    """M9: held back to the limit acceleration, 20, a joint would return to it afterwards."""
+    one = led(stopping=True, moved=0.2, moved_velocity=1.0, followed_velocity=1.0, velocity=1.0)
+    one.brake_by(memoryview(array("d", [-50.0, -30.0])), 2, 0.01)
+    for speed in (0.5, 0.2):
+        LAWS.advance(one)
+        assert one.followed_velocity == pytest.approx(speed, abs=1e-9)
+    assert one.followed == pytest.approx(0.207, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     "goes_on",
     [

@@ -43,8 +43,15 @@ REACHED_BY = {
     "slow_reversal": ("panda", "xarm6"),
 }
 #: All joints at full speed into TORQUE: furthest way beyond v²/(2a), mrad, where braking at the
-#: limits would take up to 3.2 times the torque. Of kuka 120 and of snake 10 are possible.
-STOPS = {"panda": 210.0, "franka": 210.0, "kuka": 130.0, "scara": 250.0, "snake": 30.0}
+#: limits would take up to 3.2 times the torque; and the time to rest over that of the fastest stop
+#: on the straight line. Of scara 1.5 is missed by what its motor takes to turn its torque round.
+STOPS = {
+    "panda": (210.0, 1.5),
+    "franka": (210.0, 1.5),
+    "kuka": (120.0, 1.5),
+    "scara": (250.0, 1.6),
+    "snake": (30.0, 1.5),
+}
 #: The joint that overshoots most where a velocity is turned round.
 TURNED = ("snake", "home", (4,))
 #: Scenes that take no more than a second or two.
@@ -95,9 +102,10 @@ def test_a_stop_at_full_speed_is_the_best_that_is_known(robot: str) -> None:
     home = next(iter(poses(ROBOTS[robot], rig.home, rig.windows).items()))
     findings = list(measure(rig, dict([home]), ["halt"]))
     assert rig.failures == []
-    for key in ("torq", "comp"):
-        furthest = max(found.value for found in findings if found.quantity == key)
-        assert furthest <= STOPS[robot], f"{key}: {furthest:.0f} mrad"
+    furthest, longest = STOPS[robot]
+    for key, most in (("torq", furthest), ("comp", furthest), ("rest", longest)):
+        worst_one = max(found.value for found in findings if found.quantity == key)
+        assert worst_one <= most, f"{key}: {worst_one:.3g}"
     rig.close()
 
 

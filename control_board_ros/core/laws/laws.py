@@ -1891,8 +1891,8 @@ def follow(j: Joint) -> cython.void:
     up = brake_speed(j.upper - j.followed, j.max_acceleration, j.elapsed)
     down = brake_speed(j.followed - j.lower, j.max_acceleration, j.elapsed)
     velocity = clamp(velocity, -(down if down < top else top), up if up < top else top)
-    if not (j.stopping and j.plan_steps > 0):  # a plan has what the arm's torque allows
-        velocity = clamp(velocity, j.followed_velocity - step, j.followed_velocity + step)
+    down = INFINITE if j.stopping and j.plan_steps > 0 else step  # a plan has what torque allows
+    velocity = clamp(velocity, j.followed_velocity - down, j.followed_velocity + down)
     if j.coasts:  # slower at most (B7)
         up, down = max(j.followed_velocity, 0.0), max(-j.followed_velocity, 0.0)
         velocity = clamp(velocity, -down, up)

@@ -12,11 +12,12 @@ model of the arm. In each step of a prediction few joints yield, and the others 
     min Σ w_i (q̈_i + 2 a_i sign q̇_i)²,  |M(q) q̈ + h(q, q̇)| ≤ SHARE τ_max,  |q̈_i| ≤ a_i
     w_i = ω_i (|q̇_i|/a_i + EASE) (1 + URGE z_i)²
 
-The aim lies beyond full braking, so that a joint yields only where it relieves the motor by enough
-for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes before a_i: a light joint that
-heavy ones pull along may exceed it, and the reference does too. z_i: what the joint runs beyond its
-braking distance v²/(2a), or comes back. The further a joint runs, the greater its ω_i in the next
-prediction. The best one is that whose furthest joint runs least, time counted as LATE.
+The aim lies beyond full braking, so that a joint yields only where it relieves the motor by
+enough for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes before a_i: a light
+joint that heavy ones pull along may have LEAP a_i, and its reference does too. z_i: what the joint
+runs beyond its braking distance v²/(2a), or comes back. The further a joint runs, the greater its
+ω_i in the next prediction. The best one is that whose furthest joint runs least, time counted as
+LATE.
 
 Plain Python in Cython's pure mode, as the laws are. Units: rad, rad/s, N·m, s; m and N where
 joints slide.
@@ -57,6 +58,8 @@ SWEEPS = cython.declare(cython.int, 60)
 EXACT = cython.declare(cython.double, 2e-3)
 #: Torque and speed beyond the limit that a plan may have, as a part of it; more counts as z does.
 SLACK = cython.declare(cython.double, 0.03)
+#: Acceleration of a plan beyond the limit that torque may ask for, as a multiple of the limit.
+LEAP = cython.declare(cython.double, 2.0)
 #: A later rest counts as way beyond the braking distance, rad/s.
 LATE = cython.declare(cython.double, 0.2)
 #: Slower than this is at rest, as a part of what one step of braking takes away.
@@ -309,6 +312,8 @@ class Stops:
             self.solve()
             moving = False
             for k in range(self.stopping):
+                way = LEAP * self.hardest[k]
+                self.x[k] = max(min(self.x[k], way), -way)
                 change = self.step * self.x[k]
                 self.trial[self.steps * self.count + k] = self.x[k]
                 self.q[k] += self.step * (self.v[k] + 0.5 * change)
