@@ -206,11 +206,11 @@ def main(names: tuple[str, ...]) -> None:
                 if needs <= 1.0:
                     continue
                 slowest = float((np.abs(start.v) / start.hardest).max())
-                bound = min(least(start, part * slowest) for part in DURATIONS)
-                beyond, back = 1e3 * stop.beyond.max(), 1e3 * stop.back.max()
+                bound = np.min([least(start, part * slowest) for part in DURATIONS])
+                found = [1e3 * float(one.max()) for one in (stop.beyond, stop.back, bound)]
                 print(
-                    f"{name} {trial} {begin.__name__.removeprefix('_run_by_')}: needs "
-                    f"{needs:.2f}; beyond {beyond:.0f}, back {back:.0f}; programs {1e3 * bound:.0f}",
+                    f"{name} {trial} {begin.__name__.removeprefix('_run_by_')}: needs {needs:.2f}; "
+                    "beyond {:.0f}, back {:.0f}; programs {:.0f}".format(*found),
                     flush=True,
                 )
         rig.close()

@@ -134,6 +134,7 @@ def test_where_torque_does_not_suffice_no_motor_is_asked_for_more() -> None:
     assert (np.abs(torques) <= 0.985 * np.array([200.0, 14.0])).all()
     assert np.abs(speeds[-1]).max() < 1e-9
     assert np.abs(speeds).max() <= 5.0
+    assert max(np.abs(one.plan).max() for one in joints) <= 2.0 * 20.0
     beyond = places.max(axis=0) - 0.2 - 4.5 / 20.0
     assert stops.furthest == pytest.approx(
         (np.maximum(beyond, 0.0) + places.max(axis=0) - places[-1]).max()
