@@ -208,8 +208,9 @@ def main(names: tuple[str, ...]) -> None:
                 slowest = float((np.abs(start.v) / start.hardest).max())
                 bound = np.min([least(start, part * slowest) for part in DURATIONS])
                 found = [1e3 * float(one.max()) for one in (stop.beyond, stop.back, bound)]
+                way = begin.__name__.removeprefix("_run_by_")
                 print(
-                    f"{name} {trial} {begin.__name__.removeprefix('_run_by_')}: needs {needs:.2f}; "
+                    f"{name} {trial} {way}: needs {needs:.2f}; "
                     "beyond {:.0f}, back {:.0f}; programs {:.0f}".format(*found),
                     flush=True,
                 )
