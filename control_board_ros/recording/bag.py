@@ -26,12 +26,15 @@ FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 @dataclass(slots=True)
 class Part:
-    """One file: path, first and last (stamps, ns), counts (messages by topic), size (bytes)."""
+    """One file: path, first and last (stamps, ns), counts (messages by topic), size, and that of
+    the messages that it begins with (bytes).
+    """
 
     path: Path
     first: int = 0
     last: int = 0
     size: int = 0
+    head: int = 0
     counts: dict[Topic, int] = field(default_factory=dict)
 
     @property
@@ -113,7 +116,7 @@ class Bag:
 
     Args:
         folder: To create.
-        split_size: Bytes of a file; None: without limit.
+        split_size: Bytes of a file beyond those first messages; None: without limit.
         split_time: Seconds of a file; None: without limit.
         custom: Texts for ``custom_data`` of the metadata.
         reserve: Bytes to leave free on the disk.
@@ -216,7 +219,8 @@ class Bag:
 
     def _split_due(self, stamp: int) -> bool:
         part = self.parts[-1]
-        too_large = self._split_size is not None and part.size >= self._split_size
+        size = part.size - part.head
+        too_large = self._split_size is not None and size >= self._split_size
         too_long = self._split_time is not None and stamp - part.first >= 1e9 * self._split_time
         return too_large or too_long
 
@@ -234,6 +238,7 @@ class Bag:
         self._writer, self._connections = writer, {}
         for topic, data in self._latched.items():
             self._add(topic, stamp, data)
+        part.head = part.size
 
     def _add(self, topic: Topic, stamp: int, data: bytes) -> None:
         part = self.parts[-1]

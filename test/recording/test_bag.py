@@ -139,6 +139,15 @@ def test_split_by_size(tmp_path: Path) -> None:
     assert [part.messages for part in bag.parts] == [2, 2, 1]
 
 
+def test_a_size_below_that_of_the_first_messages(tmp_path: Path) -> None:
+    """It is beyond them: a file does not end as it begins."""
+    bag = Bag(tmp_path / "bag", split_size=2 * (len(state(0.0)) + OVERHEAD))
+    bag.begin({topic(MODES): modes("pos" * 1000)})
+    write_states(bag, 5)
+    bag.close()
+    assert [part.messages for part in bag.parts] == [1 + 2, 1 + 2, 1 + 1]
+
+
 def test_a_full_disk_ends_it_cleanly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was written before is a whole recording; one line says what happened."""
     bag = Bag(tmp_path / "bag", reserve=1000)
