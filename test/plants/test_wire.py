@@ -21,6 +21,8 @@ from control_board_ros.core.terms.vocabs import ControlMode
 SPEED = {"position": 1.1}
 #: Greatest speed against the way after a change of mode amid motion, by drive; to reach: 0.02.
 BACK = {"current": 0.025}
+#: Likewise after a velocity has ended.
+BACK_OF_VELOCITY = {"current": 0.035, "torque": 0.025}
 #: A current loop of the board, as quick as it can be without a wire.
 CURRENT_LOOP = {
     "output": "current",
@@ -123,6 +125,27 @@ def test_a_change_of_mode_turns_no_joint_round(wire: str, row: str, count: int) 
         bench.run(150)
         _, back = worst(bench.speeds, [way, way])
         assert back <= BACK.get(row, 0.02), (before, after)
+    assert not bench.faults
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_velocity_that_ends_turns_no_joint_round(row: str) -> None:
+    """P5, P12, B7: with late and lost answers; at the acceleration limit; to reach: 2 %."""
+    bench = BadWire(row, WIRES["all"])
+    bench.run(100)
+    bench.enter("vel")
+    joints = bench.board.engine.controller.joints
+    rates = [joint.max_acceleration for joint in joints]
+    rng = random.Random(row)
+    for _ in range(8):
+        way = -1.0 if bench.position.mean() > 0.0 else 1.0
+        speeds = way * rng.uniform(0.1, 0.8) * bench.limit
+        assert bench.board.velocity_move(None, speeds.tolist(), rates)
+        bench.run(rng.randrange(60, 180))
+        bench._speeds.clear()
+        assert bench.board.velocity_move(None, [0.0, 0.0])
+        bench.run(250)
+        assert worst(bench.speeds, [way, way])[1] <= BACK_OF_VELOCITY.get(row, 0.02)
     assert not bench.faults
 
 

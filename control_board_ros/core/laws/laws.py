@@ -139,8 +139,8 @@ FED = cython.declare(cython.int, 64)
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
 WIRE_PHASE = cython.declare(cython.double, 0.2)
 #: Time over which braking fades out on a wire, in ages of late readings; at most, s.
-FADING = cython.declare(cython.double, 8.0)
-FADING_MOST = cython.declare(cython.double, 0.08)
+FADE_AGES = cython.declare(cython.double, 8.0)
+FADE_MOST = cython.declare(cython.double, 0.08)
 #: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
 SEPARATION = cython.declare(cython.double, 0.25)
 #: Time constant of the feedback that a coasting joint keeps, s.
@@ -1787,7 +1787,7 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
 
     A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
     """
-    time: cython.double = min(FADING * j.wire, FADING_MOST)
+    time: cython.double = min(FADE_AGES * j.wire, FADE_MOST)
     if time <= 0.0:
         return INFINITE
     return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)
@@ -1823,6 +1823,8 @@ def advance_ramp(j: Joint) -> cython.void:
     up: cython.double
     down: cython.double
     step: cython.double = j.ramp_step * (j.elapsed / j.period)
+    if j.ramp_target == 0.0 and not j.driven:
+        step = min(step, fading(j, j.ramp_velocity) * j.elapsed)
     v: cython.double = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
     up = brake_speed(j.upper - j.reference, j.max_acceleration, j.elapsed)
     down = brake_speed(j.reference - j.lower, j.max_acceleration, j.elapsed)
