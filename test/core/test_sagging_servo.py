@@ -63,11 +63,16 @@ def test_it_does_not_sink(senses: bool, way: float) -> None:
     assert servo.goal == before == 0.0
 
 
+@pytest.mark.parametrize("inertia", [2e-2, 1e-3])
 @pytest.mark.parametrize("target", [0.8, -0.8])
-def test_its_moves_arrive(target: float) -> None:
-    servo = Servo()
-    servo.move(target)
-    assert servo.goal == pytest.approx(target, abs=1e-6)
+def test_its_moves_arrive(target: float, inertia: float) -> None:
+    """A light one, too, which pushes gently where it is blocked; with a load taken up at rest."""
+    servo = Servo(inertia_min=inertia)
+    for load, place in ((LOAD, target), (-0.5 * LOAD, 0.0), (LOAD, target)):
+        servo.load = load
+        servo.run(100)
+        servo.move(place)
+        assert servo.goal == pytest.approx(place, abs=1e-6)
 
 
 def test_it_yields_where_its_current_shows_the_torque_limit() -> None:

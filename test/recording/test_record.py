@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,6 +41,10 @@ def ready(cbctl: Cbctl) -> None:
     until(lambda: cbctl("clear").code == 0 and cbctl("mode", "all", "pos").code == 0)
 
 
+def faulted(cbctl: Cbctl) -> bool:
+    return bool(cbctl("faults", "--json").json.get(LAST, {}).get("active"))
+
+
 def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     """All states that came, modes, faults, warnings, parameters, robot; tables beside it."""
     folder = tmp_path / "bag"
@@ -49,7 +54,8 @@ def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     assert cbctl("velocity", "0=5deg", "--for", "1s").code == 1  # ignored: mode is POSITION
     assert cbctl("param", "set", f"{FIRST}.position_pid.kp=901.0").code == 0
     assert cbctl("inject", LAST, "encoder").code == 0
-    until(lambda: cbctl("faults", "--json").json.get(LAST, {}).get("active"))
+    until(lambda: faulted(cbctl))
+    time.sleep(0.5)  # the board logs it after it reports it
     recorded = interrupted(recorder)
     assert recorded.code == 0, recorded.err
     (recording,) = read(folder)
@@ -91,6 +97,7 @@ def test_the_black_box(cbctl: Cbctl, tmp_path: Path) -> None:
     until(folder.is_dir)
     while not any(folder.glob("*/metadata.yaml")):
         assert cbctl("inject", LAST, "encoder").code == 0
+        until(lambda: faulted(cbctl))
         until(lambda: cbctl("clear", LAST).code == 0 and cbctl("mode", LAST, "pos").code == 0)
     recorded = interrupted(recorder)
     assert recorded.code == 0, recorded.err

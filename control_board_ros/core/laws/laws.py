@@ -2135,6 +2135,8 @@ def hold_back(j: Joint) -> cython.void:
         j.blocked = False
     elif j.followed_velocity != 0.0:
         j.blocked = True
+    elif j.kind == AS_POSITION and j.followed == j.reference:
+        j.blocked = False  # it holds what it bears
     if not j.blocked:
         j.carried = push if j.kind == AS_POSITION else p.integral
         return

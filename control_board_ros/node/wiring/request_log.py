@@ -2,7 +2,8 @@
 """~/requests: requests to the board with their answers.
 
 The executor's thread records them; the publishing thread makes and publishes the messages, so
-that they delay no request, and only while somebody receives them.
+that they delay no request; while nobody receives them, DELAY later, so that they do not compete
+with the answer itself either.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from .messages import set_stamp
 
 #: Requests kept for a delayed publisher; older ones are lost.
 MAX_ENTRIES = 1000
+#: s from an answer until its message is made, while nobody receives it.
+DELAY = 0.1
 #: Most entries of an array, where the board has fewer joints; most characters of a text.
 ENTRIES, CHARACTERS = 32, 500
 GOAL_EVENTS = {
@@ -37,7 +40,7 @@ OF_RESPONSES = ("success", "message", "names", "answers", "reasons", "codes")
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A request that was answered: of ``Request.msg``, and its stamp, ns."""
+    """A request that was answered: of ``Request.msg``, its stamp, ns, and ``perf_counter``."""
 
     endpoint: Endpoint
     event: str
@@ -48,6 +51,7 @@ class Entry:
     goal: str
     duration: float
     stamp: int
+    noted: float
 
 
 class RequestLog:
@@ -75,11 +79,13 @@ class RequestLog:
 
         ``response`` is None while it is pending; ``started`` is in s of ``time.perf_counter``.
         """
-        duration = time.perf_counter() - started
-        now = self._snapshots.now()
+        noted = time.perf_counter()
         self._entries.append(
-            Entry(endpoint, event, request, response, success, message, goal, duration, now)
-        )
+            Entry(
+                endpoint, event, request, response, success, message, goal,
+                duration=noted - started, stamp=self._snapshots.now(), noted=noted,
+            )
+        )  # fmt: skip
 
     def answered(self, service: Endpoint, request: Any, response: Any, started: float) -> None:
         """Note the answer of a service that is not among those left out."""
@@ -90,15 +96,10 @@ class RequestLog:
             )
 
     def publish(self) -> None:
-        """Publish the noted answers; for the publishing thread.
-
-        While nobody receives them, those wait that a late subscriber is to have.
-        """
-        if not self._publisher.get_subscription_count():
-            while len(self._entries) > REQUEST_LOG.qos.depth:
-                self._entries.popleft()
-            return
-        while self._entries:
+        """Publish the noted answers; for the publishing thread."""
+        listened = self._publisher.get_subscription_count() > 0
+        due = time.perf_counter() - (0.0 if listened else DELAY)
+        while self._entries and self._entries[0].noted <= due:
             self._publisher.publish(self._message(self._entries.popleft()))
 
     def _message(self, entry: Entry) -> Any:
