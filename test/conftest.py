@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import signal
+from collections.abc import Iterator
 from importlib.util import find_spec
 from typing import Any
 
@@ -15,6 +17,8 @@ import pytest
 NO_BROWSER = "there is no chromium"
 #: The tests that open a browser, which alone keeps a processor busy.
 BROWSED = "test/panel/"
+#: Niceness of the tests themselves.
+NICENESS = os.getpriority(os.PRIO_PROCESS, 0)
 #: Tests against pybullet, or with robots of pybullet_data: no wheel for Python from 3.12 on.
 WITH_PYBULLET = [
     "benchmark/test_benchmarks.py",
@@ -81,6 +85,16 @@ def interrupts() -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def niceness() -> Iterator[None]:
+    """A board in the process of a test takes priority: no other test keeps it."""
+    yield
+    if os.getpriority(os.PRIO_PROCESS, 0) != NICENESS:
+        for thread in map(int, os.listdir("/proc/self/task")):
+            with contextlib.suppress(ProcessLookupError):  # it has ended meanwhile
+                os.setpriority(os.PRIO_PROCESS, thread, NICENESS)
 
 
 @pytest.fixture(scope="module", autouse=True)
