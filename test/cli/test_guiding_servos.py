@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl guide and replay on an SO-101 of virtual Feetech servos (SPEC I7, G1, G2)."""
+"""cbctl guide and replay on an SO-101 of virtual servos of both makes (SPEC I7, G1, G2)."""
 
 from __future__ import annotations
 
@@ -11,16 +11,20 @@ import pytest
 from cbctl_process import Asker, Cbctl, interrupted
 from waiting import until
 
-pytest.importorskip("scservo_sdk")
 PUSHED = "wrist_roll"
 
 
-@pytest.fixture(scope="module")
-def params() -> dict[str, Any]:
+#: Makes of servos, by the module of their libraries.
+MAKES = {"scservo_sdk": "feetech", "dynamixel_sdk": "dynamixel"}
+
+
+@pytest.fixture(scope="module", params=MAKES)
+def params(request: pytest.FixtureRequest) -> dict[str, Any]:
     """As docs/howto/guide_and_replay.md has it, for a slower computer."""
+    pytest.importorskip(request.param)
     return {
         "robot": str(Path(__file__).parents[1] / "support" / "so101.urdf"),
-        "plant": "virtual/feetech",
+        "plant": f"virtual/{MAKES[request.param]}",
         "control_rate": 100.0,
         "gravity": [0.0, 0.0, 0.0],  # else the arm has fallen onto its stops before it is driven
         "plant_timeout": 1.0,

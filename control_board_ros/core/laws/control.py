@@ -46,11 +46,11 @@ LOADING = 0.5
 #: Laws after which the set-point of a drive is the place that it held.
 HOLDS_PLACE = frozenset({Law.POSITION, Law.IMPEDANCE})
 
-#: Time constants of the torque felt after which it is taken over.
-SETTLED = 3.0
+#: Time until the torque felt is taken over, in time constants of its low pass.
+FELT_TIME_CONSTANTS = 3.0
 
 #: Damping of a goal that gives way where the drive's stiffness is not configured, N·m·s/rad.
-LEAST_DAMPING = 1e-3
+MIN_DAMPING = 1e-3
 
 #: An integral part that is beyond a new limit gets there in this time, evenly, s.
 UNLOADING = 0.5
@@ -400,8 +400,8 @@ def set_constants(
     joint.load_share = own.admittance.load_share
     turning = 2.0 * math.pi * own.admittance.bandwidth
     joint.felt_share = -math.expm1(-turning * period)
-    joint.felt_time = SETTLED / turning
-    joint.min_damping = max(own.position_pid.kp / turning, LEAST_DAMPING)
+    joint.felt_time = FELT_TIME_CONSTANTS / turning
+    joint.min_damping = max(own.position_pid.kp / turning, MIN_DAMPING)
     joint.ohms, joint.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     winding = motor.inductance / motor.resistance

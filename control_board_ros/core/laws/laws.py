@@ -1867,6 +1867,7 @@ def follow(j: Joint) -> cython.void:
     rest: cython.double
     up: cython.double
     down: cython.double
+    change: cython.double
     step: cython.double = j.max_acceleration * j.span
     if j.direct_age < INFINITE:
         goal_velocity = 0.0
@@ -1893,8 +1894,8 @@ def follow(j: Joint) -> cython.void:
     up = brake_speed(j.upper - j.followed, j.max_acceleration, j.elapsed)
     down = brake_speed(j.followed - j.lower, j.max_acceleration, j.elapsed)
     velocity = clamp(velocity, -(down if down < top else top), up if up < top else top)
-    down = INFINITE if j.stopping and j.plan_steps > 0 else step  # a plan has what torque allows
-    velocity = clamp(velocity, j.followed_velocity - down, j.followed_velocity + down)
+    change = INFINITE if j.stopping and j.plan_steps > 0 else step  # a plan has what torque allows
+    velocity = clamp(velocity, j.followed_velocity - change, j.followed_velocity + change)
     if j.coasts:  # slower at most (B7)
         up, down = max(j.followed_velocity, 0.0), max(-j.followed_velocity, 0.0)
         velocity = clamp(velocity, -down, up)

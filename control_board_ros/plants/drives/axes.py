@@ -162,7 +162,7 @@ class Options:
         """
         whole, each = defaults(cls, "axes"), defaults(cls.axis, "name")
         own: dict[str, Any] = {}
-        found: dict[str, dict[str, Any]] = {name: {"id": k} for k, name in enumerate(joints, 1)}
+        by_joint: dict[str, dict[str, Any]] = {n: {"id": k} for k, n in enumerate(joints, 1)}
         if "ids" in arguments:
             ids = arguments["ids"].replace(",", " ").split()
             if len(ids) != len(joints):
@@ -170,15 +170,15 @@ class Options:
                     f"ids={arguments['ids']}: {len(joints)} are required, one for each joint"
                 )
             for name, text in zip(joints, ids, strict=True):
-                found[name]["id"] = parsed("ids", text, 0)
+                by_joint[name]["id"] = parsed("ids", text, 0)
         for key, text in sorted(arguments.items(), key=lambda item: "." in item[0]):
             joint, dot, option = key.rpartition(".")
-            if dot and joint in found and option in each:
-                found[joint][option] = parsed(key, text, each[option])
+            if dot and joint in by_joint and option in each:
+                by_joint[joint][option] = parsed(key, text, each[option])
             elif key in whole:
                 own[key] = parsed(key, text, whole[key])
             elif key in each and key != "id":
-                for options in found.values():
+                for options in by_joint.values():
                     options[key] = parsed(key, text, each[key])
             elif key != "ids":
                 names = [name for name in (*whole, *each) if name not in ("bus", "id")]
@@ -186,7 +186,7 @@ class Options:
                 raise PlantSettingsError(
                     f"{key}={text}: unknown{nearest(key, known)}; known: {', '.join(known)}"
                 )
-        axes = tuple(cls.axis(name=name, **options) for name, options in found.items())
+        axes = tuple(cls.axis(name=name, **options) for name, options in by_joint.items())
         taken: dict[int, str] = {}
         for axis in axes:
             if (other := taken.setdefault(axis.id, axis.name)) != axis.name:
