@@ -184,6 +184,46 @@ def test_an_odrive_has_power_in_closed_loop_only_of_all_states() -> None:
         assert drive._answers.reported[0].power == (state == 8)
 
 
+def test_numbers_of_an_odrive_are_those_of_its_makers_file() -> None:
+    """Commands and errors of its DBC for 0.6.10; 0.6.11 adds "requested current too high"."""
+    cantools = pytest.importorskip("cantools.database")
+    file = files("odrive_can") / "dbc" / "odrive-cansimple-0.6.10.dbc"
+    messages = {m.name.removeprefix("Axis1_"): m for m in cantools.load_file(str(file)).messages}
+    errors = messages["Heartbeat"].get_signal_by_name("Axis_Error").choices
+    assert odrive.ERRORS.keys() == errors.keys() - {0} | {0x20000}
+    for name, number in {
+        "Get_Version": odrive.VERSION, "Heartbeat": odrive.BEAT, "Get_Error": odrive.ERROR,
+        "RxSdo": odrive.RX_SDO, "TxSdo": odrive.TX_SDO, "Set_Axis_State": odrive.STATE,
+        "Get_Encoder_Estimates": odrive.ESTIMATES, "Set_Controller_Mode": odrive.MODE,
+        "Set_Input_Pos": odrive.INPUT_POSITION, "Set_Input_Vel": odrive.INPUT_VELOCITY,
+        "Set_Input_Torque": odrive.INPUT_TORQUE, "Reboot": odrive.REBOOT,
+        "Get_Bus_Voltage_Current": odrive.SUPPLY, "Clear_Errors": odrive.CLEAR,
+        "Get_Torques": odrive.TORQUES,
+    }.items():  # fmt: skip
+        assert messages[name].frame_id == 1 << 5 | number, name
+    modes = messages["Set_Controller_Mode"].get_signal_by_name("Control_Mode").choices
+    assert {k: str(v) for k, v in modes.items()} == {
+        k: name.upper().replace(" ", "_") for k, name in odrive.MODES.items()
+    }
+
+
+def test_modes_of_a_moteus_are_those_of_its_library() -> None:
+    from moteus import Mode
+
+    named = {int(mode) for mode in Mode}
+    assert moteus.MODES.keys() - named == {2, 3, 4}  # while it is enabled or calibrated
+    assert named <= moteus.MODES.keys()
+    assert [Mode(moteus.POSITION), Mode(moteus.CURRENT), Mode(moteus.TIMEOUT)] == [
+        Mode.POSITION, Mode.CURRENT, Mode.TIMEOUT,
+    ]  # fmt: skip
+
+
+def test_faults_of_a_damiao_are_those_that_another_names() -> None:
+    core = pytest.importorskip("damiao_motor.core.motor", reason="damiao-motor is not installed")
+    states = core._STATE_NAME_MAP.keys()
+    assert damiao.FAULTS.keys() == states - {damiao.DISABLED, damiao.ENABLED}
+
+
 def made() -> Any:
     core = pytest.importorskip("damiao_motor.core.motor", reason="damiao-motor is not installed")
     return core.DaMiaoMotor(1, 0x11, SimpleNamespace(), motor_type="4310")

@@ -50,16 +50,15 @@ def counts(
     They have no zero: what q and q̇ lose in their steps, the torque makes up,
     τ + k (q - q sent) + d (q̇ - q̇ sent).
     """
-    most = (1 << bits) - 1
     place = count(q, -ranges.position, ranges.position, 16)
     rate = count(dq, -ranges.velocity, ranges.velocity, bits)
     spring, damper = count(k, 0.0, ranges.stiffest, bits), count(d, 0.0, ranges.most_damped, bits)
     if spring or damper:
-        off = q - value_of(place, -ranges.position, ranges.position, 16)
-        if abs(off) * 65535.0 < 2.0 * ranges.position:  # not cut
+        if abs(q) <= ranges.position:  # else it is cut
+            off = q - value_of(place, -ranges.position, ranges.position, 16)
             torque += value_of(spring, 0.0, ranges.stiffest, bits) * off
-        off = dq - value_of(rate, -ranges.velocity, ranges.velocity, bits)
-        if abs(off) * most < 2.0 * ranges.velocity:
+        if abs(dq) <= ranges.velocity:
+            off = dq - value_of(rate, -ranges.velocity, ranges.velocity, bits)
             torque += value_of(damper, 0.0, ranges.most_damped, bits) * off
     return place, rate, spring, damper, count(torque, -ranges.torque, ranges.torque, bits)
 

@@ -11,6 +11,7 @@ delivered with is in ``robstride_private``.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -71,11 +72,10 @@ def ranges(axis: f.MitAxis) -> f.Ranges:
         raise axis.refused("model", f"unknown{hint}; known: {', '.join(known)}")
     if not scales:
         return MODELS[model]
-    try:
+    found: f.Ranges | None = None
+    with contextlib.suppress(TypeError, ValueError):
         found = f.Ranges(*map(float, scales.split("/")))
-    except (TypeError, ValueError):
-        found = f.Ranges(0.0, 0.0, 0.0)
-    if not all(value > 0.0 for value in found):
+    if found is None or not all(value > 0.0 for value in found):
         what = "rad/(rad/s)/(N·m)/(N·m/rad)/(N·m·s/rad) is required, as 12.57/44/17/500/5"
         raise axis.refused("scales", what)
     return found
@@ -114,16 +114,18 @@ def fault_word(data: bytes) -> int | None:
 class Faults:
     """Faults of a motor, and whether it applies the commanded torque.
 
-    Attributes: word (its faults, as it answers), command (q, q̇, k, d, τ of the last frame).
+    Attributes: word (its faults, as it answers), command (q, q̇, k, d, τ of the last frame; set
+        before ``compare``).
     """
 
+    command: tuple[float, float, float, float, float]
+
     def __init__(self, ranges: f.Ranges) -> None:
-        self._most, self.word = ranges.torque, 0
-        self.reset()
+        self._most, self.word, self._without = ranges.torque, 0, 0
 
     def reset(self) -> None:
         """Retry a motor that applied no torque."""
-        self._without, self.command = 0, (0.0, 0.0, 0.0, 0.0, 0.0)
+        self._without = 0
 
     @property
     def found(self) -> DriveFault | None:

@@ -167,8 +167,6 @@ class RobStridePrivate:
     def __init__(self, axis: f.MitAxis, bus: str) -> None:
         self._axis, self._bus = axis, bus
         self.ranges = r.ranges(axis)
-        self._word = 0  # its faults, as it told them unasked
-        self._tripped = False  # its power went
         self._action, self._timeout = Action.OFF, 0
         self._again = 0  # exchanges in which its watchdog is read
 
@@ -194,7 +192,8 @@ class RobStridePrivate:
         ends = limits(self.ranges)
         if most > 0.0:
             ends = replace(ends, torque=min(self.ranges.torque, most))
-        self._word, self._tripped = 0, False
+        self._word = 0  # its faults, as it told them unasked
+        self._tripped = False  # its power went
         return Found(
             id=number,
             type=f"RobStride {model.upper()}",
