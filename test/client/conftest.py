@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clients: of a simulation in this process, and of a real board per module."""
+"""Clients: of a simulation in this process, also through the node's wiring; of a real board."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import board_fixtures
 import pytest
 from talk import patient
 from waiting import until
+from wired import wired
 
 from control_board_ros.client import ControlBoardClient, connect
 from control_board_ros.simulation import Simulation
@@ -39,13 +40,22 @@ def local() -> Iterator[ControlBoardClient]:
         yield client
 
 
+@pytest.fixture(scope="module")
+def through_wiring() -> Iterator[ControlBoardClient]:
+    """One client of a simulation, through the node's wiring, for the module."""
+    with Simulation.load("iiwa") as simulation, wired(simulation) as client:
+        yield client
+
+
 @pytest.fixture(
-    params=["local", pytest.param("shared", marks=[pytest.mark.slow, pytest.mark.ros])]
+    params=[
+        "local",
+        "through_wiring",
+        pytest.param("shared", marks=[pytest.mark.slow, pytest.mark.ros]),
+    ]
 )
 def client(request: pytest.FixtureRequest) -> ControlBoardClient:
-    """A client in the same process, and one over ROS; its board at its initial pose, in POSITION
-    and STIFF.
-    """
+    """A client over each transport; its board at its initial pose, in POSITION and STIFF."""
     return rested(request.getfixturevalue(request.param))
 
 

@@ -39,21 +39,30 @@ def test_joints_by_name_index_sequence_and_none(client: ControlBoardClient) -> N
 
 
 def test_refusals_of_the_board_are_replies(client: ControlBoardClient) -> None:
-    """M6, M7: refused whole, nothing changes, the message says why."""
+    """M6, M7, I1: refused whole, nothing changes, the message says why, in one line."""
     for joints, modes, text in (
         ("lbr_iiwa_joint_8", "vel", "unknown; did you mean"),
         (7, "vel", "out of range"),
         ([0, JOINTS[0]], "vel", "twice"),
         ([0, 1], ["vel", "vel", "vel"], "3 modes for 2 joints"),
+        (None, ["pos", "vel"], "2 modes for 7 joints"),
+        (0, [], "0 modes for 1 joint"),
         (0, "hwfa", "cannot be set"),
         (0, "nonsense", "unknown"),
+        ([0, 6], ["vel", "🦾"], "unknown"),
+        (None, "x" * 10_000, "unknown"),
         ([0, 1], ["vel", "cald"], "cannot be set"),
     ):
-        reply = client.set_control_mode(joints, modes)
-        assert not reply
-        assert {str(answer) for answer in reply.answers} <= {"refused"}
-        assert text in reply.message
+        for method in (client.set_control_mode, client.set_interaction_mode):
+            reply = method(joints, modes)
+            assert not reply
+            assert {str(answer) for answer in reply.answers} <= {"refused"}
+            assert set(reply.codes) <= {"invalid"}
+            assert text in reply.message or method == client.set_interaction_mode
+            assert "\n" not in reply.message
+            assert 0 < len(reply.message) < 600
     assert client.get_control_mode() == [M.POSITION] * 7
+    assert client.get_interaction_mode() == [InteractionMode.STIFF] * 7
 
 
 def test_each_joint_has_its_answer(client: ControlBoardClient) -> None:
@@ -93,9 +102,14 @@ def test_interaction_and_impedance(client: ControlBoardClient) -> None:
     assert stiffness.tolist() == [300.0, 200.0]
     assert damping.tolist() == [20.0, 20.0]
     most, _ = client.get_max_impedance(0)
-    reply = client.set_impedance(0, most[0] + 1.0, 1.0)
-    assert not reply
-    assert "is not allowed" in reply.message
+    for bad, code in (
+        (most[0] + 1.0, "out_of_range"),
+        (-1.0, "out_of_range"),
+        (math.nan, "not_finite"),
+    ):
+        reply = client.set_impedance(0, bad, 1.0)
+        assert reply.codes == (code,)
+        assert "is not allowed" in reply.message
     assert client.set_impedance([0, 1], [150.0], [10.0])
     assert client.set_impedance([0, 1], damping=12.0)
     assert [values.tolist() for values in client.get_impedance([0, 1])] == [
@@ -115,6 +129,50 @@ def test_interaction_and_impedance(client: ControlBoardClient) -> None:
     assert interaction == tuple(InteractionMode)
 
 
+#: Kinds of references: a mode, how they are sent and read, and a value beyond the limit.
+KINDS = [
+    ("pos", "position_move", "get_target_position", 40.0),
+    ("posd", "set_position", "get_ref_position", -40.0),
+    ("vel", "velocity_move", "get_ref_velocity", 40.0),
+    ("torq", "set_ref_torque", "get_ref_torque", -4000.0),
+    ("open", "set_output", "get_output", 400.0),
+]
+
+
+@pytest.mark.parametrize(("mode", "method", "getter", "beyond"), KINDS)
+def test_each_kind_of_reference(
+    client: ControlBoardClient, mode: str, method: str, getter: str, beyond: float
+) -> None:
+    """P1 to P9, M3, M4, M11: bounded, in force, or ignored and counted; with ``together`` (M7)
+    a joint that cannot keeps the others at rest.
+    """
+    send, get = getattr(client, method), getattr(client, getter)
+    assert client.set_control_mode([0, 1, 2], [mode, "idl", mode])
+    before = client.get_state().rejected_commands
+    reply = send([2, 1, 0], [0.01, 0.01, beyond], **({} if mode == "pos" else {"answered": True}))
+    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED, Answer.ACCEPTED)
+    assert reply.codes == ("", "other_mode", "")
+    assert f"for {JOINTS[1]} ignored: mode is IDLE; it is accepted in " in reply.reasons[1]
+    assert "bounded to" in reply.reasons[2]
+    assert math.isnan(reply.values[1])
+    assert 0.01 == reply.values[0] < abs(reply.values[2]) < abs(beyond)
+    assert get([0, 2]).tolist() == [reply.values[2], 0.01]
+    assert (client.get_state().rejected_commands - before).tolist() == [0, 1, 0, 0, 0, 0, 0]
+    held = get().tolist()
+    for joints, values, code in (
+        ([0, 1], 0.02, "other_mode"),
+        ([0, 2], [0.02, math.nan], "not_finite"),
+        ([0, 2], [0.02, math.inf], "not_finite"),
+    ):
+        reply = send(joints, values, together=True)
+        assert reply.answers == (Answer.REFUSED, Answer.IGNORED)
+        assert reply.codes == ("together", code)
+    assert get().tolist() == held
+    assert send([0, 2], [0.02, 0.03], together=True).values == (0.02, 0.03)
+    assert send([0, 2], [0.03, 0.04])  # a stream has no answer, and is there when the next call is
+    assert get([0, 2]).tolist() == [0.03, 0.04]
+
+
 def test_a_command_is_in_force_when_the_next_call_answers(client: ControlBoardClient) -> None:
     """M11, P3: no sleeping between a command and reading what it did."""
     for k in range(20):
@@ -124,15 +182,6 @@ def test_a_command_is_in_force_when_the_next_call_answers(client: ControlBoardCl
     assert client.check_motion_done() == [False] + [True] * 6
     assert client.stop(0)
     assert client.check_motion_done(0) == [True]
-    for set_mode, send, get in (
-        ("posd", client.set_position, client.get_ref_position),
-        ("vel", client.velocity_move, client.get_ref_velocity),
-        ("torq", client.set_ref_torque, client.get_ref_torque),
-        ("open", client.set_output, client.get_output),
-    ):
-        assert client.set_control_mode([6, 5], set_mode)
-        assert send([6, 5], [0.02, 0.03])
-        assert get([5, 6]).tolist() == [0.03, 0.02]
 
 
 def test_reference_speeds(client: ControlBoardClient) -> None:
@@ -146,31 +195,11 @@ def test_reference_speeds(client: ControlBoardClient) -> None:
     assert client.get_ref_acceleration([2, 1]).tolist() == [0.7, 0.6]
     assert client.set_reference_speed(0, 0.3, 0.4)
     assert client.get_ref_speed(0).tolist() == [0.3]
-    assert not client.set_ref_speed(0, 0.0)
-    assert not client.set_ref_speed(0, math.nan)
+    assert "above 0" in client.set_ref_speed(0, 0.0).message
+    assert client.set_ref_speed(0, math.nan).codes == ("not_finite",)
+    assert not client.set_ref_acceleration(0, -1.0)
     assert not client.set_reference_speed(0)
     assert client.get_ref_speed(0).tolist() == [0.3]
-
-
-def test_commands_out_of_mode_are_reported_and_counted(client: ControlBoardClient) -> None:
-    """M4: ignored, the board says so where it is asked, and counts; the others are served."""
-    before = client.get_state().rejected_commands
-    assert client.set_control_mode(0, "vel")
-    reply = client.velocity_move([0, 1], 0.01, answered=True)
-    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
-    assert reply.codes == ("", "other_mode")
-    assert reply.message == (
-        f"velocity reference for {JOINTS[1]} ignored: mode is POSITION; it is accepted in vel, mix"
-    )
-    assert reply.values[0] == 0.01
-    assert math.isnan(reply.values[1])
-    assert client.get_ref_velocity(0).tolist() == [0.01]
-    counted = client.get_state().rejected_commands - before
-    assert counted.tolist() == [0, 1, 0, 0, 0, 0, 0]
-    assert str(client.velocity_move([0, 1], 0.02)) == "sent"  # a stream has no answer
-    assert client.get_ref_velocity(0).tolist() == [0.02]
-    counted = client.get_state().rejected_commands - before
-    assert counted.tolist() == [0, 2, 0, 0, 0, 0, 0]
 
 
 def test_a_mode_just_set_is_the_mode_that_counts(client: ControlBoardClient) -> None:
@@ -240,25 +269,14 @@ def test_wrong_requests_are_answered_by_the_board_and_counted_once(
 
 
 def test_all_accept_or_none_does(client: ControlBoardClient) -> None:
-    """M7: with ``together`` a joint that cannot keeps the others at rest; each says why."""
+    """M7: also relative moves, feed-forwards, and kinds that no joint implements."""
     assert client.set_control_mode(1, "idl")
-    for send in (client.position_move, client.relative_move):
-        reply = send([0, 1], 0.1, 0.2, together=True)
-        assert reply.codes == ("together", "other_mode")
-        assert client.check_motion_done(0) == [True]
-        assert send([0, 1], 0.1, 0.2).codes == ("", "other_mode")
-        assert client.stop(0)
-    for mode, send, get in (
-        ("posd", client.set_position, client.get_ref_position),
-        ("vel", client.velocity_move, client.get_target_velocity),
-        ("torq", client.set_ref_torque, client.get_ref_torque),
-        ("open", client.set_output, client.get_output),
-    ):
-        assert client.set_control_mode([0, 2], mode)
-        before = get(0).tolist()
-        assert send([0, 1], 0.01, together=True).codes == ("together", "other_mode")
-        assert get(0).tolist() == before
-        assert send([0, 2], 0.01, together=True).values == (0.01, 0.01)
+    assert client.relative_move([0, 1], 0.1, 0.2, together=True).codes == (
+        "together",
+        "other_mode",
+    )
+    assert client.check_motion_done(0) == [True]
+    assert client.relative_move([0, 1], 0.1, 0.2).codes == ("", "other_mode")
     for send in (client.set_ref_velocity, client.set_ref_current):
         assert send([0, 1], 0.01, together=True).codes == ("unsupported", "unsupported")
     reply = client.set_feedforward([0, 1], torques=[0.01, math.nan], together=True)
@@ -299,13 +317,14 @@ def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
     limit = client.get_velocity_limits(0)[0]
     assert client.position_move(0, 0.2, limit)
     assert not client.position_move(0, 0.3, 1.001 * limit)
+    assert "1 speeds for 2 joints" in client.position_move([0, 1], 0.1, [0.2]).message
     assert client.set_control_mode(2, "vel")
     assert (
         "accelerations must be above 0 and up to"
         in client.velocity_move(2, 0.1, 1e6, answered=True).message
     )
     counted = client.get_state().rejected_commands - before
-    assert counted.tolist() == [1, 1, 1, 0, 0, 0, 0]
+    assert counted.tolist() == [2, 2, 1, 0, 0, 0, 0]
 
 
 def test_get_methods_raise_for_joints_that_do_not_exist(client: ControlBoardClient) -> None:
@@ -466,7 +485,7 @@ def test_stop_answers_for_each_joint(client: ControlBoardClient) -> None:
     assert client.set_control_mode([1, 2], ["torq", "idl"])
     reply = client.stop([0, 1, 2])
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED, Answer.ACCEPTED)
-    assert [bool(reason) for reason in reply.reasons] == [False, True, False]
+    assert reply.codes == ("", "nothing_to_stop", "")
     assert JOINTS[1] in reply.reasons[1]
 
 

@@ -12,6 +12,7 @@ import pytest
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.client.operations import run
 from control_board_ros.client.whole_board import WholeBoard
+from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms import faults
 from control_board_ros.core.terms.faults import FaultCode
 
@@ -69,12 +70,14 @@ def test_synonyms_set_what_is_read_then(client: ControlBoardClient) -> None:
     after = client.get_motors(JOINTS)
     assert after.max_currents == pytest.approx(0.5 * before.max_currents)
     assert after.output_limits.tolist() == [50.0, 60.0]
+    assert client.set_max_current(JOINTS, 2.0 * before.peak_currents).codes[0] == "out_of_range"
     assert client.set_traj_speed(JOINTS, [0.2, 0.3])
     assert client.set_traj_acceleration(JOINTS, [0.5, 0.7])
     assert client.get_traj_speed(JOINTS).tolist() == client.get_ref_speed(JOINTS).tolist()
     assert client.get_traj_speed(JOINTS) == pytest.approx([0.2, 0.3])
     assert client.get_traj_acceleration(JOINTS) == pytest.approx([0.5, 0.7])
     assert client.get_ref_acceleration(JOINTS) == pytest.approx([0.5, 0.7])
+    assert client.set_encoder(JOINTS, [0.1, 0.2]).codes == ("other_mode", "other_mode")
     assert client.set_control_mode(JOINTS, "idl")
     assert client.set_encoder(JOINTS, [0.1, 0.2])
     assert client.get_encoder(JOINTS) == pytest.approx([0.1, 0.2], abs=0.05)
@@ -86,6 +89,8 @@ def test_synonyms_set_what_is_read_then(client: ControlBoardClient) -> None:
     assert client.get_motor_encoder(JOINTS) == pytest.approx([0.0, 0.0], abs=5.0)
     assert client.set_control_mode(JOINTS, "pos")
     assert client.reset_pid("position", JOINTS)
+    with pytest.raises(RequestError, match="one of position, velocity, torque, current"):
+        client.get_pids("pwm", JOINTS)
 
 
 def test_a_coupling_has_its_offsets() -> None:
