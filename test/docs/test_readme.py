@@ -3,25 +3,20 @@
 
 from __future__ import annotations
 
-import interface_table
 import pytest
 from documents import ROOT
 
+from control_board_ros.interface import ENDPOINTS
+
 README = (ROOT / "README.md").read_text("utf-8")
-TABLES = (
-    interface_table.PUBLISHED,
-    interface_table.CLOCK,
-    interface_table.SUBSCRIBED,
-    interface_table.SERVICES,
-    interface_table.ACTIONS,
-)
-NAMES = {name for table in TABLES for name in table}
 
 
 def test_every_name_on_ros_is_on_the_page_of_the_interface() -> None:
     text = (ROOT / "docs" / "interface.md").read_text("utf-8")
     assert not [
-        name for name in NAMES if f"- `{name}`, " not in text and f"- [`{name}`](" not in text
+        one.name
+        for one in ENDPOINTS
+        if f"- `{one.name}`, " not in text and f"- [`{one.name}`](" not in text
     ]
 
 

@@ -10,14 +10,6 @@ from typing import Any
 
 import pytest
 from control_board_msgs import msg, srv
-from interface_table import (
-    ACTIONS,
-    CLOCK,
-    OF_EVERY_NODE,
-    PUBLISHED,
-    SERVICES,
-    SUBSCRIBED,
-)
 from qos import LATCHED
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.action import get_action_server_names_and_types_by_node
@@ -29,23 +21,32 @@ from std_srvs.srv import Trigger
 from talk import Talker, patient, stamp_of
 from waiting import until
 
+from control_board_ros.interface import (
+    ACTIONS,
+    CLOCK,
+    COMMAND_TOPICS,
+    PUBLISHED,
+    SERVICES,
+    TF,
+    TF_STATIC,
+)
+
 pytestmark = pytest.mark.ros
 
 NODE = ("control_board", "/")
+BOARD = "/control_board"
+#: Only where simulated and real time differ, or with publish_tf.
+ON_REQUEST = {CLOCK, TF, TF_STATIC}
+#: What every ROS node publishes.
+OF_EVERY_NODE = {"/rosout", "/parameter_events"}
 
 
-def absolute(name: str) -> str:
-    """A name of the table as the graph shows it."""
-    if name.startswith("~"):
-        return f"/{NODE[0]}{name[1:]}"
-    return name if name.startswith("/") else f"/{name}"
-
-
-def qos_letters(info: Any) -> str:
+def qos_of(info: Any) -> tuple[bool, bool]:
     profile = info.qos_profile
-    reliable = profile.reliability is ReliabilityPolicy.RELIABLE
-    latched = profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
-    return ("R" if reliable else "B") + ("T" if latched else "V")
+    return (
+        profile.reliability is ReliabilityPolicy.RELIABLE,
+        profile.durability is DurabilityPolicy.TRANSIENT_LOCAL,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -65,30 +66,27 @@ def of_the_board(infos: list[Any]) -> Any:
     return found
 
 
-def test_published_topics(talker: Talker) -> None:
-    """Every published topic of INTERFACE.md, its type and QoS; and no other."""
-    found = dict(talker.node.get_publisher_names_and_types_by_node(*NODE))
-    topics = {name for name in found if "/_action/" not in name} - OF_EVERY_NODE
-    assert topics == {absolute(name) for name in PUBLISHED}
-    for name, (kind, qos) in PUBLISHED.items():
-        assert found[absolute(name)] == [kind]
-        info = of_the_board(talker.node.get_publishers_info_by_topic(absolute(name)))
-        assert qos_letters(info) == qos, name
-    assert absolute(next(iter(CLOCK))) not in topics
+def test_topics(talker: Talker) -> None:
+    """Every topic of the interface, its type and QoS; and no other."""
+    node = talker.node
+    published = dict(node.get_publisher_names_and_types_by_node(*NODE))
+    topics = {name for name in published if "/_action/" not in name} - OF_EVERY_NODE
+    assert topics == {topic.of(BOARD) for topic in set(PUBLISHED) - ON_REQUEST}
+    received = dict(node.get_subscriber_names_and_types_by_node(*NODE))
+    assert set(received) == {topic.of(BOARD) for topic in COMMAND_TOPICS}
+    for topic in {*PUBLISHED, *COMMAND_TOPICS} - ON_REQUEST:
+        name = topic.of(BOARD)
+        assert (published | received)[name] == [topic.type]
+        found = (
+            node.get_publishers_info_by_topic
+            if topic in PUBLISHED
+            else (node.get_subscriptions_info_by_topic)
+        )
+        assert qos_of(of_the_board(found(name))) == (topic.qos.reliable, topic.qos.latched), name
 
 
-def test_command_topics(talker: Talker) -> None:
-    """Every command topic of INTERFACE.md, its type and QoS; and no other."""
-    found = dict(talker.node.get_subscriber_names_and_types_by_node(*NODE))
-    assert set(found) == {absolute(name) for name in SUBSCRIBED}
-    for name, (kind, qos) in SUBSCRIBED.items():
-        assert found[absolute(name)] == [kind]
-        info = of_the_board(talker.node.get_subscriptions_info_by_topic(absolute(name)))
-        assert qos_letters(info) == qos, name
-
-
-def test_services(talker: Talker) -> None:
-    """Every service of INTERFACE.md and its type; besides only those of parameters."""
+def test_services_and_actions(talker: Talker) -> None:
+    """Each with its type; of services besides only those of parameters."""
     found = dict(talker.node.get_service_names_and_types_by_node(*NODE))
     own = {
         name: kinds[0]
@@ -96,13 +94,9 @@ def test_services(talker: Talker) -> None:
         if not kinds[0].startswith(("rcl_interfaces/", "type_description_interfaces/"))
         and "/_action/" not in name
     }
-    assert own == {absolute(name): kind for name, kind in SERVICES.items()}
-
-
-def test_actions(talker: Talker) -> None:
-    """Every action of INTERFACE.md and its type."""
+    assert own == {service.of(BOARD): service.type for service in SERVICES}
     found = dict(get_action_server_names_and_types_by_node(talker.node, *NODE))
-    assert found == {absolute(name): [kind] for name, kind in ACTIONS.items()}
+    assert found == {action.of(BOARD): [action.type] for action in ACTIONS}
 
 
 def test_command_topics_accept_qos_overrides(talker: Talker) -> None:
@@ -110,8 +104,8 @@ def test_command_topics_accept_qos_overrides(talker: Talker) -> None:
     listed = talker.call(
         "list_parameters", ListParameters, prefixes=["qos_overrides"], depth=0
     ).result.names
-    for name in SUBSCRIBED:
-        assert f"qos_overrides.{absolute(name)}.subscription.reliability" in listed
+    for topic in COMMAND_TOPICS:
+        assert f"qos_overrides.{topic.of(BOARD)}.subscription.reliability" in listed
     answer = talker.call("get_parameters", GetParameters, names=["control_rate", "robot"])
     assert answer.values[0].double_value == 1000.0
     assert answer.values[1].string_value == "iiwa"

@@ -7,19 +7,20 @@ from typing import Any
 
 import pytest
 from control_board_msgs.srv import GetReferences
-from interface_table import (
-    PUBLISHED,
-    SERVICES,
-    SUBSCRIBED,
-    YARP_PUBLISHED,
-    YARP_SERVICES,
-    YARP_SUBSCRIBED,
-)
 from std_msgs.msg import Int8MultiArray, Int32MultiArray
 from talk import Talker
 from waiting import GUARD, until
 from yarp_control_msgs import msg, srv
 
+from control_board_ros.interface import (
+    CLOCK,
+    COMMAND_TOPICS,
+    PUBLISHED,
+    SERVICES,
+    TF,
+    TF_STATIC,
+    YARP,
+)
 from control_board_ros.recording.topics import topics_for_yarp
 
 BASE = "/icub/left_arm"
@@ -89,26 +90,27 @@ def test_names_and_types(talker: Talker) -> None:
     """Beside the board's own, which are as ever."""
     node, board = talker.node, ("control_board", "/")
     until(lambda: board in node.get_node_names_and_namespaces())
-    for table, yarp_table, found in (
-        (PUBLISHED, YARP_PUBLISHED, node.get_publisher_names_and_types_by_node(*board)),
-        (SUBSCRIBED, YARP_SUBSCRIBED, node.get_subscriber_names_and_types_by_node(*board)),
-        (SERVICES, YARP_SERVICES, node.get_service_names_and_types_by_node(*board)),
-    ):
-        there = dict(found)
-        for name in table:
-            assert (
-                f"/control_board{name[1:]}" if name[0] == "~" else "/" + name.strip("/")
-            ) in there
-        for name, row in yarp_table.items():
-            kind = row if isinstance(row, str) else row[0]
-            assert there[BASE + name[1:] if name[0] == "~" else f"/{name}"] == [kind]
+    there = {
+        name: kinds
+        for found in (
+            node.get_publisher_names_and_types_by_node(*board),
+            node.get_subscriber_names_and_types_by_node(*board),
+            node.get_service_names_and_types_by_node(*board),
+        )
+        for name, kinds in found
+    }
+    own = {*PUBLISHED, *COMMAND_TOPICS, *SERVICES} - {CLOCK, TF, TF_STATIC}
+    assert {endpoint.of("/control_board") for endpoint in own} <= there.keys()
+    for endpoint in YARP:  # its readings are in the board's namespace
+        below = BASE if endpoint.name.startswith("~") else "/control_board"
+        assert there[endpoint.of(below)] == [endpoint.type]
 
 
 def test_recordings_hold_the_commands_of_yarp_s_clients(talker: Talker) -> None:
     """Whatever they are called here."""
     found = topics_for_yarp(talker.node, ["/control_board", "/gone/board"])
     assert {topic.name: topic.type for topic in found} == {
-        BASE + name[1:]: kind for name, (kind, _) in YARP_SUBSCRIBED.items()
+        row.of(BASE): row.type for row in YARP if row.kind == "command"
     }
 
 
