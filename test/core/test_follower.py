@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Following paths: when they begin, what ends them, and for which joints (SPEC T1 to T3, M4)."""
+"""Following paths: what ends them, and for which joints (SPEC T1 to T3, M4).
+
+When they begin and how one replaces another: test_trajectory_goal.py and test_goals_closely.py.
+"""
 
 from __future__ import annotations
 
@@ -57,70 +60,8 @@ def test_a_path_is_followed_from_now_on_time(rig: Tracked) -> None:
     expected = np.interp(times - start, [0.0, 0.2, 0.4], [0.0, 0.1, 0.05])
     np.testing.assert_allclose(positions[:, 0], expected, atol=1e-9)
     assert (positions[:, 1:] == positions[0, 1:]).all()
+    assert rig.board.state.velocity_reference[0] == 0.0
     assert not rig.follower.busy
-
-
-def test_the_velocity_reference_ends_at_zero(rig: Tracked, monkeypatch: Any) -> None:
-    """P4: the reference's own velocity is fed in every cycle; after the end it is 0."""
-    fed = []
-    original = rig.board.command
-
-    def spy(kind: Any, joints: Any, positions: Any, velocities: Any = None, **more: Any) -> Any:
-        fed.append(np.array(velocities))
-        return original(kind, joints, positions, velocities, **more)
-
-    monkeypatch.setattr(rig.board, "command", spy)
-    rig.follower.follow("a", line(("a",), (0.1, 0.05)), rig.board.time)
-    rig.track(0.2)
-    rates = np.concatenate(fed)
-    np.testing.assert_allclose(rates[:-1], 0.5, atol=1e-9)
-    assert rates[-1] == 0.0
-    assert len(rates) == pytest.approx(0.1 / rig.period, abs=1)
-
-
-def test_a_future_start_waits(rig: Tracked) -> None:
-    """T1: nothing happens before the start, also with a first point at 0; then no earlier."""
-    start = rig.board.time + 0.3
-    path = line(("a",), (0.0, 0.02), (0.2, 0.1))
-    assert rig.follower.follow("a", path, start)
-    times, positions = rig.track(0.6)
-    waiting = times < start - 1e-6
-    assert waiting.sum() > 100
-    np.testing.assert_array_equal(positions[waiting, 0], positions[0, 0])
-    after = times > start + rig.period
-    expected = np.interp(times[after] - start, [0.0, 0.2], [0.02, 0.1])
-    np.testing.assert_allclose(positions[after, 0], expected, atol=1e-9)
-
-
-def test_the_old_path_continues_until_a_future_start(rig: Tracked) -> None:
-    """T1: the new one begins at the then reference, with no step."""
-    begun = rig.board.time
-    rig.follower.follow("a", line(("a",), (2.0, 0.4)), begun)
-    rig.cycle(10)
-    start = begun + 0.5
-    rig.follower.follow("a", line(("a",), (0.5, 0.0)), start)
-    times, positions = rig.track(1.2)
-    old = times < start - 1e-6
-    np.testing.assert_allclose(positions[old, 0], 0.2 * (times[old] - begun), atol=1e-9)
-    then = 0.2 * 0.5
-    new = times > start + rig.period
-    expected = np.interp(times[new] - start, [0.0, 0.5], [then, 0.0])
-    np.testing.assert_allclose(positions[new, 0], expected, atol=1e-3)
-    assert np.abs(np.diff(positions[:, 0])).max() < 0.25 * rig.period
-
-
-def test_a_path_that_is_past_is_refused(rig: Tracked) -> None:
-    """T1, P13: it is counted and reported, and the followed path continues."""
-    rig.follower.follow("a", line(("a",), (1.0, 0.2)), rig.board.time)
-    rig.cycle(50)
-    before = rig.board.rejected_commands
-    reply = rig.follower.follow(("a", "b"), line(("a", "b"), (1.0, 0.5)), rig.board.time - 1.5)
-    assert not reply
-    assert "its last point was due 0.5 s ago" in reply.message
-    assert (rig.board.rejected_commands - before).tolist() == [1, 1, 0]
-    _, positions = rig.track(1.0)
-    assert positions[-1, 0] == pytest.approx(0.2)
-    assert positions[-1, 1] == positions[0, 1]
 
 
 def test_a_path_partly_past_is_joined_where_it_is(rig: Tracked) -> None:
@@ -133,18 +74,6 @@ def test_a_path_partly_past_is_joined_where_it_is(rig: Tracked) -> None:
     expected = np.interp(elapsed, [0.5, 0.7, 1.0], [0.0, 0.1, 0.0])
     np.testing.assert_allclose(positions[:, 0], expected, atol=1e-9)
     assert not rig.follower.busy
-
-
-def test_a_replacement_starts_with_position_and_velocity(rig: Tracked) -> None:
-    """T1: neither jumps where a path replaces another."""
-    rig.follower.follow("a", cubic(("a",), (1.0, 0.5, 0.0)), rig.board.time)
-    _, before = rig.track(0.5)
-    rig.follower.follow("a", cubic(("a",), (1.0, 0.0, 0.0)), rig.board.time)
-    _, after = rig.track(1.2)
-    speeds = np.diff(np.concatenate([before, after])[:, 0]) / rig.period
-    assert speeds.max() == pytest.approx(0.75, abs=0.02)
-    assert np.abs(np.diff(speeds)).max() < 20 * rig.period  # rad/s per cycle: no jump of 0.75
-    assert after[-1, 0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_paths_for_other_joints_run_side_by_side(rig: Tracked) -> None:
@@ -289,15 +218,3 @@ def test_a_board_that_refuses_refuses_a_path_by_its_points(rig: Tracked) -> None
     _, positions = rig.track(2.1)
     assert positions.max() == pytest.approx(2.0)
     assert positions[-1] == pytest.approx([0.0] * 3, abs=1e-6)
-
-
-def test_a_board_that_accepts_whole_trajectories_only(rig: Tracked) -> None:
-    """T1: without allow_partial_joints_goal, one for some joints is refused and counted."""
-    rig.board.reconfigure(replace(rig.board.config, allow_partial_joints_goal=False))
-    reply = rig.follower.follow(["c", "a"], line(("c", "a"), (0.2, 0.1)), rig.board.time)
-    assert not reply
-    assert "b missing; send all joints" in reply.message
-    assert rig.board.rejected_commands.tolist() == [1, 0, 1]
-    np.testing.assert_array_equal(rig.cycle(50), 0.0)
-    assert rig.follower.follow(["c", "a", "b"], line(NAMES, (0.2, 0.1)), rig.board.time)
-    np.testing.assert_allclose(rig.cycle(250), 0.1)

@@ -388,18 +388,6 @@ def test_a_limit_that_cuts_is_reported_at_the_end(rig: Goals) -> None:
     assert "a stays within -114.6° to 114.6° (point 0 requests 143.2°)" in text
 
 
-def test_the_codes_are_those_of_the_action() -> None:
-    """control_msgs' FollowJointTrajectory."""
-    assert [(code.name, code.value) for code in Code] == [
-        ("SUCCESSFUL", 0),
-        ("INVALID_GOAL", -1),
-        ("INVALID_JOINTS", -2),
-        ("OLD_HEADER_TIMESTAMP", -3),
-        ("PATH_TOLERANCE_VIOLATED", -4),
-        ("GOAL_TOLERANCE_VIOLATED", -5),
-    ]
-
-
 # --- T4: continuous joints ---------------------------------------------------------------------
 
 

@@ -120,6 +120,7 @@ def test_the_velocity_of_the_present_mode(board: InProcess) -> None:
     assert board.set_mode([first, second], "veld", "vel").success
     read = board.call(GET_REFERENCES, names=[first, second])
     assert list(read.ref_velocities) == [read.direct_velocities[0], read.velocities[1]]
+    assert (read.direct_velocities[1], read.velocities[0]) == (0.2, 0.1)
 
 
 def test_kinds_that_are_none(board: InProcess) -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from control_board_ros.core.goals.path import Points, make_path
 from control_board_ros.core.goals.trajectory_goal import (
     Code,
     GoalError,
-    Wish,
     start_goal,
 )
 
@@ -51,30 +49,6 @@ def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
     np.testing.assert_allclose(rig.board.get_encoder(ARMS), [0.1, 0.2, 0.3], atol=2e-3)
     fingers = ["finger", "thumb", "wrist"]
     np.testing.assert_allclose(rig.board.get_encoder(fingers), before[4:], atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("joints", "wishes", "code", "text"),
-    [
-        (["l_elbow", "nose"], {}, Code.INVALID_JOINTS, "nose"),
-        (["l_elbow", "l_elbow"], {}, Code.INVALID_JOINTS, "twice"),
-        (
-            ["l_elbow", "r_elbow"],
-            {"path": [Wish("nose", 1.0, 0.0)]},
-            Code.INVALID_GOAL,
-            "path_tolerance names 'nose'",
-        ),
-        (["l_elbow", "r_elbow", "thumb"], {}, Code.INVALID_GOAL, "3"),
-    ],
-)
-def test_wrong_goals_start_nothing(
-    rig: Following, joints: list[str], wishes: dict[str, Any], code: Code, text: str
-) -> None:
-    """R3, M7: the whole goal is refused; nothing moves in any part."""
-    with pytest.raises(GoalError, match=text) as refused:
-        rig.send(points([0.1, 0.2]), joints, **wishes)
-    assert refused.value.code is code
-    assert not rig.follower.busy
 
 
 def test_a_part_that_accepts_whole_goals_only(rig: Following) -> None:
