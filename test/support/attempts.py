@@ -96,6 +96,7 @@ QUICK += " serial_line servo_bus set_id supply turns words"
 DRIVES = Tree("plants/drives", tuple(f"test/plants/test_{name}.py" for name in QUICK.split()))
 #: Codecs and set-ups of the makes, by these, and by what others pack.
 ROOMS = "moteus mit_can dynamixel cia402 odrive_can feetech"
+BY_VALUE = "mit_codecs moteus_codec odrive_codec cia402_codec servo_codecs"
 CODECS = "driver frames table objects states sdo identity damiao robstride robstride_private"
 MAKES = Tree(
     "plants",

@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals and readings of Dynamixel and Feetech servos, by value (S4, S6, S8)."""
+
+from __future__ import annotations
+
+import math
+import struct
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from codec import Codec
+
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.core.terms.measurement import VALUES, Value
+from control_board_ros.plants.drives.driver import Order
+from control_board_ros.plants.drives.faults import WATCHDOG
+from control_board_ros.plants.drives.reconcile import Action
+from control_board_ros.plants.dynamixel import table as d
+from control_board_ros.plants.feetech import table as f
+
+REV = 2.0 * math.pi
+
+
+class Line:
+    """A serial bus that keeps what is written, and what is read of it."""
+
+    def __init__(self) -> None:
+        self.said: list[tuple[Any, ...]] = []
+        self.port = "port"
+        self.protocol = SimpleNamespace(reboot=lambda *where: self.said.append(("reboot", *where)))
+
+    def sync(self, item: Any, values: dict[int, bytes]) -> None:
+        if values:
+            self.said.append((item.address, {k: data.hex() for k, data in values.items()}))
+
+    def read(self, item: Any, drives: list[int], *_: object) -> None:
+        self.said.append(("read", item.address, item.length, drives))
+
+    def drain(self, _take: object) -> None:
+        """Nothing is late."""
+
+    def hold(self, drive: int, _interview: object, seconds: float) -> None:
+        self.said.append(("hold", drive, seconds))
+
+
+def of(make: str, library: str, **options: str) -> tuple[Codec, Line]:
+    pytest.importorskip(library)
+    codec, line = Codec(make, **options), Line()
+    codec.driver.line, codec.driver._wait = line, 0.5
+    return codec, line
+
+
+def dynamixel(**options: str) -> tuple[Codec, Line]:
+    return of("dynamixel", "dynamixel_sdk", **options)
+
+
+def feetech(**options: str) -> tuple[Codec, Line]:
+    return of("feetech", "scservo_sdk", **options)
+
+
+def values(**some: float) -> list[float]:
+    row = [0.0] * VALUES
+    for name, value in some.items():
+        row[Value[name.upper()]] = value
+    return row
+
+
+def said(codec: Codec, line: Line, action: Action, kind: SetPoint, **some: float) -> list[Any]:
+    """What an exchange with one servo writes."""
+    line.said.clear()
+    codec.answers.begin()
+    codec.driver.exchange({0: Order(action, kind, values(**some))})
+    return list(line.said)
+
+
+#: Limits of PWM and current: 442 and 1000 counts of 2.69 mA.
+@pytest.mark.parametrize(
+    ("kind", "value", "count"),
+    [
+        ("pwm", 20.0, 177), ("pwm", -20.0, -177), ("pwm", 50.0, 442), ("pwm", -90.0, -442),
+        ("current", 0.269, 100), ("current", -0.269, -100), ("current", 9.0, 1000),
+        ("current", -9.0, -1000), ("velocity", 0.229 * REV / 60.0, 1),
+        ("velocity", -2.29 * REV / 60.0, -10), ("position", 0.0, 2048),
+        ("position", math.pi / 2.0, 3072), ("position", -REV, -2048),
+    ],
+)  # fmt: skip
+def test_goals_of_a_dynamixel(kind: str, value: float, count: int) -> None:
+    """S4: a goal beyond its limit is at it, for the servo would refuse it."""
+    codec, _ = dynamixel()
+    servo = codec.driver._servos[0]
+    servo.pwm, servo.current = 442, 1000
+    kind_of = SetPoint[kind.upper()]
+    assert codec.driver._raw(0, kind_of, values(**{kind: value})) == count
+
+
+GOALS = {
+    SetPoint.POSITION: (116, "000c0000"),
+    SetPoint.VELOCITY: (104, "f6ffffff"),
+    SetPoint.CURRENT: (102, "6400"),
+    SetPoint.PWM: (100, "4fff"),
+}
+SOME = {"position": math.pi / 2.0, "velocity": -2.29 * REV / 60.0, "current": 0.269, "pwm": -20.0}
+
+
+@pytest.mark.parametrize("kind", GOALS)
+def test_what_a_dynamixel_is_told(kind: SetPoint) -> None:
+    """Its goal, before and behind the power, for a servo takes a goal of rest with it."""
+    codec, line = dynamixel()
+    servo, (place, data) = codec.driver._servos[0], GOALS[kind]
+    servo.current = 1000
+    goal, reads = (place, {1: data}), ("read", 224, 16, [1])
+    assert said(codec, line, Action.GOAL, kind, **SOME) == [goal, reads, ("hold", 1, 0.5)]
+    on = (64, {1: "01"})
+    found = said(codec, line, Action.POWER_ON, kind, **SOME)
+    assert found == [goal, on, goal, reads, ("hold", 1, 0.5)]
+    assert said(codec, line, Action.ASK, kind, **SOME) == [reads, ("hold", 1, 0.0)]
+    assert said(codec, line, Action.OFF, kind, **SOME) == [reads, ("hold", 1, 0.0)]
+    codec.reported.power = True
+    off = (64, {1: "00"})
+    assert said(codec, line, Action.OFF, kind, **SOME) == [off, reads, ("hold", 1, 0.0)]
+    codec.reported.power, codec.reported.lost = False, True
+    assert said(codec, line, Action.SET_UP, kind, **SOME) == [off, reads, ("hold", 1, 0.0)]
+    assert codec.answers.asked == [1]
+
+
+def test_a_dynamixel_is_reset_by_what_it_has() -> None:
+    """A new watchdog, or a restart; nothing where it has no fault."""
+    codec, line = dynamixel()
+    codec.driver._watch = 5
+    off, reads = (64, {1: "00"}), ("read", 224, 16, [1])
+    rest = [reads, ("hold", 1, 0.0)]
+    assert said(codec, line, Action.RESET, SetPoint.OFF) == [off, *rest]
+    codec.reported.fault = WATCHDOG
+    again = [(98, {1: "00"}), (98, {1: "05"})]
+    assert said(codec, line, Action.RESET, SetPoint.OFF) == [off, *again, *rest]
+    codec.reported.fault = SimpleNamespace(number=4)  # type: ignore[assignment]
+    found = said(codec, line, Action.RESET, SetPoint.OFF)
+    assert found == [off, ("reboot", "port", 1), *rest]
+
+
+def test_servos_are_read_where_their_indirect_data_are() -> None:
+    codec, line = dynamixel()
+    servo = codec.driver._servos[0]
+    codec.driver._servos, codec.driver._ids = [servo, *codec.driver._servos * 2], [3, 2, 1]
+    first = type(servo)(data=208)
+    codec.driver._servos = [first, servo, type(servo)()]
+    codec.driver._read({0: None, 1: None, 2: None})
+    assert line.said == [("read", 208, 16, [3]), ("read", 224, 16, [1, 2])]
+
+
+#: Torque, error, watchdog, current, velocity, position, volts, degrees.
+@pytest.mark.parametrize(
+    ("read", "power", "lost", "fault"),
+    [((1, 0, 5), True, False, None), ((0, 0, 5), False, False, None),
+     ((1, 4, 5), True, False, 4), ((1, 0, 255), True, False, WATCHDOG.number),
+     ((1, 32, 255), True, False, 32), ((1, 0, 0), False, True, None)],
+)  # fmt: skip
+def test_an_answer_of_a_dynamixel(
+    read: tuple[int, int, int], power: bool, lost: bool, fault: int | None
+) -> None:
+    codec, _ = dynamixel()
+    codec.driver._take(1, struct.pack("<BBBhiiHB", *read, -100, -10, 3072, 121, 31))
+    reported = codec.reported
+    assert (reported.power, reported.lost) == (power, lost)
+    assert (reported.fault and reported.fault.number) == fault
+    if not lost:
+        found = (math.pi / 2.0, -2.29 * REV / 60.0, 0.0, -0.269, 31.0, 12.1)
+        assert codec.readings == pytest.approx(found)
+    assert len(codec.answers.raw[0]) == 1
+
+
+def test_other_packets_are_no_answers_of_servos() -> None:
+    for codec, _ in (dynamixel(), feetech()):
+        length = codec.driver.length
+        for drive, size in ((2, length), (1, length - 1), (1, length + 1)):
+            codec.driver._take(drive, bytes(size))
+        assert not codec.answers.raw[0]
+        assert math.isnan(codec.readings[0])
+
+
+def test_traits_of_servos() -> None:
+    for codec, _ in (dynamixel(), feetech(unwatched="1")):
+        traits = codec.driver.traits
+        assert traits.resolution == pytest.approx(REV / 4096)
+        assert (traits.current, traits.temperature, traits.voltage) == (True, True, True)
+    laws = {kind: dynamixel()[0].driver.law(0, kind) for kind in GOALS}
+    assert laws == {SetPoint.POSITION: 4, SetPoint.VELOCITY: 1, SetPoint.CURRENT: 0,
+                    SetPoint.PWM: 16}  # fmt: skip
+    assert dynamixel(position_mode="5")[0].driver.law(0, SetPoint.POSITION) == 5
+    kinds = (SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.PWM)
+    assert [feetech()[0].driver.law(0, kind) for kind in kinds] == [0, 1, 2]
+    assert feetech()[0].driver.traits.set_points == kinds[:1]
+    assert feetech(unwatched="1")[0].driver.traits.set_points == kinds
+
+
+def feetech_answer(**some: int) -> bytes:
+    """What is read of one, from its mode on."""
+    usual = {"mode": 0, "torque": 1, "lock": 1, "position": 3072, "velocity": 1 << 15 | 100,
+             "voltage": 74, "temperature": 31, "status": 0, "current": 1 << 15 | 20}  # fmt: skip
+    data = bytearray(71 - 33)
+    places = {"mode": 33, "torque": 40, "lock": 55, "position": 56, "velocity": 58,
+              "voltage": 62, "temperature": 63, "status": 65, "current": 69}  # fmt: skip
+    for name, value in (usual | some).items():
+        two = name in ("position", "velocity", "current")
+        at = places[name] - 33
+        data[at : at + 1 + two] = value.to_bytes(1 + two, "little")
+    return bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("some", "power", "law", "lost", "fault"),
+    [({}, True, 0, False, None), ({"mode": 2}, True, 2, False, None),
+     ({"torque": 0, "mode": 2}, False, None, False, None), ({"lock": 0}, True, 0, True, None),
+     ({"status": 32}, True, 0, False, 32)],
+)  # fmt: skip
+def test_an_answer_of_a_feetech(
+    some: dict[str, int], power: bool, law: int | None, lost: bool, fault: int | None
+) -> None:
+    """Magnitudes with a bit for the sign; 6.5 mA, 0.1 V, °C."""
+    codec, _ = feetech()
+    codec.driver._take(1, feetech_answer(**some))
+    reported = codec.reported
+    assert (reported.power, reported.law, reported.lost) == (power, law, lost)
+    assert (reported.fault and reported.fault.number) == fault
+    assert codec.readings == pytest.approx(
+        (math.pi / 2.0, -100 * REV / 4096, 0.0, -0.13, 31.0, 7.4)
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "wrapped"),
+    [(100, 4000, True), (4000, 100, True), (100, 2148, False), (100, 2149, True),
+     (2148, 100, False), (2149, 100, True)],
+)  # fmt: skip
+def test_a_count_that_wraps_is_a_fault_until_it_is_reset(
+    before: int, now: int, wrapped: bool
+) -> None:
+    """S9; with the register by which it is mended."""
+    codec, line = feetech()
+    codec.driver._places[0], codec.driver._homing[0] = before, -7
+    codec.driver._take(1, feetech_answer(position=now))
+    assert (codec.reported.fault is not None) == wrapped
+    codec.driver._take(1, feetech_answer(position=now))
+    assert (codec.reported.fault is not None) == wrapped
+    if wrapped:
+        assert codec.reported.fault is not None
+        assert codec.reported.fault.number == 0
+        assert "address 31, now -7) so that it counts 2048" in codec.reported.fault.name
+    said(codec, line, Action.RESET, SetPoint.OFF)
+    codec.driver._take(1, feetech_answer(position=now))
+    assert codec.reported.fault is None
+
+
+def test_a_count_before_the_set_up_wraps_nothing() -> None:
+    codec, _ = feetech()
+    codec.driver._places[0], codec.reported.lost = 100, True
+    codec.driver._take(1, feetech_answer(position=4000))
+    assert codec.reported.fault is None
+
+
+def test_what_a_feetech_is_told() -> None:
+    codec, line = feetech(unwatched="1")
+    codec.driver._places[0] = 700
+    reads, wait = ("read", 33, 38, [1]), ("hold", 1, 0.5)
+    goal = (42, {1: "000c00000000"})
+    some = {"position": math.pi / 2.0}
+    assert said(codec, line, Action.GOAL, SetPoint.POSITION, **some) == [goal, reads, wait]
+    on = said(codec, line, Action.POWER_ON, SetPoint.POSITION, **some)
+    assert on == [goal, (40, {1: "01"}), reads, wait]
+    turns = said(codec, line, Action.GOAL, SetPoint.VELOCITY, velocity=-0.5)[0]
+    assert turns == (42, {1: "bc0200004681"})
+
+
+def test_nothing_is_read_of_no_servo() -> None:
+    codec, line = feetech()
+    codec.driver._read({})
+    assert line.said == []
+
+
+@pytest.mark.parametrize(
+    ("value", "sign", "number"),
+    [(0.0, 15, 0), (-0.2, 15, 0), (1.4, 15, 1), (-1.6, 15, 0x8002), (1e9, 15, 0x7FFF),
+     (-1e9, 15, 0xFFFF), (-5.0, 10, 0x405), (5000.0, 10, 0x3FF), (-5.0, 11, 0x805)],
+)  # fmt: skip
+def test_magnitudes_have_a_bit_for_their_sign(value: float, sign: int, number: int) -> None:
+    assert f.magnitude(value, sign) == number
+    if abs(value) < 1000.0:
+        assert f.signed(number, sign) == round(value)
+
+
+class Registers:
+    """A bus with one servo, whose registers are asked for one by one."""
+
+    def __init__(self, values: dict[int, int]) -> None:
+        self.values = values
+
+    def get(self, drive: int, item: Any) -> int:
+        assert drive == 9
+        return self.values[item.address]
+
+
+@pytest.mark.parametrize(
+    ("number", "error", "kind", "fault"),
+    [(1060, 0, "XL430-W250", None), (1, 4, "model 1", 4), (1020, 32, "XM430-W350", 32)],
+)
+def test_a_dynamixel_is_identified(number: int, error: int, kind: str, fault: int | None) -> None:
+    pytest.importorskip("dynamixel_sdk")
+    from control_board_ros.plants.dynamixel import driver
+
+    found = driver.identity(Registers({0: number, 6: 52, 70: error, 144: 121}), 9)  # type: ignore[arg-type]
+    assert (found.id, found.type, found.firmware, found.turn) == (9, kind, "52", REV)
+    assert (found.voltage, found.fault and found.fault.number) == (pytest.approx(12.1), fault)
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "kind", "fault"),
+    [(777, 0, "STS3215", None), (1, 4, "model 1", 4), (2825, 33, "STS3250", 33)],
+)
+def test_a_feetech_is_identified(number: int, status: int, kind: str, fault: int | None) -> None:
+    pytest.importorskip("scservo_sdk")
+    from control_board_ros.plants.feetech import driver
+
+    found = driver.identity(Registers({3: number, 0: 10 << 8 | 3, 65: status, 62: 74}), 9)  # type: ignore[arg-type]
+    assert (found.id, found.type, found.firmware, found.turn) == (9, kind, "3.10", 0.0)
+    assert (found.voltage, found.fault and found.fault.number) == (pytest.approx(7.4), fault)
+
+
+@pytest.mark.parametrize(
+    ("number", "firmware", "place"),
+    [(1190, 52, 208), (1190, 53, 224), (1020, 52, 224), (1240, 1, 208)],
+)
+def test_indirect_data_of_older_firmware(number: int, firmware: int, place: int) -> None:
+    assert d.MODELS[number].data(firmware) == place
