@@ -5,12 +5,13 @@ The package is plain Python with two exceptions, both in `build_ext`. `msg_defs/
 package of interfaces: CMake builds it (tools/interfaces.py), and what came out goes to setuptools
 as data files, so that every way of installing Python installs the messages too. So are those of
 `vendor/`, parts of packages that the ROS wheels lack, where the ROS 2 at hand has none of that
-name. The modules of COMPILED are compiled by Cython where that is possible, beside their source.
-What is built is kept by its content (tools/store.py), and not built again.
+name. The modules that compiled.py names are compiled by Cython where that is possible, beside
+their sources. What is built is kept by its content (tools/store.py), and not built again.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import runpy
@@ -27,7 +28,7 @@ from setuptools.dist import Distribution
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "tools"))
 import store  # noqa: E402
-from compile_modules import extension, made_of, say_uncompiled, translate  # noqa: E402
+from compile_modules import Translation, extension, say_uncompiled  # noqa: E402
 from interfaces import (  # noqa: E402
     MSG_DEFS,
     VENDORED,
@@ -38,7 +39,8 @@ from interfaces import (  # noqa: E402
 from interfaces import PROJECT as NAME  # noqa: E402
 
 #: Plain Python in Cython's pure mode; runs as it is where it cannot be compiled.
-COMPILED = runpy.run_path(str(HERE / NAME / "compiled.py"))["MODULES"]
+COMPILED = runpy.run_path(str(HERE / NAME / "compiled.py"))
+MODULES: tuple[str, ...] = COMPILED["MODULES"]
 #: Executables, and what they call.
 COMMANDS = {
     "control_board": f"{NAME}.node.main:main",
@@ -91,7 +93,7 @@ exec "$(dirname "$(readlink -f "$0")")/{others}/{name}" "$@"
 
 
 class Build(build_ext):
-    """`build_ext`: the messages, the modules of COMPILED, and links to the executables."""
+    """`build_ext`: the messages, the modules of MODULES, and links to the executables."""
 
     def run(self) -> None:
         level = self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL")
@@ -114,16 +116,39 @@ class Build(build_ext):
         for stage in stages.result():
             known.extend(installed_files(stage))
 
+    def build_extensions(self) -> None:
+        """Compile MODULES, and record what they are made from; all of them, or none."""
+        self.translation = Translation(HERE, MODULES)
+        super().build_extensions()
+        built = [Path(self.get_ext_fullpath(name)) for name in MODULES]
+        if all(path.exists() for path in built):
+            self.record.write_text(
+                json.dumps(self.translation.digests(COMPILED["digest"]), indent=1)
+            )
+        else:
+            for path in [*built, self.record]:
+                path.unlink(missing_ok=True)
+
+    @property
+    def record(self) -> Path:
+        """The record of what is compiled, where it is built."""
+        return Path(self.build_lib, NAME, COMPILED["RECORD"])
+
+    def copy_extensions_to_source(self) -> None:
+        super().copy_extensions_to_source()
+        if self.record.exists():
+            shutil.copy2(self.record, HERE / NAME)
+
     def build_extension(self, ext: Extension) -> None:
-        """Compile one module; where that fails, the module stays Python and the build goes on."""
+        """Compile one module; where that fails, the modules stay Python and the build goes on."""
         built = Path(self.get_ext_fullpath(ext.name))
         built.unlink(missing_ok=True)  # of an older source
         try:
-            key = made_of(HERE / ext.sources[0])
+            key = self.translation.key(ext.name)
             kept = store.find(ext.name, key)
             if kept is None:
                 work = Path(self.build_temp)
-                ext.sources = [str(translate(ext.name, HERE / ext.sources[0], work))]
+                ext.sources = [str(self.translation.translate(ext.name, work))]
                 super().build_extension(ext)
                 made = work / "made" / ext.name
                 made.mkdir(parents=True, exist_ok=True)
@@ -136,7 +161,8 @@ class Build(build_ext):
             say_uncompiled(ext.name, error)
 
     def get_outputs(self) -> list[str]:
-        return [path for path in super().get_outputs() if Path(path).exists()]
+        outputs = [*super().get_outputs(), str(self.record)]
+        return [path for path in outputs if Path(path).exists()]
 
     def get_output_mapping(self) -> dict[str, str]:
         mapping = super().get_output_mapping()
@@ -326,7 +352,7 @@ setup(
     entry_points={
         "console_scripts": [f"{command} = {called}" for command, called in COMMANDS.items()],
     },
-    ext_modules=[extension(HERE, module) for module in COMPILED],
+    ext_modules=[extension(HERE, module) for module in MODULES],
     cmdclass={"build_ext": Build},
     distclass=DistributionWithMessages,
     zip_safe=False,

@@ -1,76 +1,108 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the modules of the control cycle are compiled, or run as Python, and why.
 
-A compiled module is beside its source and is imported in its place. It records which source it
-was made from; where that has changed since, as in an editable checkout, the source runs.
+A compiled module is beside its source and is imported in its place. They call each other in C, so
+that they are all compiled, or none: where a source is not the one that was compiled, as in an
+editable checkout, or something is missing, all sources run.
 """
 
 from __future__ import annotations
 
 import importlib
+import json
 import sys
-from importlib.machinery import EXTENSION_SUFFIXES, SourceFileLoader
-from importlib.util import module_from_spec, source_hash, spec_from_file_location
+from collections.abc import Sequence
+from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
+from importlib.util import source_hash, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
-#: Modules that are compiled where possible; pyproject.toml (cache-keys, mypy) names the same ones.
+_HERE = Path(__file__).parent
+
+#: Modules that are compiled where possible, each after those that it imports; pyproject.toml
+#: (cache-keys) names the same ones.
 MODULES = (
     "control_board_ros.core.model.dynamics",
-    "control_board_ros.core.laws.laws",
+    "control_board_ros.core.laws.formulas",
+    "control_board_ros.core.laws.pid",
+    "control_board_ros.core.laws.stream",
+    "control_board_ros.core.laws.joint",
+    "control_board_ros.core.laws.observing",
+    "control_board_ros.core.laws.advancing",
+    "control_board_ros.core.laws.controlling",
     "control_board_ros.core.laws.stepping",
     "control_board_ros.core.laws.stopping",
+    "control_board_ros.core.laws.laws",
     "control_board_ros.core.watch.freeze_frame",
     "control_board_ros.core.watch.monitor",
     "control_board_ros.sim.drive",
 )
+#: Hashes of the sources that were compiled, by module, beside this file; the build writes it.
+RECORD = "compiled_from.json"
 
-_outdated: set[str] = set()
+
+class Sources:
+    """A finder of modules: of MODULES the source, whether or not one is compiled beside it."""
+
+    @staticmethod
+    def find_spec(
+        name: str, _path: Sequence[str] | None = None, _target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """As importlib asks every finder."""
+        return spec_from_file_location(name, source_of(name)) if name in MODULES else None
 
 
-def admit(name: str, digest: str) -> None:
-    """Put a source that has changed in the place of the module compiled from it.
-
-    Compiled modules call it at the end of their own import (tools/compile_modules.py). Where no
-    source is beside it, the compiled module stays.
-
-    Args:
-        name: Full name of the module.
-        digest: importlib's hash of the source that it was compiled from, hexadecimal.
-    """
-    source = source_of(name)
-    if not source.is_file() or source_hash(source.read_bytes()).hex() == digest:
-        return
-    _outdated.add(name)
-    spec = spec_from_file_location(name, source, loader=SourceFileLoader(name, str(source)))
-    assert spec is not None
-    assert spec.loader is not None
-    sys.modules[name] = module = module_from_spec(spec)
-    spec.loader.exec_module(module)
+@cache
+def choose() -> None:
+    """Let the sources of MODULES run, unless all of them are compiled; before their import."""
+    if _reason():
+        sys.meta_path.insert(0, Sources)
 
 
 def source_of(name: str) -> Path:
-    """The Python file of a loaded module, compiled or not; it may be missing."""
-    folder = Path(str(sys.modules[name].__file__)).parent
-    return folder / f"{name.rpartition('.')[2]}.py"
+    """The Python file of one of MODULES; it may be missing."""
+    return _HERE.joinpath(*name.split(".")[1:]).with_suffix(".py")
+
+
+def digest(source: bytes) -> str:
+    """The hash of a source, as the record has it."""
+    return source_hash(source).hex()
 
 
 def is_compiled() -> bool:
     """Whether all of MODULES run compiled."""
-    return not _uncompiled()
-
-
-def _uncompiled() -> list[str]:
-    """The MODULES that run as Python."""
-    files = {name: str(importlib.import_module(name).__file__) for name in MODULES}
-    return [name for name in MODULES if not files[name].endswith(tuple(EXTENSION_SUFFIXES))]
+    files = [str(importlib.import_module(name).__file__) for name in MODULES]
+    return all(file.endswith(tuple(EXTENSION_SUFFIXES)) for file in files)
 
 
 def describe() -> str:
     """``compiled``, or ``uncompiled (why and what to do)``."""
-    names = _uncompiled()
-    if not names:
+    if is_compiled():
         return "compiled"
-    changed = " and ".join(source_of(name).name for name in names if name in _outdated)
+    return f"uncompiled ({_reason() or MISSING})"
+
+
+#: What is said where nothing is compiled.
+MISSING = "slower; install again with Cython and a C compiler"
+
+
+@cache
+def _reason() -> str:
+    """Why the sources run, and what to do; empty where all of MODULES can run compiled."""
+    try:
+        record = json.loads((_HERE / RECORD).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return MISSING
+    sources = {name: source_of(name) for name in MODULES}
+    for source in sources.values():
+        if not any(source.with_suffix(suffix).is_file() for suffix in EXTENSION_SUFFIXES):
+            return MISSING
+    changed = [
+        source.name
+        for name, source in sources.items()
+        if source.is_file() and digest(source.read_bytes()) != record.get(name)
+    ]
     if changed:
-        return f"uncompiled ({changed} changed since; install it again)"
-    return "uncompiled (slower; install again with Cython and a C compiler)"
+        return f"{' and '.join(changed)} changed since; install it again"
+    return ""

@@ -91,3 +91,11 @@ def cast(kind: Any, value: Any) -> Any:
 def declare(kind: Any = None, *value: Any, **_: Any) -> Any:
     """The initial value of a variable: the given one, else zero or None."""
     return kind(*value) if isinstance(kind, CType) else as_it_is(*value)
+
+
+def start_at_zero(*kinds: type) -> None:
+    """Let the numbers of classes start at zero, as they do compiled."""
+    for kind in kinds:
+        for name, value in list(vars(kind).items()):
+            if value is None:
+                setattr(kind, name, 0.0)

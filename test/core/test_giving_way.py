@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: COMPLIANT of a drive that takes positions only: its goal gives way (SPEC I5, I7)."""
+"""core.laws: COMPLIANT of a drive that takes positions only: its goal gives way (SPEC I5, I7)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from array import array
 import numpy as np
 import pytest
 from joints import CONSTANTS, ROWS, gains
+from pure import LAWS
 
-from control_board_ros.core.laws import laws
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.modes import Law
 
@@ -47,7 +47,7 @@ class Servo:
     """A joint at rest at 0 that carries a weight, in COMPLIANT; its current is what is set."""
 
     def __init__(self, weight: float = 0.0, **constants: float) -> None:
-        self.joint = laws.Joint()
+        self.joint = LAWS.Joint()
         for name, value in (CONSTANTS | SERVO | constants).items():
             setattr(self.joint, name, value)
         self.rows = {name: array("d", [0.0]) for name in ROWS}
@@ -56,7 +56,7 @@ class Servo:
         views = [memoryview(row) for row in self.rows.values()]
         done, handed = memoryview(array("B", [1])), [memoryview(row) for row in self._handed]
         arm, external = Weight(weight), memoryview(self._external)
-        self._laws = laws.Laws([self.joint], views, done, arm, False, handed, external)
+        self._laws = LAWS.Laws([self.joint], views, done, arm, False, handed, external)
         gains(self.joint.position_pid, kp=100.0)
         self.weight = weight
         self.feel(0.0)

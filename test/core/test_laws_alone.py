@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py, function by function: the formulas of its docstrings, to the number.
+"""core.laws, function by function: the formulas of its docstrings, to the number.
 
 They are C functions where the laws are compiled; here they are the same as plain Python.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: laws from cycle to cycle: what is fed forward, drives, what is measured (P7, P10)."""
+"""core.laws: laws from cycle to cycle: what is fed forward, drives, what is measured (P7, P10)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py, a cycle of several joints: what the arm's dynamics are asked for, and who gets it.
+"""core.laws, a cycle of several joints: what the arm's dynamics are asked for, and who gets it.
 
 They are C functions where the laws are compiled; here they are the same as plain Python.
 """
@@ -403,7 +403,7 @@ def test_the_last_rounding_error_ends_at_the_reference() -> None:
 @pytest.mark.parametrize("late", [False, True])
 def test_a_stream_ends_when_no_sample_comes(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """P4: after its patience, by whole cycles since the last one."""
-    monkeypatch.setattr(LAWS, "follow_stream", lambda _: 0.0)
+    monkeypatch.setattr(LAWS.advancing, "follow_stream", lambda _: 0.0)
     one = led(
         direct_velocity=0.3, reference_velocity=0.3, stream_acceleration=4.0, stream_peak=5.0
     )
@@ -443,7 +443,9 @@ def test_no_load_is_captured_before_all_are_at_rest(
 ) -> None:
     """M9: the joints that settle learn whether one brakes, and whether all rest."""
     told: list[tuple[Any, bool, bool]] = []
-    monkeypatch.setattr(LAWS, "settle", lambda j, braking, rests: told.append((j, braking, rests)))
+    monkeypatch.setattr(
+        LAWS.laws, "settle", lambda j, braking, rests: told.append((j, braking, rests))
+    )
     two.set("settling", *map(bool, settling))
     two.set("awaited", *map(bool, awaited))
     two.set("active", *map(bool, active))
@@ -575,7 +577,7 @@ def test_the_steps_of_a_cycle(
     laws.steps, laws.modelled = [], modelled
     for name in ("observe", "weigh", "advance", "control"):
         monkeypatch.setattr(
-            LAWS,
+            LAWS.laws,
             name,
             lambda j, *_, name=name: laws.steps.append(f"{name} {two.joints.index(j)}"),
         )
@@ -630,8 +632,8 @@ def test_an_output_that_is_not_finite_is_never_written(
         for name, value in ({"output": 1.0} | (wrong if j is two.second else {})).items():
             setattr(j, name, value)
 
-    monkeypatch.setattr(LAWS, "control", control)
-    monkeypatch.setattr(LAWS, "has_news", lambda _: False)
+    monkeypatch.setattr(LAWS.laws, "control", control)
+    monkeypatch.setattr(LAWS.laws, "has_news", lambda _: False)
     two.set("active", False, False)
     for name in ("current", "torque", "velocity", "position", "stiffness", "damping"):
         two.set(f"set_{name}", 0.0, 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: what the laws follow keeps to speed, acceleration and limits (SPEC P9, P14)."""
+"""core.laws: what the laws follow keeps to speed, acceleration and limits (SPEC P9, P14)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: what no law may ask for: too much speed, a way beyond a limit (SPEC P9, P14)."""
+"""core.laws: what no law may ask for: too much speed, a way beyond a limit (SPEC P9, P14)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: how a law begins: it takes over the load, from rest or from motion (SPEC M9)."""
+"""core.laws: how a law begins: it takes over the load, from rest or from motion (SPEC M9)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from joints import Body, OneJoint, gains, outputs, resting
 
-from control_board_ros.core.laws import laws
+from control_board_ros.core.laws.pid import Pid
 from control_board_ros.core.terms.modes import Law
 
 LAWS = (Law.POSITION, Law.IMPEDANCE, Law.TORQUE)
@@ -117,6 +117,6 @@ def test_a_joint_in_motion_comes_to_rest_and_stays(law: Law, load: float, fricti
 
 def test_a_loop_is_made_at_rest() -> None:
     """Before its first reset it has no integral part, no rate and no reference."""
-    made = laws.Pid()
+    made = Pid()
     rest = made.integral, made.previous, made.derivative, made.error, made.reference
     assert rest == (0.0,) * 5

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: direct positions as programs send them, steps and streams (SPEC P4)."""
+"""core.laws: direct positions as programs send them, steps and streams (SPEC P4)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py, a stream's interval, lateness and time base: each step of it by itself (SPEC P4).
+"""core.laws, a stream's interval, lateness and time base: each step of it by itself (SPEC P4).
 
 The methods are C functions where the laws are compiled; here they are the same as plain Python.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py: streams of direct positions are measured, and caught up with (SPEC P4, P14)."""
+"""core.laws: streams of direct positions are measured, and caught up with (SPEC P4, P14)."""
 
 from __future__ import annotations
 

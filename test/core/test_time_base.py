@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""laws.py, the motion that the samples of a stream show: each step of it by itself (SPEC P4).
+"""core.laws, the motion that the samples of a stream show: each step of it by itself (SPEC P4).
 
 The methods are C functions where the laws are compiled; here they are the same as plain Python.
 """

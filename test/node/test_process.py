@@ -291,12 +291,8 @@ def test_a_ros_argument_that_does_not_exist_is_named() -> None:
 
 UNCOMPILED = """
 import sys
-from importlib.util import module_from_spec, spec_from_file_location
-from control_board_ros.core import laws
-name = "control_board_ros.core.laws.laws"
-spec = spec_from_file_location(name, f"{laws.__path__[0]}/laws.py")
-sys.modules[name] = laws.laws = module_from_spec(spec)
-spec.loader.exec_module(laws.laws)
+from control_board_ros import compiled
+sys.meta_path.insert(0, compiled.Sources)
 from control_board_ros.node.main import main
 sys.exit(main())
 """

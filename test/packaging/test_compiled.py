@@ -115,7 +115,8 @@ def copied_package(tmp_path: Path) -> Path:
     source, target = Path(run(where, tmp_path)), tmp_path / "control_board_ros"
     for pattern in (
         "__init__.py",
-        "compiled.py",
+        "compiled*",
+        "nocython.py",
         "text.py",
         "core/**/*.*",
         "sim/__init__.py",

@@ -10,8 +10,7 @@ from array import array
 from typing import Any
 
 import numpy as np
-
-from control_board_ros.core.laws import laws
+from pure import INSTALLED
 
 ROWS = (
     "position",
@@ -52,7 +51,7 @@ CONSTANTS = {
 class OneJoint:
     """A joint that is measured to be where ``set`` says; ``module`` holds the laws."""
 
-    def __init__(self, module: Any = laws, **constants: Any) -> None:
+    def __init__(self, module: Any = INSTALLED, **constants: Any) -> None:
         self.joint = module.Joint()
         for name, value in (CONSTANTS | constants).items():
             setattr(self.joint, name, value)

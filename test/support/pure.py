@@ -6,31 +6,42 @@ from __future__ import annotations
 import contextlib
 import importlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_file_location
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 from control_board_ros.compiled import MODULES, source_of
 
 SUFFIX = "_as_python"
 
 
-def load_python(name: str = MODULES[0]) -> ModuleType:
-    """A new module of a compiled module's source (the laws), uncompiled, called name + SUFFIX."""
-    running = importlib.import_module(name)
-    path = str(source_of(running.__name__))
-    spec = spec_from_file_location(
-        name + SUFFIX, path, loader=SourceFileLoader(name + SUFFIX, path)
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = sys.modules[spec.name] = module_from_spec(spec)  # dataclasses look their module up
+def load_all() -> dict[str, ModuleType]:
+    """New modules of the sources of all of MODULES, which import each other, by name.
+
+    Each is called name + SUFFIX.
+    """
+    running = {name: importlib.import_module(name) for name in MODULES}
+    made: dict[str, ModuleType] = {}
     try:
-        spec.loader.exec_module(module)
+        for name in MODULES:
+            path = str(source_of(name))
+            loader = SourceFileLoader(name + SUFFIX, path)
+            spec = spec_from_file_location(name + SUFFIX, path, loader=loader)
+            assert spec is not None
+            module = made[name] = module_from_spec(spec)
+            sys.modules[spec.name] = sys.modules[name] = module  # dataclasses look theirs up
+            loader.exec_module(module)
     finally:
-        del sys.modules[spec.name]
-    return module
+        sys.modules.update(running)
+        for name in made:
+            del sys.modules[name + SUFFIX]
+    return made
+
+
+def load_python(name: str) -> ModuleType:
+    """A new module of a compiled module's source, uncompiled, on those of the others."""
+    return load_all()[name]
 
 
 @contextlib.contextmanager
@@ -40,7 +51,7 @@ def as_python() -> Iterator[dict[str, ModuleType]]:
     Every module of the product that holds a compiled one, or a class or function of its, holds the
     uncompiled one instead. Boards and plants that exist already keep what they have.
     """
-    python = {name: load_python(name) for name in MODULES}
+    python = load_all()
     exchanged: list[tuple[ModuleType, str, object]] = []
     for name, module in list(sys.modules.items()):
         if name.startswith("control_board_ros") and name not in MODULES:
@@ -65,5 +76,17 @@ def value_module(value: object) -> str:
     return str(getattr(value, "__module__", "")) if callable(value) else ""
 
 
-#: The laws as plain Python.
-LAWS = load_python("control_board_ros.core.laws.laws")
+def names_of_laws(modules: Mapping[str, ModuleType]) -> SimpleNamespace:
+    """The modules of the laws of a joint, by the last part of their names; and all their names."""
+    laws = {name.split(".")[-1]: module for name, module in modules.items() if ".laws." in name}
+    for planner in ("stepping", "stopping"):
+        del laws[planner]
+    names: dict[str, object] = {}
+    for module in laws.values():
+        names |= vars(module)
+    return SimpleNamespace(**names | laws)
+
+
+#: The laws as they are installed, and as plain Python.
+INSTALLED = names_of_laws({name: importlib.import_module(name) for name in MODULES})
+LAWS = names_of_laws(load_all())

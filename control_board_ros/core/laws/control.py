@@ -21,8 +21,9 @@ from ..terms.drives import SetPoint
 from ..terms.measurement import Array
 from ..terms.modes import Law
 from ..terms.motors import Term
-from .laws import Joint, Laws
-from .laws import Pid as Loop
+from .joint import Joint
+from .laws import Laws
+from .pid import Pid as Loop
 from .trajectory import Effort
 
 #: A current reference stays below what would be an overcurrent, by this part of it.

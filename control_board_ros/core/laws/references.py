@@ -22,7 +22,7 @@ from ..config.config import BoardConfig
 from ..state import Indices, StateArrays
 from ..terms.measurement import Array
 from ..terms.vocabs import CommandKind
-from .laws import Joint
+from .joint import Joint
 from .trajectory import Effort, Plan, durations, durations_within
 
 

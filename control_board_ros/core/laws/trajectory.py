@@ -22,7 +22,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..model.dynamics import Arm
-from .laws import Joint
+from .joint import Joint
 from .stepping import Steps
 from .stopping import smooth_time
 

@@ -14,8 +14,8 @@ import numpy as np
 from ...text import unknown_word
 from ..config.config import BoardConfig
 from ..config.layout import BoardLimits
-from ..laws.laws import Joint
-from ..laws.laws import Pid as Gains
+from ..laws.joint import Joint
+from ..laws.pid import Pid as Gains
 from ..model.coupling import MotorMix
 from ..selection import RequestError, Selection, all_within, spread
 from ..state import StateArrays

@@ -25,6 +25,8 @@ try:
 except ImportError:
     from ... import nocython as cython
 
+from ...nocython import start_at_zero
+
 if cython.compiled:
     from cython.cimports.libc.math import cos, fabs, sin
 else:
@@ -127,10 +129,8 @@ class Body:
         self.carrier = carrier
 
 
-if not cython.compiled:  # attributes start at zero, as they do compiled
-    for _name, _value in list(vars(Body).items()):
-        if _value is None:
-            setattr(Body, _name, 0.0)
+if not cython.compiled:
+    start_at_zero(Body)
 
 
 @cython.cfunc
@@ -215,6 +215,7 @@ def inwards(b: Body) -> cython.void:
     u.nz += b.r6 * b.nx + b.r7 * b.ny + b.r8 * b.nz + b.ox * fy - b.oy * fx
 
 
+@cython.final
 @cython.cclass
 class Arm:
     """Evaluates the dynamics of n joints; made by ``ArmModel.arm``.

@@ -20,6 +20,7 @@ try:
 except ImportError:
     from ... import nocython as cython
 
+from ...nocython import start_at_zero
 from ..terms.measurement import CREDIBLE, MOTOR_ROWS, ROWS, doubles
 
 if cython.compiled:
@@ -157,10 +158,8 @@ class JointMonitor:
         self.travel, self.slipped = 0.0, False
 
 
-if not cython.compiled:  # attributes start at zero, as they do compiled
-    for _name, _value in list(vars(JointMonitor).items()):
-        if _value is None:
-            setattr(JointMonitor, _name, 0.0)
+if not cython.compiled:
+    start_at_zero(JointMonitor)
 
 
 @cython.cfunc

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a joint is to be now (SPEC P1 to P6): moves, stops, ramps, direct positions, streams.
+
+The second phase of a cycle, see ``laws``.
+"""
+
+from __future__ import annotations
+
+try:
+    import cython
+except ImportError:
+    from ... import nocython as cython
+
+from .formulas import INFINITE, brake_speed, clamp
+from .joint import REST_SPEED, Joint, go_on_stopping, run_move
+from .observing import GAP, cross_gap
+from .stream import BRIEF, LAST, Stream, TimeBase, sine, versine
+
+if cython.compiled:
+    from cython.cimports.libc.math import fabs, sqrt
+else:
+    from math import fabs, sqrt
+
+#: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
+QUICKEST = cython.declare(cython.double, 60.0)
+QUICK = cython.declare(cython.double, 1.2)
+#: Time over which braking fades out on a wire, in ages of late readings; at most, s.
+FADE_AGES = cython.declare(cython.double, 8.0)
+FADE_MOST = cython.declare(cython.double, 0.08)
+
+
+@cython.cfunc
+def advance(j: Joint) -> cython.void:
+    """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
+    velocity: cython.double
+    periods: cython.double = j.elapsed / j.period
+    j.sample_age += periods
+    if periods > GAP:
+        cross_gap(j)
+    if j.driven:
+        j.moved, j.ramped, j.reference = j.followed, 0.0, j.followed
+    if j.moving:
+        advance_move(j)
+    elif j.stopping:
+        advance_stop(j)
+    velocity = j.moved_velocity
+    if j.ramp_target != 0.0 or j.ramp_velocity != 0.0:
+        advance_ramp(j)
+        velocity += j.ramp_velocity
+    if j.direct_age < INFINITE:
+        j.direct_age += periods
+    else:
+        j.reference_velocity = velocity
+    j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
+    if periods > GAP:
+        j.elapsed = j.span = j.period
+    follow(j)
+    if j.driven:
+        j.reference = j.followed
+    if j.calibrated:
+        come_in(j, j.followed)
+
+
+@cython.cfunc
+@cython.inline
+def come_in(j: Joint, place: cython.double) -> cython.void:
+    """The bounds of a joint found outside its limits follow it in, not out again (P9, P16)."""
+    if j.lower < j.limit_lower:
+        j.lower = clamp(place, j.lower, j.limit_lower)
+    if j.upper > j.limit_upper:
+        j.upper = clamp(place, j.limit_upper, j.upper)
+
+
+@cython.cfunc
+def advance_move(j: Joint) -> cython.void:
+    """One cycle of a move (P1)."""
+    time: cython.double = j.move_time
+    j.move_cycles += j.elapsed / j.period
+    elapsed: cython.double = j.move_cycles * j.period
+    if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
+        j.moving = False
+        j.moved, j.moved_velocity, j.moved_acceleration = j.move_target, 0.0, 0.0
+        return
+    run_move(j, elapsed)
+
+
+@cython.cfunc
+def advance_stop(j: Joint) -> cython.void:
+    """Brake as planned (``stopping``), to hold where the joint comes to rest (M9, P3)."""
+    step: cython.int = j.plan_steps
+    elapsed: cython.double = min(j.elapsed, GAP * j.period)
+    span: cython.double = min(j.span, GAP * j.period)
+    rate: cython.double = fading(j, j.moved_velocity)
+    change: cython.double = min(j.stop_rate, rate) * span
+    place: cython.double
+    ahead: cython.double
+    over: cython.double = j.velocity - j.ramp_velocity
+    known_to: cython.double
+    if step > 0:
+        step = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
+    if j.smooth:
+        stop_smoothly(j, elapsed)
+    elif step < j.plan_steps:
+        j.plan_time += elapsed
+        if j.plan[step] * j.moved_velocity >= 0.0:
+            rate = INFINITE
+        j.moved_velocity += clamp(j.plan[step], -rate, rate) * span
+    else:
+        j.plan_steps = 0
+        j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
+    if not j.smooth:
+        j.moved += j.moved_velocity * elapsed
+    place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
+    if place != j.moved:  # too fast to stop before a limit
+        j.moved, j.moved_velocity, j.plan_steps = place, 0.0, 0
+        j.stopping = j.smooth = False
+        return
+    if j.smooth:
+        j.stopping = j.smooth = j.move_cycles * j.period < j.brake_time
+    else:
+        j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
+    known_to = REST_SPEED * j.max_velocity + j.max_acceleration * j.wire  # late set-points (B7)
+    if not j.stopping and fabs(over) > known_to:
+        ahead = j.position - j.moved - j.ramped
+        # it runs past the end, for want of torque
+        if ahead * over > 0.0 and ahead * j.velocity > 0.0:
+            go_on_stopping(j, j.position)
+
+
+@cython.cfunc
+@cython.inline
+def fading(j: Joint, velocity: cython.double) -> cython.double:
+    """The deceleration at which a stop fades out on a wire, rad/s²: √(2 a v/t), a → 0 in t (B7).
+
+    A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
+    """
+    time: cython.double = min(FADE_AGES * j.wire, FADE_MOST)
+    if time <= 0.0:
+        return INFINITE
+    return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)
+
+
+@cython.cfunc
+def stop_smoothly(j: Joint, elapsed: cython.double) -> cython.void:
+    """One cycle of a stop within the jerk limit; at its end the joint is at rest."""
+    j.move_cycles += elapsed / j.period
+    if j.move_cycles * j.period < j.brake_time:
+        run_move(j, j.move_cycles * j.period)
+    else:
+        j.moved, j.moved_velocity, j.moved_acceleration = j.move_target, 0.0, 0.0
+
+
+@cython.cfunc
+def advance_ramp(j: Joint) -> cython.void:
+    """The velocity reference: ramped (P5), within the speed limit, braking ahead of limits (P14).
+
+    The speed limit applies to the sum with a move's velocity.
+    """
+    total: cython.double
+    up: cython.double
+    down: cython.double
+    step: cython.double = j.ramp_step * (j.elapsed / j.period)
+    if j.ramp_target == 0.0 and not j.driven:
+        step = min(step, fading(j, j.ramp_velocity) * j.elapsed)
+    v: cython.double = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
+    up = brake_speed(j.upper - j.reference, j.max_acceleration, j.elapsed)
+    down = brake_speed(j.reference - j.lower, j.max_acceleration, j.elapsed)
+    total = clamp(
+        j.moved_velocity + v,
+        -(down if down < j.max_velocity else j.max_velocity),
+        up if up < j.max_velocity else j.max_velocity,
+    )
+    j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
+    j.ramped += j.ramp_velocity * j.elapsed
+
+
+@cython.cfunc
+@cython.inline
+def top_speed(j: Joint) -> cython.double:
+    """Of the followed reference, rad/s: a direct position comes in from outside limits (P16)."""
+    if (
+        j.direct_age < INFINITE
+        and j.calibrated
+        and (j.followed > j.limit_upper or j.followed < j.limit_lower)
+    ):
+        return j.entry_speed
+    return j.max_velocity
+
+
+@cython.cfunc
+def follow(j: Joint) -> cython.void:
+    """The followed reference: the reference within speed, acceleration and position limits (P14).
+
+    It equals the reference where the limits allow; else it is the fastest approach that ends with
+    the reference's velocity: v = v_ref + brake_speed(distance). Of a stream it tracks the motion
+    fitted to the samples (``follow_stream``). Joints that lack the torque to step together have a
+    plan (``stepping``).
+    """
+    k: cython.int
+    goal: cython.double = j.reference
+    top: cython.double = top_speed(j)
+    goal_velocity: cython.double = j.reference_velocity
+    velocity: cython.double
+    rest: cython.double
+    up: cython.double
+    down: cython.double
+    change: cython.double
+    step: cython.double = j.max_acceleration * j.span
+    if j.direct_age < INFINITE:
+        goal_velocity = 0.0
+        if j.stream.flows and (j.direct_age - 1.0) * j.period > j.stream.patience():
+            j.stream.flows = False  # it has ended
+        if not j.stream.flows:
+            j.reference_velocity = j.direct_velocity = 0.0
+    if j.stepping and (j.coasts or j.plan_time >= j.plan_steps * j.plan_step - 1e-9):
+        j.stepping = False
+    if j.stepping:
+        k = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
+        velocity = j.followed_velocity + j.plan[k] * j.span
+        j.plan_time += j.elapsed
+    elif j.direct_age < INFINITE and j.stream.flows:
+        velocity = follow_stream(j)
+        goal_velocity = j.reference_velocity
+    else:
+        j.stream_acceleration = j.stream_peak = 0.0
+        rest = goal - j.followed - goal_velocity * j.elapsed
+        if rest >= 0.0:
+            velocity = goal_velocity + brake_speed(rest, j.max_acceleration, j.elapsed)
+        else:
+            velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.elapsed)
+    up = brake_speed(j.upper - j.followed, j.max_acceleration, j.elapsed)
+    down = brake_speed(j.followed - j.lower, j.max_acceleration, j.elapsed)
+    velocity = clamp(velocity, -(down if down < top else top), up if up < top else top)
+    change = INFINITE if j.stopping and j.plan_steps > 0 else step  # a plan has what torque allows
+    velocity = clamp(velocity, j.followed_velocity - change, j.followed_velocity + change)
+    if j.coasts:  # slower at most (B7)
+        up, down = max(j.followed_velocity, 0.0), max(-j.followed_velocity, 0.0)
+        velocity = clamp(velocity, -down, up)
+    j.followed_acceleration = (velocity - j.followed_velocity) / j.span
+    j.followed_velocity = velocity
+    j.followed += velocity * j.elapsed
+    if fabs(goal - j.followed) <= 1e-12 and goal_velocity == 0.0:
+        j.followed = goal
+    if (
+        j.followed == goal
+        and fabs(velocity) <= step * 1e-6
+        and not (j.moving or j.stopping or j.ramp_target != 0.0 or j.ramp_velocity != 0.0)
+        and j.direct_velocity == 0.0
+        and (j.direct_age == INFINITE or j.direct_age * j.period > LAST)
+    ):
+        j.active, j.sample_age = False, INFINITE
+        j.followed_velocity = j.followed_acceleration = 0.0
+
+
+@cython.cfunc
+def follow_stream(j: Joint) -> cython.double:
+    """The velocity of the followed reference on its way to the motion of a stream, and along it.
+
+    e = r − x, w = v − v_r:  v̇ = a_r + 2ω (w_e − w), w_e = ½ω e near it (critically damped), and
+    √(2b(|e| − 2b/ω²)) far away, b = 0.8 (a_max − peak |a_r|), which leaves the acceleration of the
+    motion itself. a_r is low-passed; ω is inverse to the stream's interval.
+    """
+    s: Stream = j.stream
+    base: TimeBase = s.grid if s.on_grid else s.sent
+    age: cython.double = (j.direct_age - 1.0) * j.period
+    interval: cython.double = s.interval if s.interval > BRIEF else BRIEF
+    quick: cython.double = QUICK / interval
+    if s.on_grid:
+        age += s.late
+    quick = min(quick, QUICKEST)
+    quick = min(quick, 0.2 / j.period)
+    turned: cython.double = versine(base.turning, age)
+    cosine: cython.double = 1.0 - base.turning * turned
+    run: cython.double = sine(base.turning, age)
+    goal: cython.double = base.x + base.v * run + base.a * turned
+    speed: cython.double = base.v * cosine + base.a * run
+    speed = clamp(speed, -j.max_velocity, j.max_velocity)
+    rate: cython.double = base.a * cosine - base.turning * base.v * run
+    rate = clamp(rate, -j.max_acceleration, j.max_acceleration)
+    if (goal >= j.upper and speed > 0.0) or (goal <= j.lower and speed < 0.0):
+        goal, speed, rate = clamp(goal, j.lower, j.upper), 0.0, 0.0
+    j.reference_velocity = j.direct_velocity = speed
+    share: cython.double = 3.0 * quick * j.elapsed
+    j.stream_acceleration += (rate - j.stream_acceleration) * (share if share < 1.0 else 1.0)
+    rate = j.stream_acceleration
+    j.stream_peak *= 1.0 - j.elapsed
+    j.stream_peak = max(j.stream_peak, fabs(rate))
+    speed -= 0.5 * rate * j.elapsed  # the mean over this cycle
+    error: cython.double = goal - j.followed - speed * j.elapsed
+    off: cython.double = j.followed_velocity - speed + rate * j.span
+    brake: cython.double = 0.8 * (j.max_acceleration - j.stream_peak)
+    brake = max(brake, 0.03 * j.max_acceleration)
+    slope: cython.double = 0.5 * quick
+    near: cython.double = brake / (slope * slope)
+    wanted: cython.double = slope * error
+    ahead: cython.double = 0.0
+    if fabs(error) > near:
+        wanted = sqrt(2.0 * brake * (fabs(error) - 0.5 * near))
+        ahead = brake * fabs(off) / wanted
+        ahead = min(ahead, brake)
+        if error < 0.0:
+            wanted = -wanted
+        else:
+            ahead = -ahead
+    change: cython.double = (rate + ahead + 4.0 * slope * (wanted - off)) * j.span
+    wanted = speed + error / j.elapsed
+    if fabs(wanted - j.followed_velocity - change) <= 0.01 * j.max_acceleration * j.span:
+        return wanted
+    return j.followed_velocity + change

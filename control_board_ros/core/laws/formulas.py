@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Formulas without state that the laws share: bounds of numbers, ways and speeds of braking."""
+
+from __future__ import annotations
+
+try:
+    import cython
+except ImportError:
+    from ... import nocython as cython
+
+
+if cython.compiled:
+    from cython.cimports.libc.math import ceil, sqrt
+else:
+    from math import ceil, sqrt
+
+#: No limit, and no time at which something was.
+INFINITE = cython.declare(cython.double, 1e300)
+#: Distance above which no braking is needed, rad or m.
+FAR = cython.declare(cython.double, 1e9)
+NAN = cython.declare(cython.double, float("nan"))
+
+
+@cython.cfunc
+@cython.inline
+def clamp(value: cython.double, low: cython.double, high: cython.double) -> cython.double:
+    """``value`` within ``low`` to ``high``; NaN passes."""
+    if value < low:
+        return low
+    if value > high:
+        return high
+    return value
+
+
+@cython.cfunc
+def brake_speed(
+    distance: cython.double, acceleration: cython.double, period: cython.double
+) -> cython.double:
+    """The greatest speed from which braking in whole cycles ends within a distance.
+
+    d = k v T − a T² k(k − 1)/2: k cycles, each slower by a·T, with the least k that ends at rest.
+    """
+    cycles: cython.double
+    if distance <= 0.0:
+        return 0.0
+    if distance > FAR:  # no limit is known
+        return FAR
+    cycles = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
+    cycles = max(cycles, 1.0)
+    return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
+
+
+@cython.cfunc
+@cython.inline
+def braking(
+    velocity: cython.double, acceleration: cython.double, time: cython.double
+) -> cython.double:
+    """The way of a braking within a time, from velocity and acceleration."""
+    return 0.5 * velocity * time + acceleration * time * time / 12.0
+
+
+@cython.cfunc
+@cython.inline
+def is_number(value: cython.double) -> cython.bint:
+    """Whether a value is finite."""
+    return value - value == 0.0

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a joint does now, from a reading and its age (SPEC B6, B7): motion, load, rest.
+
+The first phase of a cycle, see ``laws``.
+"""
+
+from __future__ import annotations
+
+try:
+    import cython
+except ImportError:
+    from ... import nocython as cython
+
+from .formulas import clamp, is_number
+from .joint import (
+    AS_POSITION,
+    AS_VELOCITY,
+    FED,
+    POSITION,
+    REST_TIME,
+    Joint,
+    friction,
+    go_on_stopping,
+)
+from .pid import Pid
+
+if cython.compiled:
+    from cython.cimports.libc.math import fabs
+else:
+    from math import fabs
+
+#: Time constant of the load's filter, s.
+LOAD_FILTER = cython.declare(cython.double, 0.01)
+#: Time to measure the load, s: minimum where a reference waits for it, maximum.
+SETTLE_LEAST = cython.declare(cython.double, 0.05)
+SETTLE_MOST = cython.declare(cython.double, 0.5)
+#: Maximum time that a joint at rest waits for others that still brake, s.
+OTHERS_MOST = cython.declare(cython.double, 3.0)
+#: Periods without a fresh reading, and between two cycles, from which on a joint coasts, and its
+#: reference begins anew from where the joint is (B6, B7).
+GAP = cython.declare(cython.double, 3.0)
+#: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
+WIRE_MEMORY = cython.declare(cython.double, 0.5)
+WIRE_PHASE = cython.declare(cython.double, 0.2)
+#: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
+SEPARATION = cython.declare(cython.double, 0.25)
+#: Time constant of the feedback that a coasting joint keeps, s.
+HOLD_FILTER = cython.declare(cython.double, 0.03)
+#: Part of the torque limit that the error of a reference may be worth after a gap.
+GAP_SHARE = cython.declare(cython.double, 0.05)
+
+
+@cython.cfunc
+@cython.inline
+def pass_time(j: Joint, elapsed: cython.double) -> cython.void:
+    """Time since the last cycle, s; 0: one control period (B6)."""
+    before: cython.double = j.elapsed if j.elapsed > 0.0 else j.period
+    j.elapsed = elapsed if elapsed > 0.0 else j.period
+    j.span = 0.5 * (before + j.elapsed)
+
+
+@cython.cfunc
+def observe(
+    j: Joint, position: cython.double, velocity: cython.double, age: cython.double
+) -> cython.void:
+    """The motion of now; acceleration and rest: a = Δq̇/Δt; torque: J·a without an arm model.
+
+    Δt is the time between two readings. Of an old one the motion is continued, with what the
+    reference has accelerated since (B7)::
+
+        q = q(t − age) + q̇ age + ½ Δq̇ age,   q̇ = q̇(t − age) + Δq̇,   Δq̇ = ∫a_ref dt
+    """
+    ahead: cython.double = 0.0
+    between: cython.double = j.elapsed + j.age - age
+    if not is_number(position + velocity):  # there is no reading yet
+        j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
+        j.behind = 0.0
+        return
+    if age > 0.0 or j.wire > 0.0 or j.missed > 0.0:
+        note_feed(j)
+        heed(j, age, between)
+        ahead = fed_since(j, age)
+    if j.readings == 0:
+        j.acceleration = 0.0
+    elif j.missed == 0.0 and between > 0.0:
+        j.acceleration = (velocity - j.sampled) / between
+    j.age, j.sampled = age, velocity
+    j.behind = age * (velocity + 0.5 * ahead) if age > 0.0 else 0.0
+    j.position, j.velocity = position + j.behind, velocity + ahead
+    if not j.has_torque_sensor:
+        j.torque = j.current * j.torque_per_ampere
+    j.motion = j.inertia * j.acceleration
+    if j.readings < 2:
+        j.readings += 1
+    if j.at_rest():
+        if j.rest_cycles < 1000000:
+            j.rest_cycles += 1
+    else:
+        j.rest_cycles = 0
+
+
+@cython.cfunc
+@cython.inline
+def note_feed(j: Joint) -> cython.void:
+    """Keep what the last set-point fed forward, and which current it was for, on a wire."""
+    fed: cython.double = j.fed[j.fed_now]
+    if j.active and (j.law == POSITION or j.settling):
+        fed += j.followed_acceleration * j.elapsed
+    j.fed_now = (j.fed_now + 1) & (FED - 1)
+    j.fed[j.fed_now] = fed
+    j.drawn[j.fed_now] = j.current_pid.reference
+
+
+@cython.cfunc
+def fed_since(j: Joint, age: cython.double) -> cython.double:
+    """What the feed-forward has accelerated over an age, rad/s."""
+    return j.fed[j.fed_now] - j.fed[place_of(j, age)]
+
+
+@cython.cfunc
+@cython.inline
+def place_of(j: Joint, age: cython.double) -> cython.int:
+    """Where what was so an age ago is kept, as far back as it is."""
+    cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FED - 1.0))
+    return (j.fed_now - cycles) & (FED - 1)
+
+
+@cython.cfunc
+def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
+    """What the age of a reading means for the laws (B7).
+
+    Without a fresh reading for GAP periods more than usual a joint is blind; where the board
+    closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit;
+    within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``,
+    with a position loop in it as fast as SEPARATION allows, if not as configured.
+    """
+    p: Pid = j.position_pid
+    speed: cython.double = p.kd / j.inertia_min  # of the loop, 1/s
+    if between < 0.5 * j.elapsed:  # it is the same reading
+        j.missed += j.elapsed
+    else:
+        j.missed = 0.0
+        j.wire = max(age, j.wire * (1.0 - j.elapsed / WIRE_MEMORY))
+        if j.wire < 0.1 * j.period:
+            j.wire = 0.0
+    if j.kind >= AS_VELOCITY:
+        speed = j.pursuit
+    j.calm = j.spring = 1.0
+    if speed * j.wire > WIRE_PHASE:
+        j.calm = WIRE_PHASE / (speed * j.wire)
+        j.spring = j.calm * j.calm
+        if j.kind < AS_VELOCITY and p.kp > 0.0:
+            j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
+    j.blind = j.missed > GAP * j.period + j.wire
+    if j.blind and j.kind < AS_VELOCITY:
+        j.coasts = True
+    elif j.coasts and not j.blind:
+        j.coasts = False
+        take_up(j)
+
+
+@cython.cfunc
+def take_up(j: Joint) -> cython.void:
+    """After a gap of readings: the reference goes on from the joint, without a step of torque.
+
+    Where the joint coasted less than an error of GAP_SHARE of the torque limit off its reference,
+    the loop deals with it.
+    """
+    p: Pid = j.position_pid
+    if j.law != POSITION and not j.settling:
+        return
+    if p.kp * fabs(j.followed - j.position) <= GAP_SHARE * j.max_torque:
+        return
+    restart_at(j, j.position)
+    p.integral += j.feedback
+    p.room = max(fabs(p.integral) - p.limit, 0.0)
+    p.fall = p.room * j.period / HOLD_FILTER
+    p.derivative = j.feedback = 0.0
+
+
+@cython.cfunc
+def restart_at(j: Joint, place: cython.double) -> cython.void:
+    """Continue the followed reference from a place, with the joint's velocity."""
+    j.followed = clamp(place, j.lower, j.upper)
+    j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
+    j.followed_acceleration = 0.0
+    j.stepping = False
+    if j.stopping:
+        go_on_stopping(j, j.followed)
+    j.active = True
+
+
+@cython.cfunc
+def cross_gap(j: Joint) -> cython.void:
+    """After a gap between two cycles, in which the drive got no set-point (B6).
+
+    A joint by torque or velocity coasted, one by position stood: the followed reference goes on
+    from where the joint is between both, as if one period had passed.
+    """
+    end: cython.double = j.followed + j.followed_velocity * j.elapsed
+    if not j.active or not is_number(j.position):
+        return
+    if j.kind >= AS_POSITION and j.missed > 0.0:  # where it is now is not known yet
+        j.followed_velocity = j.followed_acceleration = 0.0
+    else:
+        restart_at(j, clamp(j.position, min(j.followed, end), max(j.followed, end)))
+
+
+@cython.cfunc
+def weigh(j: Joint) -> cython.void:
+    """The load: τ − torque of the acceleration, low-passed from its first number on (M9).
+
+    The acceleration is that between two readings. On a wire these are some periods apart, so τ is
+    the mean of both, and no reading is weighed twice (B7).
+    """
+    raw: cython.double = j.torque - j.motion
+    before: cython.double = j.weighed_torque
+    if j.wire > 0.0:
+        if j.missed > 0.0:
+            return
+        j.weighed_torque = j.torque
+        raw += 0.5 * (before - j.torque)
+    else:
+        j.weighed_torque = j.torque
+    if j.readings < 2 or j.period >= LOAD_FILTER or not is_number(j.load):
+        j.load = raw
+    else:
+        j.load += j.period / LOAD_FILTER * (raw - j.load)
+
+
+@cython.cfunc
+def observe_external(j: Joint, motion: cython.double) -> cython.double:
+    """The torque from outside: what the motion took beyond what the joint gave (X1).
+
+    r ← r + (1 − e^(−2π f T)) (M Δq̇/T + c + g + F(q̇) − τ − r)
+
+    To the first order of the period T this is the momentum observer p̂ = ∫(τ + cᵀ − g − F + r) dt,
+    r = 2π f (p − p̂), p = M q̇ (De Luca et al., IROS 2006): the velocities of the low pass telescope
+    to those of p, so that no acceleration is measured. F is in it where τ is the motor's current.
+
+    Args:
+        j: The joint.
+        motion: M Δq̇/T + c + g of the arm, N·m.
+    """
+    torque: cython.double = motion - j.torque
+    j.unobserved += j.elapsed
+    if j.missed > 0.0:  # no reading since
+        return j.external
+    if not j.has_torque_sensor:
+        torque += friction(j, j.sampled)
+    j.external += min(j.external_share * j.unobserved / j.period, 1.0) * (torque - j.external)
+    if j.dead_band > 0.0:
+        feel(j, motion)
+    if j.contact_threshold <= 0.0 or fabs(j.external) <= j.contact_threshold:
+        j.contact_lasted = 0.0
+    else:
+        j.contact_lasted += j.unobserved
+    j.contact = j.contact_lasted > 0.0 and j.contact_lasted >= j.contact_time - 1e-6 * j.period
+    j.unobserved = 0.0
+    return j.external
+
+
+@cython.cfunc
+def feel(j: Joint, motion: cython.double) -> cython.void:
+    """What a goal gives way to, and the load: low-passed from their first numbers on."""
+    share: cython.double = min(j.felt_share * j.unobserved / j.period, 1.0) if j.feels else 1.0
+    j.felt += share * (j.external - j.felt)
+    j.borne += share * (fabs(motion) - j.borne)
+    j.feels = True
+
+
+@cython.cfunc
+def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
+    """Capture the load once it is known, or after SETTLE_MOST.
+
+    Args:
+        j: The joint, which settles.
+        braking: Whether one of the settling joints still brakes.
+        rested: Whether all of them have been at rest for REST_TIME.
+    """
+    elapsed: cython.double
+    if j.active and not j.awaited:
+        return  # it still brakes
+    if braking and not j.awaited:
+        j.wait_cycles += 1
+        if j.wait_cycles * j.period < OTHERS_MOST:
+            return
+    j.settle_cycles += 1
+    elapsed = j.settle_cycles * j.period
+    if j.awaited:
+        rested = j.rest_cycles * j.period >= REST_TIME
+    if (
+        (rested and elapsed >= REST_TIME)
+        or elapsed >= SETTLE_MOST
+        or (j.awaited and elapsed >= SETTLE_LEAST)
+    ):
+        j.take(j.load)

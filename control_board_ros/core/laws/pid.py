@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""PID controllers of the laws."""
+
+from __future__ import annotations
+
+try:
+    import cython
+except ImportError:
+    from ... import nocython as cython
+
+from ...nocython import start_at_zero
+from .formulas import clamp
+
+
+@cython.final
+@cython.cclass
+class Pid:
+    """A PID with feed-forward, a bounded integral and a filtered rate.
+
+    u = kff·r + kp·e + I + kd·D;   I += ki·e·T, |I| ≤ limit;   D += alpha·(rate − D)
+
+    An integral beyond a new, smaller limit has ``room`` above it, which shrinks by ``fall`` per
+    cycle.
+    """
+
+    kp = cython.declare(cython.double, visibility="public")
+    ki_period = cython.declare(cython.double, visibility="public")
+    kd = cython.declare(cython.double, visibility="public")
+    kff = cython.declare(cython.double, visibility="public")
+    limit = cython.declare(cython.double, visibility="public")
+    room = cython.declare(cython.double, visibility="public")
+    fall = cython.declare(cython.double, visibility="public")
+    alpha = cython.declare(cython.double, visibility="public")
+    integral = cython.declare(cython.double, visibility="public")
+    derivative = cython.declare(cython.double, visibility="public")
+    previous = cython.declare(cython.double, visibility="public")
+    error = cython.declare(cython.double, visibility="public")
+    reference = cython.declare(cython.double, visibility="public")
+
+    def __init__(self) -> None:
+        self.kp = self.ki_period = self.kd = self.kff = self.limit = self.fall = self.alpha = 0.0
+        self.reset(0.0)
+
+    @cython.ccall
+    def reset(self, integral: cython.double) -> cython.void:
+        """Start from an integral part, at rest."""
+        self.room = 0.0
+        self.integral = self.previous = clamp(integral, -self.limit, self.limit)
+        self.derivative = self.error = self.reference = 0.0
+
+    @cython.ccall
+    def feed(self) -> cython.double:
+        """The last output without its integral part."""
+        return self.kff * self.reference + self.kp * self.error + self.kd * self.derivative
+
+
+if not cython.compiled:
+    start_at_zero(Pid)
+
+
+@cython.cfunc
+def pid_step(
+    p: Pid, reference: cython.double, error: cython.double, rate: cython.double
+) -> cython.double:
+    """One period of a PID: u = kff·r + kp·e + I + kd·D."""
+    p.reference, p.error = reference, error
+    p.previous = p.integral
+    if p.room > 0.0:
+        p.room = max(p.room - p.fall, 0.0)
+    most: cython.double = p.limit + p.room
+    p.integral = clamp(p.integral + p.ki_period * error, -most, most)
+    p.derivative += p.alpha * (rate - p.derivative)
+    return p.kff * reference + p.kp * error + p.integral + p.kd * p.derivative
+
+
+@cython.cfunc
+def unwind(p: Pid, excess: cython.double) -> cython.void:
+    """Anti-windup: undo the integral's last step where it drives a saturated output further."""
+    if p.error * excess > 0.0:
+        p.integral = p.previous
