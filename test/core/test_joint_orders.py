@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core.laws, what is asked of a joint: what each request changes, and that it changes nothing else.
+"""core.laws, what is asked of a joint: each request, and that it changes nothing else.
 
 Some of it are C functions where the laws are compiled; here they are the same as plain Python.
 """

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.util
 import os
 import shutil
@@ -49,6 +50,87 @@ def test_compiled_modules_keep_to_what_every_cython_compiles(path: Path) -> None
     text = path.read_text(encoding="utf-8")
     assert not [node.lineno for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Match)]
     assert "cython.const" not in text
+
+
+SOURCE = '''
+GAIN = cython.declare(cython.double, 2.0)
+HIDDEN = cython.declare(cython.int, 1)
+
+@cython.cfunc
+@cython.inline
+def clamp(value: cython.double, most: cython.double = 1.0) -> cython.double:
+    """At most ``most``."""
+    limit: cython.double = min(value, most)
+    return limit
+
+@cython.cfunc
+@cython.inline
+def scaled(value: cython.double) -> cython.double:
+    return GAIN * value
+
+@cython.final
+@cython.cclass
+class Loop:
+    """One of its kind."""
+
+    gain = cython.declare(cython.double, visibility="public")
+    rows: cython.double[::1]
+    parts: list[Loop]
+
+    @cython.ccall
+    def run(self, error: cython.double, owner: Any) -> cython.void:
+        pass
+
+    def __init__(self) -> None:
+        pass
+'''
+USER = """
+from .loop import Loop, clamp, scaled
+from .loop import helper
+
+@cython.cfunc
+def use(loop: Loop) -> cython.bint:
+    return True
+"""
+PXD = """# cython: language_level=3
+cimport cython
+cdef double GAIN
+
+cdef inline double clamp(double value, double most=*):
+    limit: cython.double = min(value, most)
+    return limit
+
+cdef double scaled(double value)
+
+@cython.final
+cdef class Loop:
+    cdef public double gain
+    cdef double[::1] rows
+    cdef list parts
+    cpdef void run(self, double error, object owner)
+"""
+
+
+def test_declarations_are_read_from_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what others import; the source that Cython takes beside them says it no more."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    tool = importlib.import_module("declarations")
+    known = {"a.b.loop": tool.declared(SOURCE), "a.b.user": tool.declared(USER)}
+    assert tool.imported(USER, "a.b.user", known) == {"a.b.loop": {"Loop", "clamp", "scaled"}}
+    exported = {"Loop", "clamp", "scaled", "GAIN"}
+    assert tool.pxd(known["a.b.loop"], exported, {}) == PXD
+    assert tool.pxd(known["a.b.user"], {"use"}, {"a.b.loop": {"Loop"}}).endswith(
+        "from a.b.loop cimport Loop\ncdef bint use(Loop loop)\n"
+    )
+    text = tool.for_cython(SOURCE, "a.b.loop", known, exported)
+    assert text.count("\n") == SOURCE.count("\n")
+    assert "def clamp" not in text
+    assert "visibility" not in text
+    for kept in ("HIDDEN = cython", "def scaled", "def run", "One of its kind."):
+        assert kept in text
+    assert tool.for_cython(USER, "a.b.user", known, set()).startswith(
+        "\nfrom cython.cimports.a.b.loop import Loop, clamp, scaled\nfrom .loop import helper\n"
+    )
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
