@@ -8,6 +8,7 @@ no integral part: it holds below its goal by load/stiffness.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 from joints import OneJoint, gains
@@ -18,12 +19,14 @@ from control_board_ros.core.terms.modes import Law
 #: N·m/rad of the board's gains and of the servo; N·m of its load, and that it gives at most.
 KP, STIFFNESS, LOAD, LIMIT = 100.0, 20.0, 1.0, 1.6
 PERIOD, GUARD = 0.005, 2000
+#: s of a servo's lag: (kt²/R + friction)/stiffness of an STS3215 is 0.034; rad/s of a reference.
+LAG, SPEED = 0.034, 0.3
 
 
 class Servo(OneJoint):
     """A servo that moves at once to where its loop holds the load, up to an obstacle, if any.
 
-    Attributes: load, N·m; wall and place, rad; senses, whether it reads its current.
+    Attributes: load, N·m; wall and place, rad; senses, whether it reads its current; lag, s.
     """
 
     def __init__(self, load: float = LOAD, *, senses: bool = True, **constants: float) -> None:
@@ -31,6 +34,7 @@ class Servo(OneJoint):
         super().__init__(**(own | {"has_torque_sensor": False, "inertia_min": 0.02} | constants))
         gains(self.joint.position_pid, kp=KP)
         self.load, self.wall, self.place, self.senses = load, math.inf, 0.0, senses
+        self.lag = 0.0
         self.joint.start(Law.POSITION)
         self.run(400)
 
@@ -41,6 +45,7 @@ class Servo(OneJoint):
     def run(self, cycles: int = GUARD) -> None:
         for _ in range(cycles):
             place = min(self.goal - self.load / STIFFNESS, self.wall)
+            place = self.place + (place - self.place) * PERIOD / max(self.lag, PERIOD)
             current = STIFFNESS * (self.goal - place) if self.senses else 0.0
             velocity = (place - self.place) / PERIOD
             self.place = place
@@ -100,3 +105,78 @@ def test_its_goal_does_not_run_ahead_of_a_blocked_joint(senses: bool) -> None:
     servo.wall = math.inf
     servo.run()
     assert servo.goal == pytest.approx(1.0, abs=1e-6)
+
+
+def changed(servo: Servo) -> None:
+    """A real change of mode: the position law anew (M9)."""
+    servo.joint.hold(servo.place)
+    servo.joint.start(Law.POSITION, True, True)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_change_of_mode_leaves_its_set_point(way: float) -> None:
+    """M9: at rest, however often; what it holds beyond the joint is no step of the reference."""
+    servo = Servo(way * LOAD)
+    before = servo.goal
+    for _ in range(5):
+        changed(servo)
+        servo.run(50)
+        assert servo.goal == before
+        assert servo.joint.reference == servo.place == before - servo.load / STIFFNESS
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("cycles", [20, 60, 90, 130, 138])
+def test_it_stops_from_where_its_set_point_is(cycles: int, way: float) -> None:
+    """M9, P5: no step and no way back; where it comes to rest is the reference."""
+    servo = Servo(LOAD)
+    servo.lag = LAG
+    changed(servo)
+    servo.run(100)
+    servo.joint.move(servo.joint.reference + way * 0.2, 0.2 / SPEED, 0.0)
+    servo.run(cycles)
+    speed, goals = servo.joint.followed_velocity, [servo.goal]
+    changed(servo)
+    speeds = [servo.joint.reference_velocity]
+    for _ in range(200):
+        servo.run(1)
+        goals.append(servo.goal)
+        speeds.append(servo.joint.reference_velocity)
+    ways = [way * (b - a) for a, b in pairwise(goals)]
+    assert min(ways) >= 0.0
+    assert max(ways) <= abs(speed) * PERIOD + 1e-12
+    assert max(way * (b - a) for a, b in pairwise(speeds)) <= 1e-12
+    most = speed**2 / (2.0 * servo.joint.max_acceleration) + abs(speed) * PERIOD
+    assert abs(goals[-1] - goals[0]) <= most
+    assert servo.joint.reference == pytest.approx(servo.place, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [("move", (0.5, 1.0, 0.0)), ("ramp", (0.1, 1.0)), ("drive_at", (0.1,)), ("step_to", (0.1,))],
+)
+def test_a_reference_is_not_moved_to_where_it_rests(
+    command: str, arguments: tuple[float, ...]
+) -> None:
+    """Only a joint that was stopped takes its place over; then it has a reference of the user."""
+    servo = Servo(LOAD)
+    changed(servo)
+    assert servo.joint.comes_to_rest
+    getattr(servo.joint, command)(*arguments)
+    assert not servo.joint.comes_to_rest
+
+
+def test_a_drive_that_held_nothing_begins_where_the_joint_is() -> None:
+    """From IDLE its set-point is the place; what it then sags by is taken over at rest (M9)."""
+    servo = Servo(LOAD)
+    servo.joint.start(Law.OFF)
+    servo.place = 0.3
+    servo.set(position=0.3, velocity=0.0)
+    servo.step()
+    servo.joint.hold(0.3)
+    assert servo.joint.reference == servo.joint.followed == 0.3
+    servo.joint.sag, servo.joint.set_position = 0.0, 0.3
+    servo.joint.start(Law.POSITION)
+    servo.run(100)
+    assert servo.goal == 0.3
+    assert servo.joint.reference == servo.place == pytest.approx(0.3 - LOAD / STIFFNESS)

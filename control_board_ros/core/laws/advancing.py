@@ -12,7 +12,7 @@ except ImportError:
     from ... import nocython as cython
 
 from .formulas import INFINITE, brake_speed, clamp
-from .joint import REST_SPEED, Joint, go_on_stopping, run_move
+from .joint import AS_POSITION, REST_SPEED, REST_TIME, Joint, go_on_stopping, run_move
 from .observing import GAP, cross_gap
 from .stream import BRIEF, LAST, Stream, TimeBase, sine, versine
 
@@ -59,6 +59,21 @@ def advance(j: Joint) -> cython.void:
         j.reference = j.followed
     if j.calibrated:
         come_in(j, j.followed)
+
+
+@cython.cfunc
+def rest_in_place(j: Joint) -> cython.void:
+    """Where a drive of positions came to rest becomes the reference; its set-point stays (M9).
+
+    The drive holds beyond it by the sag, load/stiffness.
+    """
+    if not j.comes_to_rest or j.kind != AS_POSITION or j.active or j.braked:
+        return
+    if j.holds_place() and j.rest_cycles * j.period >= REST_TIME:
+        j.comes_to_rest = False
+        j.sag = j.set_position - j.position
+        j.moved = j.reference = j.followed = j.position
+        j.ramped, j.active = 0.0, True
 
 
 @cython.cfunc
@@ -120,7 +135,7 @@ def advance_stop(j: Joint) -> cython.void:
     else:
         j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
     known_to = REST_SPEED * j.max_velocity + j.max_acceleration * j.wire  # late set-points (B7)
-    if not j.stopping and fabs(over) > known_to:
+    if not j.stopping and fabs(over) > known_to and j.kind != AS_POSITION:
         ahead = j.position - j.moved - j.ramped
         # it runs past the end, for want of torque
         if ahead * over > 0.0 and ahead * j.velocity > 0.0:

@@ -260,9 +260,8 @@ class Controller:
         resting = {part: self._laws[part].prepare() for part in {self._laws_of[j] for j in joints}}
         for j in joints:
             joint = self.joints[j]
-            if joint.dead_band > 0.0 and (joint.law not in HOLDS_PLACE or joint.feeds != feeds):
-                joint.sag = 0.0  # its drive did not hold this place
-                joint.set_position = joint.followed if math.isfinite(joint.followed) else 0.0
+            held = joint.law in HOLDS_PLACE and joint.kind == SetPoint.POSITION
+            held = held and joint.feeds == feeds
             joint.feeds = feeds
             joint.calibrated = bool(state.calibrated[j])
             joint.torque = joint_torque(joint, float(state.torque[j]), float(state.current[j]))
@@ -270,7 +269,11 @@ class Controller:
                 joint.torque = joint.load = joint.gravity  # what its brake has carried
             self._armed[j] = law, direct
             self._set_law(j, law, direct)
-            joint.start(int(law), resting[self._laws_of[j]])
+            held = held and joint.kind == SetPoint.POSITION
+            if not held:
+                joint.sag = 0.0  # its drive did not hold this place
+                joint.set_position = joint.followed if math.isfinite(joint.followed) else 0.0
+            joint.start(int(law), resting[self._laws_of[j]], held)
             state.torque_reference[j] = joint.torque_reference
             state.powered[j] = float(law is not Law.OFF)
             if law is Law.OFF:

@@ -211,6 +211,7 @@ class Joint:
     goal = cython.declare(cython.double, visibility="public")  # of the drive, in COMPLIANT
     goal_velocity = cython.declare(cython.double, visibility="public")
     sag = cython.declare(cython.double, visibility="public")  # set-point beyond goal or reference
+    comes_to_rest = cython.declare(cython.bint, visibility="public")  # no reference since a hold
     lifts = cython.declare(cython.bint, visibility="public")  # compensates, and the arm is known
     lift = cython.declare(cython.double, visibility="public")  # compensated gravity torque
     blocked = cython.declare(cython.bint, visibility="public")  # at rest against its reference
@@ -257,7 +258,7 @@ class Joint:
         self.calm = self.spring = 1.0
         self.contact = self.had_contact = False
         self.dead_band = self.sag = self.felt = self.borne = 0.0
-        self.feels = False
+        self.feels = self.comes_to_rest = False
 
     # --- requests ---------------------------------------------------------------------------
 
@@ -265,22 +266,26 @@ class Joint:
     def hold(self, position: cython.double) -> cython.void:
         """Stop at a position: at rest there, or where the joint comes to rest (M9, P3).
 
-        With a jerk limit it stops from its reference where it follows that, without a jump.
+        With a jerk limit it stops from its reference where it follows that, without a jump; so
+        does one whose drive closes the loop of position, which lags and sags. Where the set-point
+        is at rest, what it is beyond the joint becomes the sag.
         """
         speed: cython.double = self.velocity
+        guided: cython.bint = self.law == IMPEDANCE and not self.settling
+        held: cython.bint = self.kind == AS_POSITION and (guided or self.holds_place())
         smooth: cython.bint = self.max_jerk > 0.0 and self.active and self.law == POSITION
-        if smooth:
-            position = self.followed  # its velocity is the mean of the last cycle
+        if smooth or held:  # its velocity is the mean of the last cycle
             speed = self.followed_velocity + 0.5 * self.period * self.followed_acceleration
-        guided: cython.bint
         moves: cython.bint = fabs(self.velocity) > REST_SPEED * self.max_velocity
-        if self.dead_band > 0.0:
-            guided = self.law == IMPEDANCE and not self.settling
-            moves = moves and not guided  # its goal stops, whatever pushes the joint
-            if fabs(self.velocity) <= SAGGING * self.max_velocity:
-                self.sag = self.set_position - position
-            elif guided:
-                position = self.goal
+        if held:
+            moves = speed != 0.0 and not guided  # its goal stops, whatever pushes the joint
+        if held and not moves and fabs(self.velocity) <= SAGGING * self.max_velocity:
+            self.sag = self.set_position - position
+        elif held and guided:
+            position = self.goal
+        elif smooth or held:
+            position = self.followed
+        self.comes_to_rest = True
         self.moving = False
         self.moved = self.reference = self.followed = position
         self.ramped = self.ramp_velocity = self.ramp_target = 0.0
@@ -370,7 +375,7 @@ class Joint:
         self.move_cycles = 0.0
         self.moved = self.reference
         self.ramped = 0.0
-        self.awaited = self.settling
+        self.awaited, self.comes_to_rest = self.settling, False
         self.brake_even = False
         if brake > 0.0:
             keep_inside(self)
@@ -383,7 +388,7 @@ class Joint:
         if velocity == 0.0:
             acceleration = self.max_acceleration
         self.ramp_step = acceleration * self.period
-        self.awaited = self.settling
+        self.awaited, self.comes_to_rest = self.settling, False
 
     @cython.ccall
     def drive_at(self, velocity: cython.double) -> cython.void:
@@ -396,7 +401,7 @@ class Joint:
         self.stopping = False
         self.ramp_target = self.ramp_velocity = self.reference_velocity = velocity
         self.ramp_step = INFINITE
-        self.awaited = self.settling
+        self.awaited, self.comes_to_rest = self.settling, False
 
     @cython.ccall
     def halt(self) -> cython.void:
@@ -434,7 +439,7 @@ class Joint:
         self.reference, self.reference_velocity = position, 0.0
         self.direct_velocity = self.stream.velocity()
         self.direct_age = 0.0
-        self.awaited = self.settling
+        self.awaited, self.comes_to_rest = self.settling, False
 
     @cython.cfunc
     def goes_to(self, position: cython.double) -> cython.bint:
@@ -451,6 +456,11 @@ class Joint:
             and fabs(self.velocity) <= REST_SPEED * self.max_velocity
             and fabs(self.inertia * self.acceleration) <= REST_TORQUE * self.max_torque
         )
+
+    @cython.cfunc
+    def holds_place(self) -> cython.bint:
+        """Whether the position law drives it."""
+        return self.law == POSITION or self.settling
 
     @cython.ccall
     def known_load(self) -> cython.double:
@@ -471,7 +481,9 @@ class Joint:
         return 0.0
 
     @cython.ccall
-    def start(self, law: cython.int, resting: cython.bint = True) -> cython.void:
+    def start(
+        self, law: cython.int, resting: cython.bint = True, held: cython.bint = False
+    ) -> cython.void:
         """Switch to a law without a step of torque: it starts from the load (M9).
 
         Until all joints are at rest the position law brakes this one, or holds it; its static
@@ -480,6 +492,7 @@ class Joint:
         Args:
             law: OFF, POSITION, ...
             resting: whether the other joints are at rest.
+            held: whether the drive goes on with the set-point that it has.
         """
         load: cython.double = self.known_load()
         if not resting and self.wire == 0.0:
@@ -491,7 +504,9 @@ class Joint:
         self.load = load
         self.current_pid.reset(0.0)
         self.position_pid.reset(
-            load - self.gravity - self.feed_torque() - self.position_pid.kff * self.followed
+            self.position_pid.integral
+            if held
+            else load - self.gravity - self.feed_torque() - self.position_pid.kff * self.followed
         )
         self.torque_reference = self.torque_command = self.torque
         self.current_command = 0.0

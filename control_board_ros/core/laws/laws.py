@@ -26,7 +26,7 @@ except ImportError:
     from ... import nocython as cython
 
 from ..model.dynamics import Arm
-from .advancing import advance
+from .advancing import advance, rest_in_place
 from .controlling import control
 from .formulas import NAN, is_number
 from .joint import AS_PWM, IMPEDANCE, OFF, POSITION, REST_TIME, Joint
@@ -169,6 +169,7 @@ class Laws:
         self.sense_external(yields and known)
         for k in range(len(self.joints)):
             j = self.joints[k]
+            rest_in_place(j)
             if j.active and not j.braked:
                 advance(j)
                 self.position_reference[k] = j.reference

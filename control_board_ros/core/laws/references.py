@@ -159,12 +159,10 @@ class References:
         state = self._state
         self._moves[:, joints] = np.nan
         for j, position in zip(joints, positions, strict=True):
-            state.position_reference[j], state.velocity_reference[j] = position, 0.0
-            state.done[j] = True
             joint = self._joints[j]
             joint.hold(position)
-            if joint.dead_band > 0.0:
-                state.position_reference[j] = joint.reference
+            state.position_reference[j], state.velocity_reference[j] = joint.reference, 0.0
+            state.done[j] = True
 
     def move(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
         """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,).
