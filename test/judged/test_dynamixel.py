@@ -144,7 +144,7 @@ def test_registered_writes_act_together(far: Any, other: Any) -> None:
     assert other.read(1, 69, 1).data == 0
 
 
-def test_bulk_and_sync_packets(bus: Any, other: Any) -> None:
+def test_bulk_and_sync_packets(far: Any, bus: Any, other: Any) -> None:
     port, packets = bus._port_handler, bus._packet_handler
     for drive in (1, 2):
         bus.write1ByteData(drive, 64, 1)
@@ -152,7 +152,7 @@ def test_bulk_and_sync_packets(bus: Any, other: Any) -> None:
     writes.addParam(2, GOAL_POSITION, 4, (2248).to_bytes(4, "little"))
     writes.addParam(1, 65, 1, b"\1")
     assert writes.txPacket() == COMM_SUCCESS
-    until(lambda: near(bus.read4ByteData(2, POSITION), 2248, 2))
+    until(lambda: near(bus.read4ByteData(2, POSITION), 2248, 2) and far.rests(1))
     reads = GroupBulkRead(port, packets)
     reads.addParam(2, POSITION, 4)  # not in the order of their ids
     reads.addParam(1, 65, 1)
@@ -176,7 +176,7 @@ def test_an_offset_moves_what_is_read_and_what_is_asked(far: Any, bus: Any) -> N
     assert motor.getPresentPosition() == 3048
     motor.enableTorque()
     motor.setGoalPosition(3248)
-    until(lambda: near(motor.getPresentPosition(), 3248, 2))
+    until(lambda: near(motor.getPresentPosition(), 3248, 2) and far.rests())
     assert near(far.position(), 200 * 6.2832 / 4096, 0.005)
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from statistics import median
 from typing import Any
 
 import pytest
@@ -56,14 +57,14 @@ def test_a_goal_takes_power_and_its_speed_holds(far: Any, servos: Any) -> None:
     assert servos.read_register(1, "torque_enable") == 0
     servos.set_goal_position(1, 2148)
     assert servos.read_register(1, "torque_enable") == 1
-    until(lambda: near(servos.read_register(1, "present_position"), 2148, 4))
+    until(lambda: near(servos.read_register(1, "present_position"), 2148, 4) and far.rests())
     speeds = []
     servos.sync_write_positions([1], [1748], velocity=300)
     until(
         lambda: near(servos.read_register(1, "present_position"), 1748, 4),
         lambda: speeds.append(abs(servos.read_register(1, "present_velocity"))),
     )
-    assert max(speeds) < 345
+    assert 255 < median(speeds) < 345
     assert servos.set_torque(1, False) == 0
 
 

@@ -21,7 +21,7 @@ BRIEF = 0.01
 def far_drives(driver: str, count: int = 1, **options: str) -> Iterator[Any]:
     """Drives with the ids 1, 2, … and free joints.
 
-    Yields: drives, world, address (of their bus), positions (rad).
+    Yields: drives, world, address (of their bus), positions (rad), and whether one rests.
     """
     room = f"control_board_ros.plants.{driver}"
     names = tuple(f"joint_{k}" for k in range(count))
@@ -38,6 +38,7 @@ def far_drives(driver: str, count: int = 1, **options: str) -> Iterator[Any]:
             bus=bus,
             address=bus.address,
             position=lambda joint=0: float(world.state[0][joint]),
+            rests=lambda joint=0: abs(world.state[1][joint]) < 1e-3,
         )
     finally:
         bus.close()

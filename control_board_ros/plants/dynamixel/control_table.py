@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..drives.serial_line import Item
+from ..virtual.servo import Table
 from . import table as t
 
 
@@ -100,11 +101,11 @@ ROWS = {
     "Present Temperature": Row(t.TEMPERATURE),
 }
 (BAUD_RATE, DRIVE_MODE, HOMING, MAX_VOLTAGE, MIN_VOLTAGE, SHUTDOWN, RETURN_LEVEL, REGISTERED,
- PROFILE_VELOCITY) = (
+ PROFILE_VELOCITY, PRESENT_PWM) = (
     ROWS[name].item
     for name in ("Baud Rate", "Drive Mode", "Homing Offset", "Max Voltage Limit",
                  "Min Voltage Limit", "Shutdown", "Status Return Level", "Registered Instruction",
-                 "Profile Velocity")
+                 "Profile Velocity", "Present PWM")
 )  # fmt: skip
 BAUDRATES = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 MODES = (t.CURRENT_MODE, t.VELOCITY_MODE, t.POSITION_MODE, t.EXTENDED, 5, t.PWM_MODE)
@@ -126,3 +127,18 @@ OF = {row.item.address + k: row for row in AT.values() for k in range(row.item.l
 POINTERS = {
     data + k: Item(addresses + 2 * k, 2) for addresses, data in BLOCKS for k in range(COUNT)
 }
+#: P, I and D of its loops and by what their items are divided, per count, or per unit of velocity,
+#: and ms (the same page, "Position PID Gain(80, 82, 84)", "Velocity PI Gain(76, 78)"); they make
+#: PWM of FULL_PWM. An MX-64's P is right so (Rhoban's BAM at 1b5a1ce, dynamixel/actuator.py: full
+#: duty at 198 mrad by oscilloscope, 205 by this); an XL330's is half of it there.
+POSITION_GAINS = (
+    (ROWS["Position P Gain"].item, 128),
+    (ROWS["Position I Gain"].item, 65536),
+    (ROWS["Position D Gain"].item, 16),
+)
+VELOCITY_GAINS = ((ROWS["Velocity P Gain"].item, 128), (ROWS["Velocity I Gain"].item, 65536))
+
+
+def gains(table: Table, items: tuple[tuple[Item, int], ...]) -> list[float]:
+    """The gains of a loop, as shares of the supply."""
+    return [table.get(item) / divisor / t.FULL_PWM for item, divisor in items]

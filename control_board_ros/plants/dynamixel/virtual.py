@@ -6,14 +6,13 @@ Written from the e-manual, the driver's library left aside: checksum and stuffin
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..drives.serial_line import Item
 from ..virtual.pty_bus import VirtualSerialBus
-from ..virtual.servo import BROADCAST, Framer, Packet, ServoMotor, Table
+from ..virtual.servo import BROADCAST, Framer, Loop, Packet, ServoMotor, Table
 from ..virtual.world import World
 from . import control_table as c
 from . import table as t
@@ -62,13 +61,13 @@ def unpacked(data: bytes) -> Packet | None:
 class VirtualDynamixel:
     """An XM430-W350, as delivered but for its id; see ``virtual.world.VirtualDrive``.
 
-    Attributes: table (its control table), motor (with its loops), storing (s for which it hears
+    Attributes: table (its control table), motor (at its output), storing (s for which it hears
         nothing after it stored a value; see ``ERASING``).
     """
 
     def __init__(self, drive: int) -> None:
         self.silent, self.persists, self.storing = False, 0, 0.0
-        self.motor = ServoMotor(*c.MOTOR)
+        self.motor, self._loop = ServoMotor(*c.MOTOR), Loop()
         self.table = Table(c.SIZE)
         self.torque, self._turns, self._asked = 0.0, 0, drive
         self._forget(t.ID, c.BAUD_RATE)
@@ -261,6 +260,7 @@ class VirtualDynamixel:
     def _refresh(self) -> None:
         current = self._way * round(self.torque / self.motor.constant / MODEL.ampere)
         self.table.set(t.CURRENT, max(-32768, min(32767, current)))
+        self.table.set(c.PRESENT_PWM, self._way * round(self.motor.duty * t.FULL_PWM))
         self.table.set(t.VELOCITY, self._way * round(self.motor.velocity / t.SPEED))
         self.table.set(t.POSITION, self._count())
         self.table.set(t.VOLTAGE, round(self.motor.supply / t.VOLT))
@@ -280,14 +280,16 @@ class VirtualDynamixel:
         self._away = max(0.0, self._away - seconds)
         self._quiet += seconds
         self._check_supply()
-        watch = self.table.get(t.WATCHDOG)
-        on = self.table.get(t.TORQUE)
+        watch, on = self.table.get(t.WATCHDOG), self.table.get(t.TORQUE)
         if on and 0 < watch < t.TRIPPED and self._quiet > watch * t.WATCHDOG_STEP:
             self.table.set(t.WATCHDOG, t.TRIPPED)
             self._hold = position
-        most = self.table.get(t.CURRENT_LIMIT) * MODEL.ampere * self.motor.constant
-        torque = self._torque(seconds) if on else 0.0
-        self.torque = max(-most, min(most, torque))
+        if on:
+            most = abs(self.table.get(t.GOAL_PWM, signed=True)) / t.FULL_PWM
+            self.torque = self.motor.torque(self._duty(seconds), most)
+        else:
+            self._loop.rest()
+            self.motor.duty = self.torque = 0.0
         return self.torque
 
     def _check_supply(self) -> None:
@@ -298,25 +300,23 @@ class VirtualDynamixel:
             if table.get(c.SHUTDOWN) & INPUT_VOLTAGE:
                 table.set(t.TORQUE, 0)
 
-    def _torque(self, seconds: float) -> float:
-        table, motor = self.table, self.motor
+    def _duty(self, seconds: float) -> float:
+        """What the loop of its mode asks for, as a share of the supply."""
+        table, motor, loop = self.table, self.motor, self._loop
         mode, stopped = table.get(t.MODE), table.get(t.WATCHDOG) == t.TRIPPED
-        pwm = table.get(t.GOAL_PWM, signed=True) / t.FULL_PWM
         amps = table.get(t.GOAL_CURRENT, signed=True) * MODEL.ampere
         if mode == t.VELOCITY_MODE:
-            goal = self._way * table.get(t.GOAL_VELOCITY, signed=True) * t.SPEED
-            return motor.towards_velocity(0.0 if stopped else goal)
-        if mode in (t.CURRENT_MODE, t.PWM_MODE) and stopped:
-            return 0.0
-        if mode == t.CURRENT_MODE:
-            return self._way * amps * motor.constant
+            goal = 0 if stopped else self._way * table.get(t.GOAL_VELOCITY, signed=True)
+            return loop.duty(goal - motor.velocity / t.SPEED, *c.gains(table, c.VELOCITY_GAINS))
+        if mode == t.CURRENT_MODE or (mode == t.PWM_MODE and stopped):
+            return motor.duty_of(0.0 if stopped else self._way * amps)
         if mode == t.PWM_MODE:
-            return motor.at_output(self._way * pwm)
-        torque = motor.towards_position(self._hold if stopped else self._goal(seconds))
-        most = (
-            abs(amps) * motor.constant if mode not in (t.POSITION_MODE, t.EXTENDED) else math.inf
-        )
-        return max(-most, min(most, torque))
+            return self._way * table.get(t.GOAL_PWM, signed=True) / t.FULL_PWM
+        error = (self._hold if stopped else self._goal(seconds)) - motor.position
+        duty = loop.duty(error / t.COUNT, *c.gains(table, c.POSITION_GAINS))
+        if mode in (t.POSITION_MODE, t.EXTENDED):
+            return duty
+        return max(motor.duty_of(-abs(amps)), min(motor.duty_of(abs(amps)), duty))
 
     def _goal(self, seconds: float) -> float:
         """Where its profile is on the way to the goal, rad."""

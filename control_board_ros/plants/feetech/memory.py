@@ -48,10 +48,13 @@ DELIVERED = {
     "Torque_Limit": (Item(48, 2), 1000),
     "Maximum_Velocity_Limit": (t.SPEED_LIMIT, 254),
 }
-BAUD_RATE, RETURN_LEVEL, MAX_VOLTAGE, MIN_VOLTAGE, MAX_TORQUE, UNLOADING, TORQUE_LIMIT = (
+(BAUD_RATE, RETURN_LEVEL, MAX_VOLTAGE, MIN_VOLTAGE, MAX_TORQUE, UNLOADING, P, VELOCITY_P,
+ VELOCITY_I, TORQUE_LIMIT) = (
     DELIVERED[name][0]
     for name in ("Baud_Rate", "Response_Status_Level", "Max_Voltage_Limit", "Min_Voltage_Limit",
-                 "Max_Torque_Limit", "Unloading_Condition", "Torque_Limit")
+                 "Max_Torque_Limit", "Unloading_Condition", "P_Coefficient",
+                 "Velocity_closed_loop_P_proportional_coefficient",
+                 "Velocity_closed_loop_I_integral_coefficient", "Torque_Limit")
 )  # fmt: skip
 BAUDRATES = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
 LOAD, REGISTERED, MOVING = Item(60, 2), Item(64, 1), Item(66, 1)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..virtual.pty_bus import VirtualSerialBus
-from ..virtual.servo import BROADCAST, Framer, Packet, ServoMotor, Table
+from ..virtual.servo import BROADCAST, Framer, Loop, Packet, ServoMotor, Table
 from ..virtual.world import World
 from . import memory as m
 from . import table as t
@@ -26,11 +26,14 @@ VOLTAGE = 1
 #: rad/s below which it reports that it does not move.
 RESTING = 0.01
 #: N·m/A and Ω of an STS3215 at 7.4 V, its dry friction, N·m, and its viscous, N·m·s/rad: Rhoban's
-#: BAM, params/feetech_sts3215_7_4V/m1.json at 31e5b97.
-CONSTANT, RESISTANCE, SUPPLY = 1.1776, 2.4787, 7.4
-DRY, VISCOUS, SLIP = 0.0515, 0.0599, 0.02
-#: Of the velocity loop, N·m/rad.
-INTEGRAL = 5.0
+#: BAM, params/feetech_sts3215_7_4V/m1.json at 1b5a1ce.
+CONSTANT, RESISTANCE, SUPPLY = 1.21164, 2.67617, 7.4
+DRY, VISCOUS, SLIP = 0.0523930, 0.0590852, 0.02
+#: Duty per rad of error and unit of P, and its bound, by oscilloscope: BAM, feetech/actuator.py
+#: there, with D = 0 (feetech/record.py). What D, I, dead zone and least force do is not published.
+GAIN, MOST_DUTY = 0.166, 0.97
+#: Of the velocity loop, duty per rad/s and unit of P, and per rad and unit of I: assumed.
+VELOCITY_P, VELOCITY_I = 0.01, 0.01
 
 
 def packed(drive: int, code: int, parameters: bytes) -> bytes:
@@ -54,7 +57,7 @@ class VirtualFeetech:
 
     Attributes:
         table: Its memory.
-        motor: With its loops.
+        motor: At its output.
         dry, viscous: Friction of its gear, N·m and N·m·s/rad.
         goal_takes_power: A goal switches the torque on, as the author of feetech-cli 0.1.8
             measured on a servo (simulator.py); the memory table does not say it.
@@ -64,7 +67,7 @@ class VirtualFeetech:
     def __init__(self, drive: int) -> None:
         self.silent, self.persists, self.goal_takes_power = False, 0, False
         self.storing = 0.0
-        self.motor = ServoMotor(CONSTANT, RESISTANCE, SUPPLY)
+        self.motor, self._loop = ServoMotor(CONSTANT, RESISTANCE, SUPPLY), Loop()
         self.dry, self.viscous = DRY, VISCOUS
         self.table = Table(256)
         self.torque = 0.0
@@ -100,7 +103,8 @@ class VirtualFeetech:
         self.table.set(m.TORQUE_LIMIT, self.table.get(m.MAX_TORQUE))
         self.table.set(t.STATUS, self.persists)
         self._registered: tuple[int, bytes] | None = None
-        self._profile, self._sum, self._away = math.nan, 0.0, 0.0
+        self._profile, self._away = math.nan, 0.0
+        self._loop.rest()
 
     def fail(self, code: int, *, persists: bool = False) -> None:
         self.persists = code if persists else 0
@@ -150,11 +154,10 @@ class VirtualFeetech:
         return packed(self.id, self.table.get(t.STATUS), data)
 
     def _read(self, address: int, length: int) -> bytes:
-        load = 1000.0 * self.torque * self.motor.resistance
         for item, value in (
             (t.POSITION, t.magnitude(self._count())),
             (t.VELOCITY, t.magnitude(self.motor.velocity / t.COUNT)),
-            (m.LOAD, t.magnitude(load / self.motor.constant / self.motor.supply, t.PWM_SIGN)),
+            (m.LOAD, t.magnitude(1000.0 * self.motor.duty, t.PWM_SIGN)),
             (t.CURRENT, t.magnitude(self.torque / self.motor.constant / t.AMPERE)),
             (m.MOVING, int(abs(self.motor.velocity) > RESTING)),
             (m.REGISTERED, int(self._registered is not None)),
@@ -204,15 +207,13 @@ class VirtualFeetech:
         self.motor.position, self.motor.velocity = position, velocity
         self._away = max(0.0, self._away - seconds)
         self._check_supply()
-        stall = self.motor.constant * self.motor.supply / self.motor.resistance
-        most = min(
-            self.table.get(t.CURRENT_LIMIT) * t.AMPERE * self.motor.constant,
-            1e-3 * self.table.get(m.TORQUE_LIMIT) * stall,
-        )
-        on = self.table.get(t.TORQUE)
-        self._sum = self._sum if on else 0.0
-        torque = self._torque(seconds) if on else 0.0
-        self.torque = max(-most, min(most, torque))
+        most = min(MOST_DUTY, 1e-3 * self.table.get(m.TORQUE_LIMIT))
+        duty = self._duty(seconds)
+        if duty is None:
+            self._loop.rest()
+            self.motor.duty = self.torque = 0.0
+        else:
+            self.torque = self.motor.torque(duty, most)
         return self.torque - self.dry * math.tanh(velocity / SLIP) - self.viscous * velocity
 
     def _check_supply(self) -> None:
@@ -227,19 +228,23 @@ class VirtualFeetech:
                 table.set(t.TORQUE, 0)
         table.set(t.STATUS, status)
 
-    def _torque(self, seconds: float) -> float:
-        goals = self.table.get(t.GOALS).to_bytes(6, "little")
+    def _duty(self, seconds: float) -> float | None:
+        """What its loop asks for; None: its bridge is open."""
+        table, motor = self.table, self.motor
+        goals = table.get(t.GOALS).to_bytes(6, "little")
         position, pwm, speed = (int.from_bytes(goals[k : k + 2], "little") for k in (0, 2, 4))
-        mode = self.table.get(t.MODE)
+        mode = table.get(t.MODE)
+        if not table.get(t.TORQUE):
+            return None
         if mode == t.PWM_MODE:
-            return self.motor.at_output(t.signed(pwm, t.PWM_SIGN) / t.FULL_PWM)
+            return t.signed(pwm, t.PWM_SIGN) / t.FULL_PWM
         if mode == t.VELOCITY_MODE:
-            goal = t.signed(speed) * t.COUNT
-            self._sum += INTEGRAL * (goal - self.motor.velocity) * seconds
-            self._sum = max(-self.motor.supply, min(self.motor.supply, self._sum))
-            return self.motor.towards_velocity(goal) + self._sum
-        self._sum = 0.0
-        return self.motor.towards_position(self._goal(t.signed(position), speed, seconds))
+            error = t.signed(speed) * t.COUNT - motor.velocity
+            p, i = VELOCITY_P * table.get(m.VELOCITY_P), VELOCITY_I * table.get(m.VELOCITY_I)
+            return self._loop.duty(error, p, i * seconds)
+        self._loop.rest()
+        error = self._goal(t.signed(position), speed, seconds) - motor.position
+        return GAIN * table.get(m.P) * error
 
     def _goal(self, goal: float, speed: int, seconds: float) -> float:
         """Where its profile is on the way to a goal within its limits, rad."""

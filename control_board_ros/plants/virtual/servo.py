@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -79,40 +80,56 @@ class Table:
 
 
 class ServoMotor:
-    """The motor of a servo and its loops, at the output.
+    """The motor of a servo at its output, on the voltage that its own loop gives it.
+
+    τ = kt (d U − kt ω)/R
 
     Args:
-        constant: N·m/A.
-        resistance: Of its winding, Ω.
-        supply: V.
+        constant: kt, N·m/A, which is V·s/rad.
+        resistance: R of its winding, Ω.
+        supply: U, V.
 
     Attributes:
-        stiffness, damping: Of the position loop, N·m/rad and N·m·s/rad; the velocity loop has
-            the damping.
         position, velocity: rad, rad/s.
+        duty: d, share of the supply that acts, -1 to 1.
     """
 
     def __init__(self, constant: float, resistance: float, supply: float) -> None:
         self.constant, self.resistance, self.supply = constant, resistance, supply
-        self.stiffness, self.damping = 60.0, 3.0
-        self.position = self.velocity = 0.0
+        self.position = self.velocity = self.duty = 0.0
 
     def fit(self, joint: JointConfig, ratio: float) -> None:
-        """Use the motor and the gains of a joint."""
-        motor, gains = joint.motor, joint.position_pid
+        """Use the motor of a joint; the gains are the servo's own."""
+        motor = joint.motor
         self.constant = motor.torque_per_ampere / ratio
         self.resistance, self.supply = motor.resistance, motor.supply_voltage
-        self.stiffness, self.damping = gains.kp / ratio**2, gains.kd / ratio**2
 
-    def at_output(self, share: float) -> float:
-        """Torque at a share of the supply, N·m."""
-        amps = (share * self.supply - self.constant * self.velocity) / self.resistance
+    def duty_of(self, amps: float) -> float:
+        """The share of the supply that drives a current, unbounded."""
+        return (amps * self.resistance + self.constant * self.velocity) / self.supply
+
+    def torque(self, duty: float, most: float) -> float:
+        """Torque at a share of the supply that is bounded, N·m."""
+        self.duty = max(-most, min(most, duty))
+        amps = (self.duty * self.supply - self.constant * self.velocity) / self.resistance
         return self.constant * amps
 
-    def towards_velocity(self, goal: float) -> float:
-        """Torque of the velocity loop, N·m, for rad/s."""
-        return self.damping * (goal - self.velocity)
 
-    def towards_position(self, goal: float) -> float:
-        """Torque of the position loop, N·m, for rad."""
-        return self.stiffness * (goal - self.position) - self.damping * self.velocity
+class Loop:
+    """A loop of a servo: P e + I Σe + D Δe, once a ms, whose sum stops where it is beyond ±1."""
+
+    def __init__(self) -> None:
+        self.rest()
+
+    def rest(self) -> None:
+        """Begin anew."""
+        self._sum, self._before = 0.0, math.nan
+
+    def duty(self, error: float, p: float, i: float, d: float = 0.0) -> float:
+        """The share of the supply; of the gains, per unit of the error."""
+        rise = 0.0 if math.isnan(self._before) else error - self._before
+        self._before = error
+        whole = p * error + self._sum + i * error + d * rise
+        if abs(whole) < 1.0 or whole * error < 0.0:
+            self._sum += i * error
+        return whole

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Loops and motors of virtual servos: their makers', by the values in their registers."""
+
+from __future__ import annotations
+
+import pytest
+
+from control_board_ros.plants.dynamixel import control_table
+from control_board_ros.plants.dynamixel import table as dynamixel
+from control_board_ros.plants.dynamixel.virtual import VirtualDynamixel
+from control_board_ros.plants.feetech import memory
+from control_board_ros.plants.feetech import table as feetech
+from control_board_ros.plants.feetech.virtual import VirtualFeetech
+from control_board_ros.plants.virtual.servo import ServoMotor
+
+STEP = 1e-3
+
+
+def sts3215(**items: int) -> VirtualFeetech:
+    """One with torque, its goal in the middle of its turn."""
+    servo = VirtualFeetech(1)
+    servo.table.set(feetech.GOALS, feetech.CENTRE)
+    servo.table.set(feetech.TORQUE, 1)
+    for name, value in items.items():
+        servo.table.set(memory.DELIVERED[name][0], value)
+    servo.dry = servo.viscous = servo._profile = 0.0
+    servo._profile = float(feetech.CENTRE)
+    return servo
+
+
+def xm430(mode: int = dynamixel.POSITION_MODE, **items: int) -> VirtualDynamixel:
+    """One with torque, its goal in the middle of its turn, no current limit in the way."""
+    servo = VirtualDynamixel(1)
+    servo.table.set(dynamixel.GOAL_POSITION, dynamixel.CENTRE)
+    servo.table.set(dynamixel.MODE, mode)
+    servo.table.set(dynamixel.TORQUE, 1)
+    for name, value in items.items():
+        servo.table.set(control_table.ROWS[name.replace("_", " ")].item, value)
+    return servo
+
+
+def stall(motor: ServoMotor) -> float:
+    return motor.constant * motor.supply / motor.resistance
+
+
+def test_an_sts3215_is_as_stiff_as_bam_measured() -> None:
+    """32 × 0.166 duty/rad × 3.35 N·m of stall torque; 16 is half, as LeRobot sets it."""
+    assert sts3215().step(STEP, -0.1, 0.0) == pytest.approx(1.78, abs=0.005)
+    assert sts3215(P_Coefficient=16).step(STEP, -0.1, 0.0) == pytest.approx(0.89, abs=0.003)
+
+
+@pytest.mark.parametrize(("limit", "most"), [(1000, 0.97), (500, 0.5)])
+def test_the_duty_of_an_sts3215_is_bounded(limit: int, most: float) -> None:
+    servo = sts3215(Torque_Limit=limit)
+    assert servo.step(STEP, -1.0, 0.0) == pytest.approx(most * stall(servo.motor))
+    assert servo.step(STEP, 1.0, 0.0) == pytest.approx(-most * stall(servo.motor))
+
+
+def test_an_xm430_is_as_stiff_as_its_manual_says() -> None:
+    """Position P Gain/128 of PWM per count, of 885: 4.60 duty/rad × 4.1 N·m."""
+    assert xm430().step(STEP, -0.1, 0.0) == pytest.approx(1.888, abs=0.005)
+    assert xm430(Position_P_Gain=400).step(STEP, -0.1, 0.0) == pytest.approx(0.944, abs=0.003)
+    assert xm430().step(STEP, -1.0, 0.0) == pytest.approx(4.1)
+    assert xm430(Goal_PWM=443).step(STEP, -1.0, 0.0) == pytest.approx(4.1 * 443 / 885)
+
+
+def test_its_other_gains_act() -> None:
+    """I sums the error, once a ms, and stops where all of the supply is used; D damps."""
+    still, summing = xm430(), xm430(Position_I_Gain=1000)
+    before = summing.step(STEP, -0.01, 0.0)
+    for _ in range(99):
+        summed = summing.step(STEP, -0.01, 0.0)
+    counts = 0.01 / dynamixel.COUNT
+    assert still.step(STEP, -0.01, 0.0) < before
+    assert summed - before == pytest.approx(4.1 * 99 * counts * 1000 / 65536 / 885)
+    for _ in range(20_000):
+        summed = summing.step(STEP, -0.01, 0.0)
+    assert summed == pytest.approx(4.1)
+    assert summing.step(STEP, 0.01, 0.0) < 4.1
+    damped = xm430(Position_D_Gain=1000)
+    damped.step(STEP, -0.002, 0.0)
+    assert damped.step(STEP, -0.001, 0.0) < 0.0
+
+
+def test_a_current_is_what_its_supply_can_drive() -> None:
+    servo = xm430(dynamixel.CURRENT_MODE, Goal_Current=371)
+    amps = 371 * 2.69e-3
+    assert servo.step(STEP, 0.0, 0.0) == pytest.approx(amps * servo.motor.constant)
+    fast = 12.0 / servo.motor.constant  # no current is left at this speed
+    assert servo.step(STEP, 0.0, fast) == pytest.approx(0.0, abs=1e-9)
+    bounded = xm430(5, Goal_Current=371)
+    assert bounded.step(STEP, -1.0, 0.0) == pytest.approx(amps * servo.motor.constant)
+
+
+@pytest.mark.parametrize("of_dynamixel", [True, False])
+def test_a_velocity_is_reached_against_a_load(of_dynamixel: bool) -> None:
+    """By the integral part of its loop; a light joint, 0.3 N·m."""
+    servo: VirtualDynamixel | VirtualFeetech
+    if of_dynamixel:
+        servo = xm430(dynamixel.VELOCITY_MODE, Goal_Velocity=42)
+        goal = 42 * dynamixel.SPEED
+    else:
+        servo = sts3215(Operating_Mode=feetech.VELOCITY_MODE)
+        servo.table.set(feetech.GOALS, 652 << 32)
+        goal = 652 * feetech.COUNT
+    place = speed = 0.0
+    for _ in range(3000):
+        speed += STEP * (servo.step(STEP, place, speed) - 0.3) / 0.05
+        place += STEP * speed
+    assert speed == pytest.approx(goal, rel=0.01)
