@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -17,10 +17,7 @@ from control_board_ros.core.config.config import (
     Calibration,
     ConfigError,
     Impedance,
-    Motor,
     Pid,
-    Timeouts,
-    check_number,
     damping_for,
     spring_damping,
 )
@@ -49,6 +46,7 @@ def one(**changes: Any) -> Callable[[], object]:
     return lambda: joint(**({"name": "j"} | changes))
 
 
+#: Names, groups, modes, bounds of one by another; ends of ranges are in settings/test_schema.py.
 BAD: list[tuple[str, Callable[[], object]]] = [
     ("joints: ''", one(name="")),
     ("joints: 'l.arm'", one(name="l.arm")),
@@ -63,54 +61,21 @@ BAD: list[tuple[str, Callable[[], object]]] = [
     ("calibration_groups: 'arm'", board(calibration_groups=(("arm",),))),
     ("calibration_groups: 'left'", board(calibration_groups=(("left",), ("left",)))),
     ("j.kind: 'ball'", one(kind="ball")),
-    ("j.inertia_min: 0.0", one(inertia_min=0.0)),
     ("j.inertia_mean: 0.5", one(inertia_min=1.0, inertia_mean=0.5)),
     ("j.inertia_max: 0.5", one(inertia_min=0.2, inertia_max=0.5)),
-    ("j.inertia_max: inf", one(inertia_max=INF)),
-    ("j.limits.lower: nan", limits(lower=NAN)),
     ("j.limits.upper: -2.0", limits(upper=-2.0)),
     ("j.limits.lower: -3.0", limits(lower=-3.0)),
     ("j.limits.upper: 3.0", limits(upper=3.0)),
     ("j.limits.hard_upper: -5.0", limits(hard_upper=-5.0)),
-    ("j.limits.velocity: 0.0", limits(velocity=0.0)),
-    ("j.limits.acceleration: -1.0", limits(acceleration=-1.0)),
-    ("j.limits.torque: inf", limits(torque=INF)),
-    ("j.limits.nominal_current: 0", limits(nominal_current=0)),
     ("j.limits.peak_current: 10.0", limits(peak_current=10.0)),
-    ("j.limits.output: 100.5", limits(output=100.5)),
-    ("j.limits.output: 0.0", limits(output=0.0)),
-    ("j.limits.hard_margin: 0.0", limits(hard_margin=0.0)),
-    ("j.limits.overload_time: 0.0", limits(overload_time=0.0)),
-    ("j.limits.temperature: 0.0", limits(temperature=0.0)),
-    ("j.limits.temperature_hysteresis: -1.0", limits(temperature_hysteresis=-1.0)),
-    ("j.position_pid.kp: -1.0", one(position_pid=Pid(kp=-1.0))),
     ("j.position_pid.kp: '1'", one(position_pid=Pid(kp="1"))),  # type: ignore[arg-type]
-    ("j.torque_pid.ki: inf", one(torque_pid=Pid(kp=1.0, ki=INF))),
     ("j.direct_pid.kd: nan", one(direct_pid=Pid(kp=1.0, kd=NAN))),
-    ("j.current_pid.kff: -0.1", one(current_pid=Pid(kp=1.0, kff=-0.1))),
-    ("j.position_pid.integral_limit: -1", one(position_pid=Pid(kp=1, integral_limit=-1))),
-    ("j.position_pid.derivative_cutoff: 0", one(position_pid=Pid(kp=1, derivative_cutoff=0))),
-    ("j.motor.resistance: 0.0", one(motor=replace(MOTOR, resistance=0.0))),
-    ("j.motor.inductance: -1.0", one(motor=replace(MOTOR, inductance=-1.0))),
-    ("j.motor.efficiency: 1.1", one(motor=replace(MOTOR, efficiency=1.1))),
     (
         "j.impedance.stiffness: 11.0",
         one(impedance=Impedance(stiffness=11.0, damping=0, max_stiffness=10, max_damping=1)),
     ),
-    (
-        "j.impedance.max_damping: -1",
-        one(impedance=Impedance(stiffness=0, damping=0, max_stiffness=10, max_damping=-1)),
-    ),
-    ("j.timeouts.velocity: -0.1", one(timeouts=Timeouts(velocity=-0.1))),
-    ("j.timeouts.torque: nan", one(timeouts=Timeouts(torque=NAN))),
-    ("j.timeouts.output: inf", one(timeouts=Timeouts(output=INF))),
-    ("j.timeouts.encoder: 0", one(timeouts=Timeouts(encoder=0))),
-    ("j.timeouts.torque_sensor: 0", one(timeouts=Timeouts(torque_sensor=0))),
-    ("j.back_emf_compensation: 1.5", one(back_emf_compensation=1.5)),
-    ("j.reference_speed: 0.0", one(reference_speed=0.0)),
     ("j.reference_speed: 4.0", one(reference_speed=4.0)),
     ("j.reference_acceleration: 21.0", one(reference_acceleration=21.0)),
-    ("j.max_travel_error: 0.0", one(max_travel_error=0.0)),
     ("j.control_modes: ['pos']", one(control_modes=(ControlMode.POSITION,))),
     ("j.control_modes: 'fidl'", one(control_modes=(ControlMode.IDLE, ControlMode.FORCE_IDLE))),
     ("j.interaction_modes", one(interaction_modes=(InteractionMode.COMPLIANT,))),
@@ -125,20 +90,15 @@ BAD: list[tuple[str, Callable[[], object]]] = [
         lambda: plain("j", startup_interaction=COMPLIANT),
     ),
     ("j.calibration.type: 4", calibration(type=4)),
-    ("j.calibration.zero: nan", calibration(zero=NAN)),
     ("j.calibration.start: 2.1", calibration(start=2.1)),
     ("j.calibration.speed: 3.1", calibration(speed=3.1)),
-    ("j.calibration.speed: 0.0", calibration(speed=0.0)),
     ("j.calibration.output: 0.0", calibration(output=0.0)),
-    ("j.calibration.output: 101.0", calibration(output=101.0)),
     (
         "j.calibration.output: 30.0",
         one(limits={"output": 20.0}, calibration=Calibration(output=30.0, type=12)),
     ),
     ("j.calibration.output: 90.0", calibration(output=90.0)),  # no room for a push (K6)
     ("j.calibration.stop: -2.4", calibration(stop=-2.4)),
-    ("j.calibration.stall_time: 0.0", calibration(stall_time=0.0)),
-    ("j.calibration.timeout: 0.0", calibration(timeout=0.0)),
     ("j.calibration.control_mode: 'hwfa'", calibration(control_mode=ControlMode.HW_FAULT)),
     (
         "j.calibration.control_mode: 'torq'",
@@ -176,14 +136,6 @@ def test_configuration_is_whole_or_not_at_all() -> None:
             joint("left", limits={name: -1.0})
 
 
-def test_configurations_are_frozen() -> None:
-    config = board_config()
-    with pytest.raises(FrozenInstanceError):
-        config.control_rate = 100.0  # type: ignore[misc]
-    with pytest.raises(FrozenInstanceError):
-        config.joints[0].limits.torque = 1.0  # type: ignore[misc]
-
-
 def test_parameters_that_may_be_infinite() -> None:
     """Limits of a continuous joint, an integral without bound, a check switched off."""
     endless = {"lower": -INF, "upper": INF, "hard_lower": -INF, "hard_upper": INF}
@@ -195,41 +147,6 @@ def test_parameters_that_may_be_infinite() -> None:
         max_travel_error=INF,
     )
     assert math.isinf(made.limits.upper)
-
-
-def test_names_and_period() -> None:
-    config = board_config(control_rate=250.0)
-    assert config.names == ("left", "right", "bare")
-    assert config.period == 0.004
-
-
-def test_motor_constants() -> None:
-    motor = replace(MOTOR, efficiency=0.8)
-    assert motor.torque_per_ampere == pytest.approx(0.1 * 50 * 0.8)
-    assert motor.back_emf == pytest.approx(0.1 * 50)
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "above", "allowed"),
-    [
-        (-INF, INF, None, "a number"),
-        (0.0, INF, None, "a number of at least 0"),
-        (1.0, 2.0, None, "a number from 1 to 2"),
-        (-INF, INF, 0.0, "a number above 0"),
-        (-INF, 5.0, 0.0, "a number above 0 and up to 5"),
-    ],
-)
-def test_check_number_reports_the_range(
-    low: float, high: float, above: float | None, allowed: str
-) -> None:
-    with pytest.raises(ConfigError) as error:
-        check_number("key", "x", low, high, above=above)
-    assert str(error.value) == f"key: 'x' is not allowed; {allowed}"
-    check_number("key", 1.5, low, high, above=above)
-
-
-def test_the_limits_of_the_tests_are_good() -> None:
-    assert joint("j").limits == LIMITS
 
 
 def test_an_impedance_may_be_none_and_not_less() -> None:
@@ -377,19 +294,3 @@ def test_a_mode_to_end_in_is_one_of_those_that_the_joint_has() -> None:
         "j.calibration.control_mode",
         "one of pos, idl",
     )
-
-
-def test_optional_fields_of_a_configuration() -> None:
-    """The values of configurations that are made without them."""
-    made = joint("j")
-    assert made.max_travel_error == pytest.approx(math.radians(2.0))
-    assert (made.inertia_min, made.inertia_mean, made.inertia_max) == (1.0, 1.0, 1.0)
-    assert made.reference_speed == pytest.approx(math.radians(10.0))
-    assert made.reference_acceleration == pytest.approx(math.radians(10.0))
-    assert made.current_pid == Pid(kp=0.5, ki=200.0)
-    assert Motor() == Motor(
-        resistance=1.0, inductance=1e-3, torque_constant=0.1, gear_ratio=100.0, efficiency=1.0,
-        supply_voltage=48.0, thermal_time=0.0, ambient=25.0,
-    )  # fmt: skip
-    assert Brake() == Brake(present=False, release_time=0.03, engage_time=0.02, slip_torque=100.0)
-    assert Calibration().speed == pytest.approx(math.radians(10.0))

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from typing import Any
 
 import pytest
@@ -19,15 +18,11 @@ from control_board_ros.core.machine.decisions import (
     Requested,
     Verdict,
     decide,
-    decide_feedforward,
     decide_reference,
-    decide_stop,
 )
 from control_board_ros.core.machine.explanations import (
     explain,
-    explain_feedforward,
     explain_reference,
-    explain_stop,
     range_text,
 )
 from control_board_ros.core.terms.faults import Cause, FaultCode, FaultRecord
@@ -99,14 +94,6 @@ def test_every_request_has_a_verdict_and_every_refusal_a_text(
 
 
 @pytest.mark.parametrize("mode", SELECTABLE)
-@pytest.mark.parametrize("wanted", SELECTABLE)
-def test_any_mode_to_any_mode(mode: ControlMode, wanted: ControlMode) -> None:
-    """M1, M8: into another mode, and nothing at all into the same one."""
-    effect = None if wanted is mode else wanted
-    assert decide(facts(mode), wanted) == Verdict(Answer.ACCEPTED, effect=effect)
-
-
-@pytest.mark.parametrize("mode", SELECTABLE)
 @pytest.mark.parametrize("wanted", [M.TORQUE, M.CURRENT, M.VELOCITY_DIRECT, COMPLIANT])
 def test_modes_a_joint_does_not_implement(mode: ControlMode, wanted: Requested) -> None:
     """M5, I7: the joint is to fault, and the text says what it has."""
@@ -115,66 +102,6 @@ def test_modes_a_joint_does_not_implement(mode: ControlMode, wanted: Requested) 
     assert verdict == Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, Event.UNSUPPORTED)
     have = "stif" if wanted is COMPLIANT else "pos, idl"
     assert f"it has {have};" in explain(verdict.reason, known, wanted)
-
-
-@pytest.mark.parametrize(
-    ("mode", "reason"),
-    [
-        (M.HW_FAULT, Reason.IN_FAULT),
-        (M.CALIBRATING, Reason.CALIBRATING),
-        (M.NOT_CONFIGURED, Reason.NOT_CONFIGURED),
-    ],
-)
-@pytest.mark.parametrize("wanted", [*SELECTABLE, M.CURRENT, Event.CALIBRATE])
-def test_statuses_refuse(mode: ControlMode, reason: Reason, wanted: Requested) -> None:
-    """F2, K2, N4: no mode and no calibration, also one that the joint does not implement."""
-    known = facts(mode, joint=FREE)
-    assert decide(known, wanted) == Verdict(Answer.REFUSED, reason)
-
-
-def test_force_idle() -> None:
-    """F2, F4, K2: out of every mode but IDLE and NOT_CONFIGURED, unless the cause persists."""
-    for mode in (*SELECTABLE, M.CALIBRATING, M.HW_FAULT):
-        effect = None if mode is M.IDLE else Event.FORCE_IDLE
-        assert decide(facts(mode), M.FORCE_IDLE) == Verdict(Answer.ACCEPTED, effect=effect)
-    known = facts(M.HW_FAULT, cause=CAUSE)
-    verdict = decide(known, M.FORCE_IDLE)
-    assert verdict == Verdict(Answer.REFUSED, Reason.CAUSE_PERSISTS)
-    assert "30 A > 25 A" in explain(verdict.reason, known, M.FORCE_IDLE)
-    assert decide(facts(M.NOT_CONFIGURED), M.FORCE_IDLE).answer is Answer.REFUSED
-
-
-@pytest.mark.parametrize("mode", SELECTABLE)
-def test_without_its_calibration(mode: ControlMode) -> None:
-    """K7: IDLE, FORCE_IDLE and the calibration; nothing else, unless it is not required."""
-    known = facts(mode, joint=CALIBRATED, calibrated=False)
-    for wanted in (*SELECTABLE, M.CURRENT):
-        verdict = decide(known, wanted)
-        if wanted is M.IDLE:
-            assert verdict.answer is Answer.ACCEPTED
-        else:
-            assert verdict == Verdict(Answer.REFUSED, Reason.UNCALIBRATED)
-    assert decide(known, M.FORCE_IDLE).answer is Answer.ACCEPTED
-    assert decide(known, Event.CALIBRATE).effect is Event.CALIBRATE
-    assert decide(known._replace(joint=FREE), M.TORQUE).answer is Answer.ACCEPTED
-
-
-@pytest.mark.parametrize("mode", STATES)
-@pytest.mark.parametrize("wanted", list(InteractionMode))
-def test_interaction_modes(mode: ControlMode, wanted: InteractionMode) -> None:
-    """I1, I2, I4: stored in every selectable mode and in a fault; nothing where it is so."""
-    verdict = decide(facts(mode), wanted)
-    if mode in (*SELECTABLE, M.HW_FAULT):
-        effect = None if wanted is STIFF else wanted
-        assert verdict == Verdict(Answer.ACCEPTED, effect=effect)
-    else:
-        assert verdict.answer is Answer.REFUSED
-
-
-def test_an_interaction_mode_that_a_faulted_joint_lacks() -> None:
-    """I7, F2: a joint in HW_FAULT stays as it is."""
-    known = facts(M.HW_FAULT, joint=POOR)
-    assert decide(known, COMPLIANT) == Verdict(Answer.REFUSED, Reason.IN_FAULT)
 
 
 @pytest.mark.parametrize("mode", SELECTABLE)
@@ -197,52 +124,6 @@ def test_references_go_by_the_mode(known: Facts, kind: CommandKind) -> None:
         unconfigured = known.mode is M.NOT_CONFIGURED
         assert verdict.answer is (Answer.REFUSED if unconfigured else Answer.IGNORED)
         assert text.startswith(f"{kind} reference for a ignored: ")
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_references_are_finite(bad: float) -> None:
-    """P13: neither a reference, nor what comes along, nor a feed-forward may be anything else."""
-    known = facts(M.POSITION)
-    for values in ((bad,), (0.1, bad), (bad, 0.1)):
-        verdict = decide_reference(known, CommandKind.POSITION, values)
-        assert verdict == Verdict(Answer.IGNORED, Reason.NOT_FINITE)
-        text = explain_reference(verdict.reason, known, CommandKind.POSITION, values)
-        assert text.endswith(f"{bad} is not a finite number")
-        assert decide_feedforward(known, values).reason is Reason.NOT_FINITE
-
-
-def test_values_along_have_a_range() -> None:
-    """P13: a speed out of its range; its text says the range."""
-    known = facts(M.POSITION)
-    verdict = decide_reference(known, CommandKind.POSITION, (0.1, 9.0), fits=False)
-    assert verdict == Verdict(Answer.IGNORED, Reason.OUT_OF_RANGE)
-
-
-@pytest.mark.parametrize("mode", STATES)
-def test_stop(mode: ControlMode) -> None:
-    """P3: where a position is followed, and where the joint is at rest anyhow."""
-    known = facts(mode)
-    verdict = decide_stop(known)
-    if mode in (M.TORQUE, M.OPENLOOP, M.CURRENT, M.CALIBRATING, M.NOT_CONFIGURED):
-        why = {M.CALIBRATING: Reason.CALIBRATING, M.NOT_CONFIGURED: Reason.NOT_CONFIGURED}
-        assert verdict == Verdict(Answer.IGNORED, why.get(mode, Reason.NOTHING_TO_STOP))
-        assert f"a is {mode.name}, where stop has no effect; " in explain_stop(known)
-    else:
-        assert verdict.answer is Answer.ACCEPTED
-
-
-@pytest.mark.parametrize("mode", STATES)
-def test_feedforward(mode: ControlMode) -> None:
-    """P11, K6, N4: in every mode but a calibration, once it is configured."""
-    known = facts(mode)
-    verdict = decide_feedforward(known, (1.0, 2.0))
-    assert (verdict.answer is Answer.ACCEPTED) == (mode not in (M.CALIBRATING, M.NOT_CONFIGURED))
-    text = explain_feedforward(verdict.reason, known, (1.0, 2.0))
-    why = {
-        M.CALIBRATING: "mode is CALIBRATING, where it has no effect",
-        M.NOT_CONFIGURED: "mode is NOT_CONFIGURED; the board waits for configure",
-    }
-    assert text == (f"feedforward for a ignored: {why[mode]}" if mode in why else "")
 
 
 @pytest.mark.parametrize("joint_", [FULL, POOR], ids=["full", "poor"])

@@ -5,34 +5,6 @@ from __future__ import annotations
 
 from control_board_ros.core.terms.faults import Cause, FaultCode, FaultRecord
 
-CODES = {
-    0: "external fault",
-    1: "overcurrent",
-    2: "I2t overload",
-    8: "torque sensor",
-    9: "encoder invalid",
-    10: "encoder silent",
-    11: "encoder spike",
-    14: "encoder mismatch",
-    15: "simulation diverged",
-    16: "unsupported mode",
-    17: "hard limit overrun",
-    19: "overheating",
-    20: "calibration failed",
-    21: "reference timeout",
-    22: "plant",
-    23: "controller diverged",
-    24: "emergency stop",
-    25: "drive",
-    26: "brake",
-    27: "overspeed",
-    28: "contact",
-}
-
-
-def test_the_codes_and_their_titles() -> None:
-    assert {int(code): code.title for code in FaultCode} == CODES
-
 
 def test_a_record_that_is_cleared_stays_readable() -> None:
     """F5."""

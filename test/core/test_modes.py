@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""modes.py: the named sets of modes, as the rules have them."""
+"""modes.py: the named sets of modes, and the set-points of each law, as the rules have them.
+
+The tables of transitions, references and laws are walked by test/spec/test_rules_modes.py.
+"""
 
 from __future__ import annotations
 
@@ -45,84 +48,6 @@ def test_moves_and_steps_have_a_mode_of_their_own() -> None:
     assert kinds == ({modes.K.POSITION}, {modes.K.POSITION_DIRECT})
 
 
-# --- the tables, as the specification has them ---------------------------------------------------
-
-SELECTABLE = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "veld", "icur"]
-
-
-def test_mode_transitions() -> None:
-    """M1, M5, F1, F2, F4, K1 to K4, N1 to N3; what is absent is refused."""
-    table: dict[tuple[str, object], object] = {}
-    for code in SELECTABLE:
-        table |= {(code, other): other for other in SELECTABLE}
-        table |= {
-            (code, E.FORCE_IDLE): "idl",
-            (code, E.UNSUPPORTED): "hwfa",
-            (code, E.FAULT): "hwfa",
-            (code, E.CALIBRATE): "cali",
-            (code, E.POWER_ON): "cfg",
-        }
-    table |= {
-        ("hwfa", E.FORCE_IDLE): "idl",
-        ("hwfa", E.POWER_ON): "cfg",
-        ("cali", E.FORCE_IDLE): "idl",
-        ("cali", E.CALIBRATED): C.CALIBRATED,
-        ("cali", E.FAULT): "hwfa",
-        ("cali", E.POWER_ON): "cfg",
-        ("cfg", E.CONFIGURED): C.STARTUP,
-        ("cfg", E.CALIBRATE): "cali",
-        ("cfg", E.POWER_ON): "cfg",
-    }
-
-    def word(one: object) -> object:
-        return one.code if isinstance(one, M) else one
-
-    names = {"cali": M.CALIBRATING.code, "cfg": M.NOT_CONFIGURED.code}
-    expected = {
-        (names.get(a, a), b): names.get(to, to) if isinstance(to, str) else to
-        for (a, b), to in table.items()
-    }
-    found = {(word(a), word(b)): word(to) for (a, b), to in modes.TRANSITIONS.items()}
-    assert found == expected
-    for (mode, trigger), to in modes.TRANSITIONS.items():
-        assert modes.next_mode(mode, trigger) is to
-    assert modes.next_mode(M.HW_FAULT, M.POSITION) is None
-    assert modes.next_mode(M.NOT_CONFIGURED, E.FORCE_IDLE) is None
-
-
-def test_commands_each_mode_accepts() -> None:
-    """M3, Y1, Y2."""
-    assert {
-        M.POSITION: {K.POSITION},
-        M.POSITION_DIRECT: {K.POSITION_DIRECT},
-        M.VELOCITY: {K.VELOCITY},
-        M.MIXED: {K.POSITION, K.VELOCITY},
-        M.TORQUE: {K.TORQUE},
-        M.OPENLOOP: {K.OUTPUT},
-        M.VELOCITY_DIRECT: {K.VELOCITY_DIRECT},
-        M.CURRENT: {K.CURRENT},
-    } == modes.ACCEPTS
-    assert modes.modes_accepting(K.POSITION) == (M.POSITION, M.MIXED)
-
-
-def test_the_law_of_each_mode() -> None:
-    """I2, I5, P7, P8, Y2, K1; of all others OFF."""
-    stiff, compliant = InteractionMode.STIFF, InteractionMode.COMPLIANT
-    found = {mode: (modes.law_of(mode, stiff), modes.law_of(mode, compliant)) for mode in M}
-    by_position = (L.POSITION, L.IMPEDANCE)
-    assert {mode: laws for mode, laws in found.items() if laws != (L.OFF, L.OFF)} == {
-        M.POSITION: by_position,
-        M.POSITION_DIRECT: by_position,
-        M.VELOCITY: by_position,
-        M.MIXED: by_position,
-        M.VELOCITY_DIRECT: by_position,
-        M.TORQUE: (L.TORQUE, L.TORQUE),
-        M.OPENLOOP: (L.OUTPUT, L.OUTPUT),
-        M.CURRENT: (L.CURRENT, L.CURRENT),
-        M.CALIBRATING: (L.CALIBRATOR, L.CALIBRATOR),
-    }
-
-
 def test_the_set_points_of_each_law() -> None:
     """S1: in the order in which they are tried."""
     position = ["POSITION", "IMPEDANCE", "VELOCITY", "TORQUE", "CURRENT", "PWM"]
@@ -154,7 +79,6 @@ def test_other_sets_of_modes() -> None:
     assert {
         mode: M.FORCE_IDLE if mode is M.CALIBRATING else M.IDLE for mode in modes.STATES
     } == modes.POWER_OFF
-    assert [mode.code for mode in modes.SELECTABLE] == SELECTABLE
     assert set(modes.STATES) == every | {M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED}
     assert modes.INITIAL is M.NOT_CONFIGURED
     assert modes.INITIAL_INTERACTION is InteractionMode.STIFF

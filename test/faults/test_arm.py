@@ -18,7 +18,6 @@ from rig import STANDARD
 from control_board_ros.core.terms.faults import FaultCode as F
 from control_board_ros.core.terms.measurement import Array
 from control_board_ros.core.terms.vocabs import ControlMode as M
-from control_board_ros.sim.errors import PlantGone
 from control_board_ros.simulation import Simulation
 
 pytestmark = pytest.mark.physics
@@ -119,28 +118,6 @@ def test_full_power_stops_at_the_limit(joint, mode, way):
         assert board.get_control_mode(joint)[0].code == mode
 
 
-def test_a_push_through_the_hard_margin_is_a_fault():
-    """F1, F2: beyond the hard stop by more than the margin the joint loses its power."""
-    narrow = {
-        f"lbr_iiwa_joint_1__limits__{key}": value
-        for key, value in {
-            "hard_lower": -0.5,
-            "lower": -0.4,
-            "hard_upper": 0.5,
-            "upper": 0.4,
-            "hard_margin": 0.001,
-            "velocity": 20.0,  # it meets the stop before it is too fast (F7)
-        }.items()
-    }
-    with iiwa(**narrow) as simulation:
-        enter(simulation, "torq", J1)
-        simulation.plant.push(J1, 600.0)
-        simulation.run(1.0)
-        record = simulation.board.get_faults(J1)[0]
-        assert record.active
-        assert record.code == F.HARD_LIMIT
-
-
 # --- switches at full speed -------------------------------------------------------------------
 
 
@@ -196,21 +173,6 @@ def calibrated_arm(**changes):
     """The iiwa, whose second joint goes from its home, 0.5, to 0.9 when it is calibrated."""
     given = {"start": 0.9, "timeout": 3.0, "speed": 0.35} | changes
     return iiwa(**{f"{J2}__calibration__{key}": value for key, value in given.items()})
-
-
-def test_a_calibration_can_be_repeated():
-    """K1, K3: once, twice, and from another pose."""
-    with calibrated_arm() as simulation:
-        board = simulation.board
-        for pose in (None, 0.2, 1.2):
-            if pose is not None:
-                assert board.position_move(J2, pose, 1.0)
-                simulation.run(1.5)
-            assert board.calibrate(J2)
-            simulation.run(2.9)
-            assert board.get_control_mode(J2) == [M.POSITION]
-            assert board.get_calibration(J2)[0].done
-            assert board.get_encoder(J2)[0] == pytest.approx(0.9, abs=0.02)
 
 
 def test_a_calibration_blocked_by_an_obstacle_fails_with_its_reason():
@@ -276,59 +238,3 @@ def test_a_blind_joint_never_runs_away_under_power(joint, kind, moving):
         assert record.active
         assert record.code in (F.ENCODER_MISMATCH, F.CALIBRATION)
         assert board.state.powered[j] == 0.0
-
-
-# --- physics ----------------------------------------------------------------------------------
-
-
-def test_a_diverged_simulation_comes_back():
-    """F1: NaN in the physics faults every joint; the last good pose is back; it moves again."""
-    with iiwa() as simulation:
-        board = simulation.board
-        assert board.position_move(J1, 1.0, 1.0)
-        simulation.run(0.5)
-        before = truth(simulation)
-        simulation.plant.inject(J1, "diverged")
-        simulation.run(0.002)
-        assert set(board.get_control_mode()) == {M.HW_FAULT}
-        assert {record.code for record in board.get_faults()} == {F.DIVERGED}
-        assert np.isfinite(board.snapshot().block).all()
-        np.testing.assert_allclose(truth(simulation), before, atol=0.1)
-        simulation.run(0.1)
-        enter(simulation, "pos")
-        assert board.position_move(J1, 0.2, 0.5)
-        simulation.run(4.0)
-        assert board.get_encoder(J1)[0] == pytest.approx(0.2, abs=0.01)
-
-
-def test_a_server_that_is_gone_says_so():
-    """The physics ends under the board, in either engine: one exception of its own, one line."""
-    with iiwa() as simulation:
-        simulation.plant.body.close()
-        text = "^the physics (server is gone|is closed); restart the board$"
-        with pytest.raises(PlantGone, match=text):
-            simulation.run(0.1)
-
-
-def test_the_same_commands_give_bit_identical_states():
-    """Promise P9: two arms in two physics servers, the same commands, the same bits."""
-
-    def run():
-        with iiwa() as simulation:
-            board, rows = simulation.board, []
-            for cycle in range(1200):
-                if cycle == 5:
-                    board.position_move(None, [0.3, 0.7, -0.2, -1.0, 0.4, 0.5, 0.1], 0.5)
-                if cycle == 400:
-                    board.set_interaction_mode([J1, J4], "comp")
-                if cycle == 500:
-                    board.set_control_mode(J2, "torq")
-                if cycle == 700:
-                    simulation.plant.push(J4, 20.0)
-                if cycle == 800:
-                    simulation.plant.inject(J1, "overcurrent")
-                simulation.step()
-                rows.append(board.snapshot().block.tobytes())
-            return rows
-
-    assert run() == run()

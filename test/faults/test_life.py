@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The life of a node: slow cycles, bugs, a lost server, other clocks, changes while it runs."""
+"""The life of a node: slow cycles, and bugs in its loop and its callbacks."""
 
 from __future__ import annotations
 
-import itertools
 import signal
 import sys
 from collections.abc import Iterator
@@ -14,8 +13,7 @@ import pytest
 from control_board_msgs import msg, srv
 from control_board_msgs.action import Calibrate, Move
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rosgraph_msgs.msg import Clock
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 from talk import Talker, stamp_of, talking_to
 from waiting import GUARD
 
@@ -72,17 +70,6 @@ def test_slow_cycles_are_counted_caught_up_within_bounds_and_reported() -> None:
         periods = 200.0 * (stamp_of(after) - stamp_of(before))
         assert 120 <= lost < periods
         assert set(talker.modes()) == {"pos"}
-
-
-def test_a_lost_physics_server_ends_the_node() -> None:
-    """Exit code 4 and one line, with either engine."""
-    with hurt("gone", exit_code=4) as (board, _):
-        board.process.send_signal(signal.SIGUSR1)
-        line = board.wait_for_output("; restart the board")
-        board.process.wait(GUARD)
-        causes = ("physics server is gone", "physics is closed")
-        assert line.strip() in [f"control_board: the {what}; restart the board" for what in causes]
-        assert "Traceback" not in board.output
 
 
 @pytest.mark.slow
@@ -143,79 +130,3 @@ def test_all_callbacks_raising() -> None:
         assert all("a bug" in line and "please report it" in line for line in lines)
         assert len(lines) < 100
         assert "Traceback" not in board.output
-
-
-# --- one board, shared: clocks and parameters --------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def params() -> dict[str, object]:
-    return {"use_sim_time": True, "allow_fault_injection": True}
-
-
-@pytest.mark.slow
-def test_a_clock_that_jumps_back_or_stops(talker: Talker) -> None:
-    """Another /clock, with use_sim_time: the board's own time goes on whatever it says."""
-    publisher = talker.node.create_publisher(Clock, "/clock", 10)
-    for seconds in (1000, 10, 2_000_000_000, 0, 5, 5, 5):
-        clock = Clock()
-        clock.clock.sec = seconds
-        publisher.publish(clock)
-        first, second = talker.state(), talker.state()
-        assert 0.0 < stamp_of(second) - stamp_of(first) < 5.0
-        target = 0.1 if seconds % 2 else 0.0
-        assert set(talker.modes()) == {"pos"}
-        talker.command("command/position", msg.PositionCommand(names=[J7], positions=[target]))
-    talker.state(lambda s: abs(s.position[6] - 0.1) < 0.01)
-    assert talker.set_mode([J7], "vel").success
-    velocity = msg.VelocityCommand(names=[J7], velocities=[0.2])
-    talker.until_state(
-        lambda: talker.command("command/velocity", velocity),
-        lambda s: s.velocity_reference[6] > 0.01,
-    )
-    talker.state(lambda s: s.velocity_reference[6] == 0.0)  # P12, though /clock is paused
-    talker.node.destroy_publisher(publisher)
-
-
-@pytest.mark.slow
-def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
-    """Gains, limits and timeouts in the midst of a move; then back again."""
-    assert talker.call("pause", SetBool, data=True).success
-    talker.command("command/position", msg.PositionCommand(names=[J7], positions=[0.5]))
-    talker.settle()
-    assert talker.call("step", srv.Step, steps=1000).success
-    assert abs(talker.state().velocity[6]) > 0.1
-    first = len(talker.seen["state"]) - 1
-    assert talker.change(
-        **{
-            f"{J7}.position_pid.kp": 500.0,
-            f"{J7}.limits.upper": 0.3,
-            f"{J7}.timeouts.velocity": 0.5,
-            "state_rate": 50.0,
-        }
-    ).successful
-    assert talker.call("pause", SetBool, data=False).success
-    talker.state(lambda s: abs(s.position[6] - 0.3) < 0.005)
-    way = [(stamp_of(s), s.position[6]) for s in talker.seen["state"][first:]]
-    for (before, there), (now, here) in itertools.pairwise(way):
-        assert abs(here - there) < 0.01 + 1.0 * (now - before)
-        assert here < 0.31  # the narrower limit holds from now on
-    assert talker.change(
-        **{
-            f"{J7}.position_pid.kp": 400.0,
-            f"{J7}.limits.upper": 3.0,
-            f"{J7}.timeouts.velocity": 0.2,
-            "state_rate": 100.0,
-        }
-    ).successful
-    assert talker.modes() == ["pos"] * 7
-
-
-def test_pausing_and_resuming_twice_changes_nothing(talker: Talker) -> None:
-    """Promise P8."""
-    for paused in (True, True, False, False):
-        assert talker.call("pause", SetBool, data=paused).success
-        assert talker.modes() == ["pos"] * 7
-    refused = talker.call("step", srv.Step, steps=10)
-    assert not refused.success
-    assert "paused" in refused.message

@@ -8,9 +8,8 @@ import time
 
 import pytest
 from control_board_msgs import msg, srv
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 from talk import Talker
-from waiting import until
 
 pytestmark = pytest.mark.ros
 
@@ -104,23 +103,3 @@ def test_paused_the_board_answers_and_a_velocity_does_not_expire(talker: Talker)
     assert talker.call("pause", SetBool, data=False).success
     assert talker.modes()[6] == "vel"
     assert not any(f.active for f in talker.call("get_faults", srv.GetFaults).faults)
-
-
-def test_a_fault_that_persists(talker: Talker) -> None:
-    """F1, F3, F5: on ~/faults, kept by FORCE_IDLE while the cause persists."""
-    fields = {"names": [J7], "fault": "encoder", "persistent": True}
-    answer = talker.call("inject_fault", srv.InjectFault, **fields)
-    assert answer.success, answer.message
-    (found,) = talker.wait("faults", lambda m: bool(m.faults)).faults
-    assert (found.name, found.active, found.code) == (J7, True, 10)
-    assert "no sample for" in found.text
-    refused = talker.set_mode([J7], "fidl")
-    assert not refused.success
-    assert "the cause persists" in refused.message
-    assert talker.modes()[6] == "hwfa"
-    assert talker.state().output[6] == 0.0
-    assert talker.call("clear_injected_faults", Trigger).success
-    until(lambda: talker.set_mode([], "fidl").success)
-    assert talker.modes()[6] == "idl"
-    last = talker.call("get_faults", srv.GetFaults, names=[J7]).faults[0]
-    assert (last.active, last.code) == (False, 10)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws that hold for any numbers: order of joints, determinism, independence, no jumps."""
+"""Laws that hold for any numbers: order of joints, determinism, independence."""
 
 from __future__ import annotations
 
@@ -8,13 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from rig import COMMANDS, M, Rig, board_config, column, joint, plain, simulation_config
+from rig import COMMANDS, Rig, board_config, joint, plain
 
-from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, Calibration, Pid
-from control_board_ros.sim.plant import SimulatedPlant
 
 MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl", "icur", "hwfa"]
 NAMES = ("a", "b", "c", "d")
@@ -134,81 +130,3 @@ def test_a_joint_alone_is_as_among_others() -> None:
             among.board.velocity_move(["b", "c", "d"], 0.3)
             one, two = among.tick(), alone.tick()
             assert np.array_equal(one.block[:, 0], two.block[:, 0], equal_nan=True)
-
-
-TARGETS = st.lists(
-    st.tuples(st.floats(-1.9, 1.9), st.floats(0.3, 1.5), st.floats(0.0, 0.7)),
-    min_size=1,
-    max_size=5,
-)
-
-
-@given(TARGETS)
-def test_moves_start_and_end_at_rest_without_a_jump(
-    moves: list[tuple[float, float, float]],
-) -> None:
-    """P1, P3: however a move is led to new targets, its reference has no jump and ends at rest.
-
-    One that repeats the last has begun already, and is done where that is (P15).
-    """
-    rig = Rig(board_config(joint("left", startup_mode=M.POSITION), control_rate=100.0))
-    shots = [rig.tick()]
-    last: tuple[float, float] | None = None
-    for target, speed, wait in moves:
-        done = (target, speed) == last and rig.board.snapshot().motion_done[0]
-        last = target, speed
-        assert rig.board.position_move("left", target, speed)
-        assert rig.board.snapshot().motion_done[0] == done
-        shots += rig.record(wait)
-    while not rig.board.check_motion_done()[0]:
-        shots.append(rig.tick())
-    reference = column(shots, "position_reference")
-    velocity = column(shots, "velocity_reference")
-    assert velocity[0] == 0.0
-    assert velocity[-1] == 0.0
-    assert reference[-1] == moves[-1][0]
-    assert shots[-1].motion_done[0]
-    assert np.all(np.abs(reference) <= 2.0)
-    # What changed from cycle to cycle is what the velocity says: no jump in position. A move
-    # as short as one cycle is a step of its mean speed.
-    middle = 0.5 * (velocity[1:] + velocity[:-1]) * rig.period
-    assert np.abs(np.diff(reference) - middle).max() < 1.5 * rig.period + 1e-9
-
-
-@given(st.floats(-1.9, 1.9), st.floats(-1.9, 1.9), st.floats(0.1, 3.0))
-def test_moves_never_overshoot(start: float, target: float, speed: float) -> None:
-    """P1: from rest to rest, monotonous, never beyond the ends."""
-    config = board_config(joint("left", startup_mode=M.POSITION), control_rate=100.0)
-    rig = Rig(config, home=[start])
-    begin = rig.tick().position_reference[0]
-    rig.board.position_move("left", target, speed)
-    shots = rig.record(abs(target - start) / speed + 2.5)
-    reference = np.array([begin, *(one.position_reference[0] for one in shots)])
-    assert np.all(np.diff(reference) * np.sign(target - begin) >= -1e-12)
-    assert reference[-1] == target
-    assert shots[-1].velocity_reference[0] == 0.0
-
-
-@pytest.mark.fresh("a slower loop sags by 25 mrad")
-def test_new_gains_without_a_jump() -> None:
-    """M9, I6: a reconfiguration while a joint holds a load makes no jump."""
-    config = board_config(joint("left", startup_mode=M.POSITION))
-    rig = Rig(config)
-    rig.plant.push("left", -5.0)
-    before = rig.run(3.0)
-    rig.change("left", position_pid=Pid(kp=200.0, ki=200.0, kd=30.0))
-    shots = rig.record(1.0)
-    assert np.abs(column(shots, "position") - before.position[0]).max() < 0.02
-    assert abs(shots[0].output[0] - before.output[0]) < 0.3 * abs(before.output[0])
-    assert rig.modes() == [M.POSITION]
-
-
-@pytest.mark.fresh("a plant without a wire")
-def test_a_board_needs_nothing_but_a_plant() -> None:
-    """A: two lines make a board run: read and tick, write."""
-    config = board_config()
-    board, plant = Board(config), SimulatedPlant(config, simulation_config(config))
-    for _ in range(3):
-        plant.write(board.tick(plant.read()))
-    assert board.get_control_mode() == [M.IDLE] * 3
-    plant.close()

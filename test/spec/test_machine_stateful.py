@@ -152,8 +152,15 @@ class BoardMachine(RuleBasedStateMachine):
         assert not self.board.calibrate(wrong)
         method = getattr(self.board, COMMANDS[kind][0])
         assert not method(["left", "bare"], [0.1, 0.1, 0.1])
+        assert not self.board.set_feedforward(["left", "bare"], float("nan"), float("inf"))
         for name in ("left", "bare"):
-            self.byname[name].rejected += 1
+            self.byname[name].rejected += 2
+        assert not self.board.set_impedance(joints, float("inf"), float("nan"))
+
+    @rule()
+    def reconfigure(self) -> None:
+        """With the same configuration: nothing changes."""
+        self.board.reconfigure(self.board.config)
 
     @rule(joints=SOME, mode=st.sampled_from(["stif", "comp"]))
     def set_interaction_mode(self, joints: list[str], mode: str) -> None:

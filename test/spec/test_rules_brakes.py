@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -332,24 +331,6 @@ def test_a_brake_that_does_not_open_is_a_fault() -> None:
     assert rig.board.set_control_mode("left", "fidl").message == ""
 
 
-def test_a_brake_that_stuck_once_is_tried_again() -> None:
-    """Y4: opened by hand it stuck; the next mode has power, or is a fault."""
-    rig = braked()
-    rig.plant.inject("left", "brake_stuck")
-    assert rig.board.set_brake("left", "open")
-    rig.run(0.3)
-    assert rig.board.set_control_mode("left", "pos")
-    rig.run(0.3)
-    assert rig.modes()[0] is M.HW_FAULT
-    assert rig.board.get_faults("left")[0].code == FaultCode.BRAKE
-    rig.plant.clear_injected(["left"])
-    assert rig.board.set_brake("left", "automatic")
-    assert rig.board.set_control_mode("left", "fidl")
-    assert rig.board.set_control_mode("left", "pos")
-    rig.run(0.3)
-    assert power(rig) == (True, False)
-
-
 def test_no_brake_opens_under_an_emergency_stop() -> None:
     """E2, Y4: by hand neither; what was open is closed, and opens again after the release."""
     rig = braked()
@@ -438,20 +419,3 @@ def test_joints_without_sensors_are_held_by_the_arms_model() -> None:
             worst = max(worst, float(moved))
         assert simulation.board.state.powered.all()
         assert worst < 0.1 * DEGREE
-
-
-def test_the_times_of_the_configuration_are_kept() -> None:
-    """Y4: a brake of other times; one of no time is open with the next reading."""
-    slow = replace(BRAKE, release_time=0.1)
-    rig = Rig(
-        board_config(
-            joint("left", brake=slow), joint("right", brake=replace(BRAKE, release_time=0.0))
-        )
-    )
-    rig.tick(2)
-    assert rig.board.set_control_mode(None, "pos")
-    cycles = []
-    for _ in range(80):
-        rig.tick()
-        cycles.append(rig.board.state.powered.tolist())
-    assert [sum(on) for on in zip(*cycles, strict=True)] == [80 - round(0.1 * RATE), 79]

@@ -178,23 +178,6 @@ def test_an_output_that_was_no_number_is_forgotten_with_its_fault() -> None:
     assert rig.modes() == [M.POSITION, M.TORQUE]
 
 
-def test_brakes_follow_power_cycles_and_new_times() -> None:
-    """Y4, N1: closed at once; then 50 ms to open instead of 30."""
-    rig = sagging(BRAKED)
-    assert rig.board.set_control_mode("a", "pos")
-    rig.tick(20)
-    assert rig.board.is_joint_braked()[0] is False
-    rig.board.power_cycle()
-    rig.tick(12)
-    assert rig.board.is_joint_braked()[0] is True
-    rig.change("a", brake=Brake(present=True, release_time=0.05))
-    assert rig.board.set_control_mode("a", "pos")
-    rig.tick(24)
-    assert not rig.board.state.powered[0]
-    rig.tick(2)
-    assert rig.board.state.powered[0]
-
-
 def test_an_overheated_joint_must_cool_down_under_new_limits_too() -> None:
     """F6: 10 K below its limit of 120 °C, after a reconfiguration as before."""
     rig = sagging(joint("a"))

@@ -2,7 +2,6 @@
 """The board's executable, hurt from within by SIGUSR1: ``python hurt.py HOW --ros-args …``.
 
 slow: one control cycle takes 0.9 s, less than a hang (B8), then 20 of them 14 ms.
-gone: the physics server ends.
 raising: from then on every callback raises.
 stuck: an exception in the control loop itself.
 """
@@ -18,15 +17,12 @@ from control_board_ros.node import main as executable
 from control_board_ros.sim.plant import SimulatedPlant
 
 LONG, SHORT, COUNT = 0.9, 0.014, 20
-plants: list[Any] = []
 delays: list[float] = []
 raise_from_now_on: list[bool] = []
 original_write = SimulatedPlant.write
 
 
 def write(plant: Any, actuation: Any) -> None:
-    if not plants:
-        plants.append(plant)
     if delays:
         delay = delays.pop()
         if delay < 0.0:
@@ -37,10 +33,6 @@ def write(plant: Any, actuation: Any) -> None:
 
 def slow() -> None:
     delays.extend([SHORT] * COUNT + [LONG])
-
-
-def gone() -> None:
-    plants[0].body.close()
 
 
 def stuck() -> None:
@@ -81,7 +73,7 @@ def prepare_raising() -> None:
 if __name__ == "__main__":
     if sys.argv[1] == "raising":
         prepare_raising()
-    how = {"slow": slow, "gone": gone, "raising": raising, "stuck": stuck}[sys.argv.pop(1)]
+    how = {"slow": slow, "raising": raising, "stuck": stuck}[sys.argv.pop(1)]
     SimulatedPlant.write = write  # type: ignore[method-assign]
     signal.signal(signal.SIGUSR1, lambda *_: how())
     sys.exit(executable.main())
