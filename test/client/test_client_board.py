@@ -133,7 +133,7 @@ def test_interaction_and_impedance(client: ControlBoardClient) -> None:
 KINDS = [
     ("pos", "position_move", "get_target_position", 40.0),
     ("posd", "set_position", "get_ref_position", -40.0),
-    ("vel", "velocity_move", "get_ref_velocity", 40.0),
+    ("vel", "velocity_move", "get_target_velocity", 40.0),
     ("torq", "set_ref_torque", "get_ref_torque", -4000.0),
     ("open", "set_output", "get_output", 400.0),
 ]
@@ -171,6 +171,8 @@ def test_each_kind_of_reference(
     assert send([0, 2], [0.02, 0.03], together=True).values == (0.02, 0.03)
     assert send([0, 2], [0.03, 0.04])  # a stream has no answer, and is there when the next call is
     assert get([0, 2]).tolist() == [0.03, 0.04]
+    if mode == "vel":
+        assert client.get_ref_velocity([0, 2]).tolist() == [0.03, 0.04]
 
 
 def test_a_command_is_in_force_when_the_next_call_answers(client: ControlBoardClient) -> None:
