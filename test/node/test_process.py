@@ -24,7 +24,7 @@ from rclpy.qos import ReliabilityPolicy
 from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
-from talk import Talker, stamp_of, talking_to
+from talk import Talker, talking_to
 from waiting import GUARD, until
 
 from control_board_ros.node.main import KnownError, run
@@ -371,30 +371,6 @@ def test_qos_overrides_act_on_their_topic_only(unusual: tuple[BoardProcess, Talk
     talker.command("command/velocity", msg.VelocityCommand(names=[name], velocities=[0.1]))
     assert reliability("position") is ReliabilityPolicy.BEST_EFFORT
     assert reliability("velocity") is ReliabilityPolicy.RELIABLE
-
-
-@pytest.mark.slow
-def test_a_change_of_pace_keeps_the_time() -> None:
-    """real_time_factor set live: no stamp goes back, and diagnostics have the same clock."""
-    with board_process({"control_rate": 250.0}) as board, talking_to(board) as talker:
-        talker.subscribe("diagnostics", DiagnosticArray, "/diagnostics")
-        started, begun = time.monotonic(), stamp_of(talker.state())
-        assert begun == pytest.approx(time.time(), abs=30.0)
-        talker.subscribe("clock", Clock, "/clock", BEST_EFFORT)
-        for factor in (4.0, 0.5):
-            assert talker.change(real_time_factor=factor).successful
-            first = stamp_of(talker.state())
-            talker.state(lambda s, first=first: stamp_of(s) > first + 0.5)
-            clock = talker.wait("clock", lambda _: True, fresh=True).clock
-            assert clock.sec + 1e-9 * clock.nanosec > first
-            stamp = stamp_of(talker.wait("diagnostics", lambda _: True, fresh=True))
-            assert stamp > first
-            talker.state(lambda s, stamp=stamp: stamp_of(s) >= stamp)
-        for key in ("state", "diagnostics"):
-            stamps = [stamp_of(message) for message in talker.seen[key]]
-            assert stamps == sorted(stamps)
-        now = stamp_of(talker.state())
-        assert now < begun + 4.0 * (time.monotonic() - started) + 10.0
 
 
 def test_the_first_screen_says_what_to_do(unusual: tuple[BoardProcess, Talker]) -> None:
