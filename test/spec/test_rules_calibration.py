@@ -348,32 +348,6 @@ def test_a_fault_while_calibrating() -> None:
     assert rig.board.snapshot().output[0] == 0.0
 
 
-@pytest.mark.fresh("the current of that instant")
-def test_a_joint_at_rest_with_a_running_motor_has_not_stalled() -> None:
-    """K5, K4: nor where no travel of the motor is known (K6): the drive is not at its torque."""
-    near = replace(STOP, stop=-1.9, start=-1.895, timeout=0.7)
-    rig = calibrating(near, max_travel_error=float("inf"))
-    rig.run(0.2)
-    rig.plant.inject("left", "encoder_frozen", persistent=True)
-    rig.run(1.0)
-    assert rig.modes() == [M.HW_FAULT]
-    text = rig.board.get_faults("left")[0].text
-    assert "stalled, but the motor draws -0.0781 A at -4 %" in text
-    assert "check the encoder" in text
-    assert not rig.board.get_calibration("left")[0].done
-
-
-@pytest.mark.parametrize("cause", ["encoder_frozen", "encoder"])
-def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
-    """K5, K4: a stall needs the motor to be at rest too: a frozen encoder is a fault."""
-    rig = calibrating(STOP)
-    rig.run(0.3)
-    rig.plant.inject("left", cause, persistent=True)
-    rig.run(1.0)
-    assert rig.modes() == [M.HW_FAULT]
-    assert not rig.board.get_calibration("left")[0].done
-
-
 @pytest.mark.fresh("the phases of that cycle")
 def test_groups_calibrate_one_after_the_other() -> None:
     """K1, K5: joints of a group together, group after group; waiting joints are at rest."""

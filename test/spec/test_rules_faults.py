@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 from rig import (
     COMMANDS,
-    COMPLIANT,
     HEATED,
     RATE,
     STANDARD,
@@ -24,7 +23,6 @@ from rig import (
     ready,
 )
 
-from control_board_ros.core.config.config import Pid
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode
@@ -141,19 +139,6 @@ def test_a_cause_present_at_power_on_prevents_power(cause: str) -> None:
     rig.run(0.5)
     assert rig.modes() == [M.POSITION]
     assert abs(rig.board.get_encoder()[0]) < 1e-3
-
-
-@pytest.mark.fresh("before the next answer")
-def test_a_joint_configured_on_non_finite_readings() -> None:
-    """F1: no other fault follows from it."""
-    rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
-    rig.plant.inject("left", "encoder_nan", persistent=True)
-    rig.tick(3)
-    assert rig.board.configure()
-    assert rig.board.get_target_position().tolist() == [0.0]
-    rig.plant.clear_injected()
-    rig.run(0.1)
-    assert rig.modes() == [M.POSITION]
 
 
 @pytest.mark.fresh("the next answer is another's")
@@ -396,21 +381,6 @@ def test_the_first_cause_is_kept(rig: Rig) -> None:
     assert second.stamp > first.stamp
 
 
-def test_user_fault() -> None:
-    """F1, F5, M5: a fault of the user has its code, text and time; it clears at once."""
-    rig = ready(board_config(joint("left")))
-    none = rig.board.get_faults("left")[0]
-    assert (none.active, none.code, none.text, none.stamp) == (False, -1, "no fault", 0.0)
-    version = rig.board.faults_version
-    rig.board.set_control_mode("left", "icur")
-    assert rig.board.faults_version > version
-    fault = rig.board.get_faults("left")[0]
-    assert (fault.active, fault.code, fault.stamp) == (True, 16, rig.board.time)
-    assert rig.board.set_control_mode("left", "fidl")
-    cleared = rig.board.get_faults("left")[0]
-    assert (cleared.active, cleared.code, cleared.text) == (False, 16, fault.text)
-
-
 def test_nothing_else_leaves_a_fault() -> None:
     """F2: a request is refused with the cause and the next step; nothing changes."""
     rig = in_status(M.HW_FAULT)
@@ -427,34 +397,3 @@ def test_nothing_else_leaves_a_fault() -> None:
     rig.board.configure()
     rig.run(0.1)
     assert rig.modes() == [M.HW_FAULT]
-
-
-def test_some_of_many_joints(rig: Rig) -> None:
-    """F2, M7: of a request for many joints the faulted one is refused, the others switch."""
-    rig.board.set_control_mode("right", "veld")
-    reply = rig.board.set_control_mode(None, "pos")
-    assert [str(answer) for answer in reply.answers] == ["accepted", "refused", "accepted"]
-    assert rig.modes() == [M.POSITION, M.HW_FAULT, M.POSITION]
-    assert rig.board.set_control_mode(None, "fidl")
-    assert rig.modes() == [M.IDLE] * 3
-
-
-def test_numbers_that_are_none_do_not_spread() -> None:
-    """F1: after NaN from every sensor the board is as good as new once they speak again."""
-    rig = held(joint("left", position_pid=Pid(kp=10.0, ki=10.0, kd=1.0)))
-    rig.board.set_interaction_mode("left", COMPLIANT)
-    rig.enter("pos")
-    good = rig.plant.values.copy()
-    for row in Row:
-        rig.plant.values[row] = math.nan
-        shown = rig.tick(10)
-        assert finite(shown)
-        assert rig.modes() == [M.HW_FAULT]
-        rig.plant.values[:] = good
-        rig.tick(20)
-        reply = rig.board.set_control_mode("left", "fidl")
-        assert reply, reply.message
-        rig.enter("pos")
-        shown = rig.tick(20)
-        assert shown.output[0] == pytest.approx(0.0, abs=1e-9)
-        assert rig.modes() == [M.POSITION]

@@ -254,29 +254,6 @@ def test_without_torque_sensing(rig: Rig) -> None:
     assert rig.board.set_interaction_mode("bare", "stif")
 
 
-@pytest.mark.parametrize(
-    ("old", "mode"),
-    [
-        ("set_impedance_position_mode", M.POSITION),
-        ("set_impedance_velocity_mode", M.VELOCITY),
-    ],
-)
-def test_old_impedance_modes(rig: Rig, old: str, mode: ControlMode) -> None:
-    """I9, D1: they are POSITION + COMPLIANT and VELOCITY + COMPLIANT; refused, nothing changes."""
-    with pytest.warns(DeprecationWarning, match=old):
-        assert getattr(rig.board, old)("left")
-    assert rig.modes()[0] is mode
-    assert rig.board.get_interaction_mode("left") == [COMPLIANT]
-    rig.board.set_control_mode("right", "veld")
-    with pytest.warns(DeprecationWarning, match=old):
-        assert not getattr(rig.board, old)("right")
-    assert rig.modes()[1] is M.HW_FAULT
-    assert rig.board.get_interaction_mode("right") == [STIFF]
-    with pytest.warns(DeprecationWarning, match=old):
-        assert not getattr(rig.board, old)("bare")
-    assert rig.modes()[2] is M.HW_FAULT
-
-
 @pytest.mark.fresh("within that time")
 def test_the_load_is_kept_on_entering_compliant() -> None:
     """I5, M9: without a τ_ff of the user, the load carried on entry becomes the torque offset."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import inspect
 import warnings
 from typing import Any
 
@@ -11,20 +10,8 @@ import numpy as np
 import pytest
 from rig import COMMANDS, COMPLIANT, MODE_OF, STIFF, M, Rig, board_config, joint, ready
 
-from control_board_ros.core.board import Board
 from control_board_ros.core.selection import RequestError
 
-#: §4, method by method, in snake_case.
-SOURCE = {
-    "IPositionControl": ["position_move", "set_ref_speed", "set_position_mode"],
-    "IPositionDirect": ["set_position", "set_position_direct_mode"],
-    "ITorqueControl": ["set_ref_torque", "set_torque_mode"],
-    "IVelocityControl": ["velocity_move", "set_velocity_mode"],
-    "IOpenLoopControl": ["set_output", "set_open_loop_mode"],
-    "IControlMode2": ["get_control_mode", "set_control_mode"],
-    "IInteractionMode": ["get_interaction_mode", "set_interaction_mode"],
-    "IImpedanceControl": ["get_impedance", "set_impedance"],
-}
 #: §5: the old IControlMode.
 OLD = {
     "set_position_mode": (M.POSITION, STIFF),
@@ -34,27 +21,6 @@ OLD = {
     "set_impedance_position_mode": (M.POSITION, COMPLIANT),
     "set_impedance_velocity_mode": (M.VELOCITY, COMPLIANT),
 }
-
-
-@pytest.mark.parametrize("interface", list(SOURCE))
-def test_interfaces_are_offered(interface: str) -> None:
-    """A: every method of §4 is on board and client, joints first, with the same arguments."""
-    for name in SOURCE[interface]:
-        board, client = (arguments(getattr(kind, name)) for kind in (Board, client_class()))
-        assert board[0] == client[0] == "joints", name
-        assert all(one == other for one, other in zip(board, client, strict=False)), name
-
-
-def arguments(method: Any) -> list[str]:
-    """The positional arguments of a method, in their order."""
-    parameters = list(inspect.signature(method).parameters.values())[1:]
-    return [p.name for p in parameters if p.kind is not inspect.Parameter.KEYWORD_ONLY]
-
-
-def client_class() -> Any:
-    from control_board_ros.client import ControlBoardClient
-
-    return ControlBoardClient
 
 
 @pytest.mark.parametrize("kind", list(COMMANDS))
@@ -84,34 +50,6 @@ def test_one_a_subset_and_all(kind: str, joints: Any, values: Any, expected: lis
     assert np.where(np.array(expected) > 0.0, after, 0.0) == pytest.approx(expected)
     assert np.where(np.array(expected) > 0.0, 0.0, after - before) == pytest.approx(0.0)
     assert getattr(rig.board, getter)([1, 0]) == pytest.approx([after[1], after[0]])
-
-
-def test_modes_of_one_a_subset_and_all(rig: Rig) -> None:
-    """M1, I1, I6, A: each joint has its own, set and read in the requested order."""
-    board = rig.board
-    assert board.set_control_mode("right", "vel")
-    assert board.set_control_mode([2, "left"], [M.MIXED, M.TORQUE])
-    assert board.get_control_mode() == [M.TORQUE, M.VELOCITY, M.MIXED]
-    assert board.get_control_mode(["bare", "right"]) == [M.MIXED, M.VELOCITY]
-    assert board.set_interaction_mode([1, 0], ["stif", "comp"])
-    assert board.get_interaction_mode() == [COMPLIANT, STIFF, STIFF]
-    assert board.get_interaction_mode(["right", "left"]) == [STIFF, COMPLIANT]
-    assert board.set_impedance(["right", "left"], [100.0, 200.0], [7.0, 8.0])
-    assert np.array(board.get_impedance([0, 1])).tolist() == [[200.0, 100.0], [8.0, 7.0]]
-
-
-def test_replies(rig: Rig) -> None:
-    """A: a Reply is true when all was accepted; it holds each joint's answer and one message."""
-    reply = rig.board.set_control_mode(["bare", "left"], "vel")
-    assert reply
-    assert reply.joints == ("bare", "left")
-    assert [str(answer) for answer in reply.answers] == ["accepted", "accepted"]
-    assert reply.message == ""
-    reply = rig.board.set_control_mode(["bare", "left"], "torq")
-    assert not reply
-    assert [str(answer) for answer in reply.answers] == ["unsupported", "accepted"]
-    assert reply.message
-    assert "\n" not in reply.message
 
 
 GETTERS = [

@@ -140,16 +140,6 @@ def test_ignored_commands_are_never_kept(mode: ControlMode, interaction: Interac
             assert rig.run(0.2).position[0] == pytest.approx(0.0, abs=3e-3)
 
 
-def test_the_other_joints_of_a_message_are_served(rig: Rig) -> None:
-    """M4: joints in a mode that accepts the reference move; the others ignore and count it."""
-    rig.enter("pos", ["left", "bare"])
-    reply = rig.board.position_move(None, [0.2, 0.3, -0.4], 1.0)
-    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED, Answer.ACCEPTED)
-    shown = rig.run(0.8)
-    assert shown.rejected_commands.tolist() == [0, 1, 0]
-    assert shown.position == pytest.approx([0.2, 0.0, -0.4], abs=0.01)
-
-
 def test_rejected_commands_touch_no_state(rig: Rig) -> None:
     """M4: after ignored commands the board is bit for bit as without them."""
     other = ready()
@@ -166,20 +156,6 @@ def test_rejected_commands_touch_no_state(rig: Rig) -> None:
         assert np.array_equal(one.block, two.block, equal_nan=True)
     assert one.rejected_commands.tolist() == [1000, 1000, 800]
     assert not two.rejected_commands.any()
-
-
-def test_unsupported_mode_of_this_joint_only(rig: Rig) -> None:
-    """M5, M7: the joint of a request that lacks the mode faults, with a reason; the others go."""
-    reply = rig.board.set_control_mode(None, "torq")
-    assert reply.answers == (Answer.ACCEPTED, Answer.ACCEPTED, Answer.UNSUPPORTED)
-    assert not reply
-    assert "bare does not implement torq (TORQUE)" in reply.message
-    assert "FORCE_IDLE" in reply.message
-    assert rig.modes() == [M.TORQUE, M.TORQUE, M.HW_FAULT]
-    fault = rig.board.get_faults("bare")[0]
-    assert (fault.active, fault.code) == (True, 16)
-    assert fault.text == "unsupported mode, torq (TORQUE) was requested"
-    assert fault.stamp == rig.board.time
 
 
 def test_no_power_in_the_cycle_of_a_request(rig: Rig) -> None:
@@ -362,15 +338,6 @@ def test_modes_belong_to_the_user(rig: Rig) -> None:
             getattr(board, method)("left", 50.0)
         rig.run(1.0)
         assert rig.modes()[0] is mode
-
-
-def test_warnings_name_joint_mode_and_next_step(rig: Rig) -> None:
-    """M4: the reason says which joint, which mode it is in, and which modes take it."""
-    rig.enter("torq", "left")
-    reply = rig.board.velocity_move("left", 1.0)
-    assert reply.message == (
-        "velocity reference for left ignored: mode is TORQUE; it is accepted in vel, mix"
-    )
 
 
 TWICE_OR_UNKNOWN = [[0, 0], ["left", 0], ["left", "nose"], 9, -1, 2**70, *TEXTS]

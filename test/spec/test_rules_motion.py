@@ -36,7 +36,6 @@ from rig import (
 
 from control_board_ros.core.config.config import Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
-from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 
 PERIOD = 1.0 / RATE
@@ -128,30 +127,6 @@ def test_speeds_of_moves() -> None:
     assert rig.board.get_ref_speed().tolist() == [1.0, 0.5]
 
 
-@pytest.mark.parametrize(
-    ("kind", "bad"),
-    [(kind, bad) for kind in ("position", "velocity") for bad in (0.0, -1.0, math.nan, math.inf)]
-    + [("position", 3.001), ("velocity", 20.001)],
-)
-def test_bad_speeds(kind: str, bad: float) -> None:
-    """P2, P13: a speed or acceleration ≤ 0, not finite, or beyond the joint's own is an error.
-
-    It is counted, and the other joints of the message are served.
-    """
-    rig = ready(board_config(joint("left"), joint("right")))
-    rig.enter(MODE_OF[kind])
-    method, getter, good = COMMANDS[kind]
-    reply = getattr(rig.board, method)(None, good, [bad, 0.5])
-    assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
-    text = "must be above 0 and up to" if math.isfinite(bad) else "is not a finite number"
-    assert text in reply.message
-    assert getattr(rig.board, getter)().tolist() == pytest.approx([0.0, good], abs=1e-6)
-    assert rig.board.snapshot().rejected_commands.tolist() == [1, 0]
-    assert rig.board.snapshot().motion_done[0]
-    store = rig.board.set_ref_speed if kind == "position" else rig.board.set_ref_acceleration
-    assert not store("left", bad)
-
-
 def test_the_smallest_speed_there_is() -> None:
     """P1, P2: it makes a very slow move, and no infinite one."""
     rig = moving("pos")
@@ -160,22 +135,6 @@ def test_the_smallest_speed_there_is() -> None:
     assert finite(shown)
     assert not shown.motion_done[0]
     assert math.isfinite(rig.board.get_remaining_time("left")[0])
-
-
-def test_both_speeds_or_none() -> None:
-    """P2: speeds and accelerations given together are checked together."""
-    rig = ready()
-    assert not rig.board.set_reference_speed(None, 1.0, [1.0, 2.0, -1.0])
-    assert not rig.board.set_reference_speed(None)
-    assert not rig.board.set_ref_speed(None, [1.0, 1.0, -1.0])
-    assert not rig.board.set_ref_acceleration(None, [1.0, 1.0, -1.0])
-    assert not rig.board.set_ref_speed("left", [1.0] * 3)
-    assert not rig.board.set_ref_acceleration("left", "x")
-    assert rig.board.get_ref_speed() == pytest.approx([math.radians(10.0)] * 3)
-    assert rig.board.get_ref_acceleration() == pytest.approx([math.radians(10.0)] * 3)
-    assert rig.board.set_reference_speed(None, 1.0, [1.0, 2.0, 3.0])
-    assert rig.board.get_ref_speed().tolist() == [1.0] * 3
-    assert rig.board.get_ref_acceleration().tolist() == [1.0, 2.0, 3.0]
 
 
 @pytest.mark.fresh("the way from that reading")
@@ -1011,24 +970,6 @@ def test_a_mode_change_ends_the_timeout() -> None:
 
 
 # --- P13 -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", list(COMMANDS))
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_non_finite_references_are_ignored(kind: str, value: float) -> None:
-    """P13, M4: with the reason, and counted; the other joints of the message are served."""
-    rig = ready(board_config(joint("left"), joint("right")))
-    rig.enter(MODE_OF[kind])
-    method, getter, good = COMMANDS[kind]
-    modes, before = rig.modes(), getattr(rig.board, getter)("left")[0]
-    reply = getattr(rig.board, method)(None, [value, good])
-    assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
-    assert "not a finite number" in reply.message
-    assert "left" in reply.message
-    assert getattr(rig.board, getter)().tolist() == [before, good]
-    assert rig.board.snapshot().rejected_commands.tolist() == [1, 0]
-    assert finite(rig.run(0.1))
-    assert rig.modes() == modes
 
 
 LEFT, BOTH, ALL = [1, 0, 0], [1, 1, 0], [1, 1, 1]
