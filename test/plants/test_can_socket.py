@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import select
 import socket
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -12,11 +13,12 @@ import pytest
 
 pytest.importorskip("can")
 
+import can
 from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
 
 from control_board_ros.plants.drives.can_frame import EXTENDED, REMOTE, message
-from control_board_ros.plants.drives.can_line import BUS_OFF
-from control_board_ros.plants.drives.can_socket import SocketCan, received
+from control_board_ros.plants.drives.can_line import BUS_OFF, open_bus
+from control_board_ros.plants.drives.can_socket import Multicast, SocketCan, drop_from, received
 
 FRAMES = [(1, b""), (0x7FF, b"\1\2"), (0x800, bytes(8)), (0x12 | EXTENDED, b"\0\1"),
           (0x12 | REMOTE, b""), (0x800 | REMOTE, b"")]  # fmt: skip
@@ -56,3 +58,55 @@ def test_frames_are_those_that_python_can_builds(
         bus.put(1, b"")
     bus.shutdown()
     assert shut == [True]
+
+
+@pytest.fixture
+def groups() -> Iterator[tuple[Multicast, can.BusABC]]:
+    """A group of udp_multicast as drivers use it, and python-can's own member of it."""
+    pytest.importorskip("msgpack")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("", 0))
+        port = free.getsockname()[1]
+    try:
+        ours = open_bus(f"udp_multicast:239.74.163.9:{port}", fd=True)
+        theirs = can.Bus(interface="udp_multicast", channel="239.74.163.9", port=port, fd=True)
+    except (OSError, can.CanError):
+        pytest.skip("this computer has no multicast")
+    assert isinstance(ours, Multicast)
+    yield ours, theirs
+    ours.shutdown()
+    theirs.shutdown()
+
+
+def test_a_group_does_not_wake_its_sender(groups: tuple[Multicast, can.BusABC]) -> None:
+    """Each datagram would come back; what others send arrives."""
+    ours, theirs = groups
+    for frame_id, data in [*FRAMES[:4], (0x8001, bytes(range(48)))]:  # FD has no remote frames
+        ours.put(frame_id, data)
+        came = theirs.recv(10.0)
+        assert came is not None
+        frame = received(frame_id, data)
+        assert (came.arbitration_id, bytes(came.data), came.dlc) == (*frame[:2], len(data))
+        assert (came.is_extended_id, came.is_remote_frame, came.is_fd) == (*frame[2:4], True)
+    assert select.select([ours.fileno()], [], [], 0.0)[0] == []
+    theirs.send(message(5, b"12", fd=True))
+    assert select.select([ours.fileno()], [], [], 10.0)[0] == [ours.fileno()]
+    assert ours.recv(0.0) == received(5, b"12")
+
+
+def test_only_datagrams_of_that_address_are_dropped() -> None:
+    with contextlib.ExitStack() as stack:
+        line, one, other = (
+            stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in "123"
+        )
+        line.bind(("127.0.0.1", 0))
+        for sender in (one, other):
+            sender.connect(line.getsockname())
+        drop_from(line, *one.getsockname())
+        one.send(b"1")
+        other.send(b"2")
+        line.settimeout(10.0)
+        assert line.recv(10) == b"2"
+        drop_from(line, "127.0.0.2", one.getsockname()[1])
+        one.send(b"3")
+        assert line.recv(10) == b"3"

@@ -8,12 +8,14 @@ frame per datagram, that is written and read here: socketcan, and udp_multicast.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import select
 import socket
 import struct
 import time
 from abc import ABC, abstractmethod
+from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 from .can_frame import EXTENDED, REMOTE, SHORT, message
@@ -26,6 +28,8 @@ ERROR = 0x20000000
 FAST = 0x05
 #: Bytes of the longest datagram.
 DATAGRAM = 4096
+#: Of sockets on Linux: a filter of what they receive; where such a program finds the IP header.
+ATTACH_FILTER, IP_HEADER = 26, 0xFFF00000
 #: Of IPv4 on Linux: whether a socket receives the groups that others joined.
 MULTICAST_ALL = 49
 
@@ -121,6 +125,52 @@ class SocketBus(ABC):
         """The frame of a datagram, or None: it has none."""
 
 
+@lru_cache(256)
+def head(frame_id: int, length: int, fd: bool) -> bytes:
+    """What a datagram of udp_multicast begins with, up to the data, which are the last."""
+    import msgpack
+
+    fields = {
+        "timestamp": 0.0,
+        "arbitration_id": frame_id & ~(REMOTE | EXTENDED),
+        "is_extended_id": frame_id & ~REMOTE > SHORT,
+        "is_remote_frame": bool(frame_id & REMOTE),
+        "is_error_frame": False,
+        "channel": None,
+        "dlc": length,
+        "is_fd": fd,
+        "bitrate_switch": fd,
+        "error_state_indicator": False,
+        "data": bytes(length),
+    }
+    packed: bytes = msgpack.packb(fields)
+    return packed[: len(packed) - length]
+
+
+def drop_from(line: socket.socket, host: str, port: int) -> None:
+    """Drop what comes from an address before it wakes the reader of a UDP socket of Linux.
+
+    A group returns each datagram to its sender: to a thread that waits for answers, as many
+    wake-ups again. The filter is a classic BPF program: source port and address, from the headers
+    of UDP and IP.
+
+    Raises:
+        OSError: there is no such filter here.
+    """
+    address = int.from_bytes(socket.inet_aton(host), "big")
+    steps = (
+        (0x28, 0, 0, 0),  # load half a word: the source port
+        (0x15, 0, 3, port),
+        (0x20, 0, 0, IP_HEADER + 12),  # load a word: the source address
+        (0x15, 0, 1, address),
+        (0x06, 0, 0, 0),  # drop
+        (0x06, 0, 0, 0xFFFFFFFF),  # keep
+    )
+    program = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
+    where = struct.pack("@HP", len(steps), ctypes.addressof(program))
+    line.setsockopt(socket.SOL_SOCKET, ATTACH_FILTER, where)
+
+
 class SocketCan(SocketBus):
     """An interface of socketcan."""
 
@@ -148,30 +198,19 @@ class Multicast(SocketBus):
         super().__init__(bus, fd=fd)
         import msgpack
 
-        self._packb, self._unpackb = msgpack.packb, msgpack.unpackb
+        self._unpackb = msgpack.unpackb
         if self._socket.family == socket.AF_INET:
             with contextlib.suppress(OSError):  # the other groups of its port are received, too
                 self._socket.setsockopt(socket.IPPROTO_IP, MULTICAST_ALL, 0)
         self._out = socket.socket(self._socket.family, socket.SOCK_DGRAM)
         self._out.connect((group, port))
         self._own = self._out.getsockname()[:2]
+        if self._socket.family == socket.AF_INET:
+            with contextlib.suppress(OSError):  # they are told apart in ``recv`` then
+                drop_from(self._socket, *self._own)
 
     def put(self, frame_id: int, data: bytes) -> None:
-        number = frame_id & ~(REMOTE | EXTENDED)
-        fields = {
-            "timestamp": 0.0,
-            "arbitration_id": number,
-            "is_extended_id": frame_id & ~REMOTE > SHORT,
-            "is_remote_frame": bool(frame_id & REMOTE),
-            "is_error_frame": False,
-            "channel": None,
-            "dlc": len(data),
-            "data": data,
-            "is_fd": self._fd,
-            "bitrate_switch": self._fd,
-            "error_state_indicator": False,
-        }
-        self._out.send(self._packb(fields))
+        self._out.send(head(frame_id, len(data), self._fd) + data)
 
     def _read(self, datagram: bytes) -> Received | None:
         try:
