@@ -23,7 +23,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from statistics import median
@@ -53,6 +53,17 @@ from control_board_ros.tuning.scenes import usual_payload, with_payload  # noqa:
 
 ROWS, PAGE = HERE / "contacts.json", HERE.parent / "docs" / "howto" / "contact.md"
 BEGIN, END = "<!-- begin: benchmark/contacts.py -->", "<!-- end -->"
+#: The columns of the page in docs/howto.
+SHORT = (
+    *("arm", "physics", "false alarms", "threshold", "after (median, last)"),
+    *("right within 10 %", "greatest error", "threshold with 10 % more payload"),
+)
+#: Heads the page that only the site has.
+FULL = """\
+# All figures of contacts
+
+How well [contacts are felt](../howto/contact.md#how-well-it-is-felt), in both engines.
+"""
 ENGINES = ("pybullet", "mujoco")
 
 #: s within which a push is to be seen, and how right its torque is then.
@@ -420,6 +431,7 @@ def main() -> None:
     parser.add_argument("--engine", choices=ENGINES)
     parser.add_argument("--urdf", action="append", default=[], metavar="ARM=PATH")
     parser.add_argument("--page", action="store_true")
+    parser.add_argument("--tables", action="store_true", help="print all, a page of the site")
     parser.add_argument("--cost", action="store_true")
     parser.add_argument("--quick", action="store_true", help="a tenth of everything, not kept")
     given = parser.parse_args()
@@ -438,7 +450,10 @@ def main() -> None:
                 lines = [f"{json.dumps(cell)}: {json.dumps(rows[cell])}" for cell in sorted(rows)]
                 ROWS.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
     if given.page:
-        replace_between(PAGE, BEGIN, END, "\n".join(["", *table(kept()), ""]))
+        lines = table(weakest(kept()), SHORT)
+        replace_between(PAGE, BEGIN, END, "\n".join(["", *lines, "", summary(kept()), ""]))
+    if given.tables:
+        print("\n".join([FULL, *table(kept())]))
 
 
 def kept() -> dict[str, Any]:
@@ -447,50 +462,58 @@ def kept() -> dict[str, Any]:
     return found
 
 
-def table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """A line for each cell."""
-    heads = [
-        "arm",
-        "physics",
-        "false alarms",
-        "greatest residual",
-        "threshold",
-        "seen within 30 ms",
-        "after (median, last)",
-        "right within 10 %",
-        "greatest error",
-        "without noise and errors",
-        "ended in a fault",
-        "threshold with 10 % more payload",
-    ]
-    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+def weakest(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Of each arm the row of the engine whose greatest threshold is greater, over the limit."""
+
+    def threshold(cell: str) -> float:
+        row = rows[cell]
+        return float(np.max(np.array(row["thresholds"]) / row["limits"]))
+
+    by_arm = {rows[cell]["arm"]: cell for cell in sorted(rows, key=threshold)}
+    return {cell: row for cell, row in rows.items() if cell in by_arm.values()}
+
+
+def summary(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """The line below the page's table: all pushes of both engines."""
+    pushes = [push for row in rows.values() for push in row["pushes"]]
+    seen = sum(push["seen"] is not None and push["seen"] <= SEEN + 1e-9 for push in pushes)
+    faults = sum(bool(push.get("fault")) for push in pushes)
+    return f"Of {len(pushes)} pushes {seen} were seen within 30 ms; {faults} ended in a fault."
+
+
+def table(rows: Mapping[str, Mapping[str, Any]], heads: Collection[str] = ()) -> list[str]:
+    """A line for each cell, with the columns ``heads``; empty: all."""
+    lines: list[str] = []
     for row in rows.values():
         pushes, felt = row["pushes"], {push["joint"] for push in row["pushes"]}
-        limits = np.array(row["limits"])
         some = np.array([name in felt for name in row["joints"]])
         seen = [push["seen"] for push in pushes if push["seen"] is not None]
         errors = [abs(push["shown"] / push["torque"] - 1.0) for push in pushes]
-        cells = [
-            row["arm"],
-            row["engine"],
-            f"{row['alarms']} in {row['minutes']:.0f} min",
-            span(np.array(row["worst"])[some] / limits[some]),
-            span(np.array(row["thresholds"])[some] / limits[some]),
-            f"{sum(one <= SEEN + 1e-9 for one in seen)} of {len(pushes)}",
-            f"{1e3 * median(seen):.0f} ms, {1e3 * max(seen):.0f} ms",
-            f"{sum(one <= RIGHT for one in errors)} of {len(pushes)}",
-            f"{100.0 * max(errors):.0f} %",
-            f"{sum(one <= RIGHT for one in row['exact'])} of {len(row['exact'])}, "
-            f"{100.0 * max(row['exact']):.1f} %",
-            str(sum(bool(push.get("fault")) for push in pushes)),
-            span(np.array(row["unknown"])[some] / limits[some]),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
+        exact_errors = row["exact"]
+        cells = {
+            "arm": row["arm"],
+            "physics": row["engine"],
+            "false alarms": f"{row['alarms']} in {row['minutes']:.0f} min",
+            "greatest residual": span(row, "worst", some),
+            "threshold": span(row, "thresholds", some),
+            "seen within 30 ms": f"{sum(s <= SEEN + 1e-9 for s in seen)} of {len(pushes)}",
+            "after (median, last)": f"{1e3 * median(seen):.0f} ms, {1e3 * max(seen):.0f} ms",
+            "right within 10 %": f"{sum(e <= RIGHT for e in errors)} of {len(pushes)}",
+            "greatest error": f"{100.0 * max(errors):.0f} %",
+            "without noise and errors": f"{sum(e <= RIGHT for e in exact_errors)} of "
+            f"{len(exact_errors)}, {100.0 * max(exact_errors):.1f} %",
+            "ended in a fault": str(sum(bool(push.get("fault")) for push in pushes)),
+            "threshold with 10 % more payload": span(row, "unknown", some),
+        }
+        shown = {head: cell for head, cell in cells.items() if not heads or head in heads}
+        lines = lines or [f"| {' | '.join(shown)} |", f"|{'---|' * len(shown)}"]
+        lines.append(f"| {' | '.join(shown.values())} |")
     return lines
 
 
-def span(shares: np.ndarray) -> str:
-    """The least and the greatest share of a torque limit."""
+def span(row: Mapping[str, Any], key: str, some: np.ndarray) -> str:
+    """The least and the greatest of some joints, as shares of their torque limits."""
+    shares = (np.array(row[key]) / row["limits"])[some]
     return f"{100.0 * shares.min():.2g} … {100.0 * shares.max():.2g} %"
 
 

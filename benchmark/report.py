@@ -160,19 +160,16 @@ def write_pages(record: dict[str, Any]) -> None:
 
 
 def page_table(record: dict[str, Any]) -> str:
-    """The figures of each number that are not reached; where all are, the first."""
+    """The figures that are not reached; the site has all."""
     rows = [("#", "what", "measured", "to reach")]
-    numbers: dict[str, list[dict[str, Any]]] = {}
-    for entry in record["figures"].values():
-        numbers.setdefault(entry["number"], []).append(entry)
-    for figures in numbers.values():
-        missed = [entry for entry in figures if entry["met"] is False]
-        for entry in missed or figures[:1]:
-            text = f"**{entry['text']}**" if missed else entry["text"]
-            rows.append((entry["number"], entry["case"], text, entry["goal"]))
+    rows += [
+        (entry["number"], entry["case"], entry["text"], entry["goal"])
+        for entry in record["figures"].values()
+        if entry["met"] is False
+    ]
     verdicts = [entry["met"] for entry in record["figures"].values()]
     count, reached = len(verdicts) - verdicts.count(None), verdicts.count(True)
-    return f"{reached} of {count} goals are reached; **bold** is not.\n\n{table(rows)}"
+    return f"{reached} of {count} goals are reached. Those that are not:\n\n{table(rows)}"
 
 
 def full_table(record: dict[str, Any]) -> str:

@@ -24,9 +24,9 @@ Later files win over earlier ones; within a file the joint's own value wins. Wha
 ends the start with one line: place and allowed values (exit code 2).
 
 **Bold**: live, as with `ros2 param set /control_board lbr_iiwa_joint_1.limits.lower -1.5`; values
-set together are all applied, or none. `ros2 param describe` and the [site](install.md) have types
-and allowed values, too. In brackets: the default with its unit, or what it is computed from. A
-unit after "or" is that of sliding joints; their torques are forces in N.
+set together are all applied, or none. `ros2 param describe` and the [site](install.md) have types,
+allowed values and every meaning. In brackets: the default with its unit, or what it is computed
+from. A unit after "or" is that of sliding joints; their torques are forces in N.
 """
 
 FULL = """\
@@ -36,8 +36,11 @@ FULL = """\
 `.inf` is accepted only where stated. *live*: can be changed at run time.
 """
 
-#: Loops with the same parameters, shown side by side.
+#: Loops with the same parameters.
 LOOPS = ("position_pid", "direct_pid", "torque_pid", "current_pid")
+#: Those that are shown side by side, and what is said of the other one.
+COLUMNS = ("position_pid", "torque_pid", "current_pid")
+DIRECT = "`direct_pid` begins with the values of `position_pid`."
 
 GROUPS = {
     "couplings": "Couplings",
@@ -98,10 +101,11 @@ def short(group: list[Parameter]) -> list[str]:
 
 def loops(group: list[Parameter]) -> list[str]:
     """The table of the control loops, one column each."""
-    lines = header("parameter", *(f"`{loop}`" for loop in LOOPS), "meaning")
+    lines = [DIRECT, "", *header("parameter", *(f"`{loop}`" for loop in COLUMNS), "meaning")]
     cells: dict[str, list[Parameter]] = {}
     for found in group:
-        cells.setdefault(found.name.rpartition(".")[2], []).append(found)
+        if found.name.split(".")[-2] in COLUMNS:
+            cells.setdefault(found.name.rpartition(".")[2], []).append(found)
     for name, of_loops in cells.items():
         meaning = of_loops[0].text.partition(": ")[2].capitalize()
         lines.append(row(f"**`{name}`**", *map(default_of, of_loops), f"{meaning}."))
@@ -117,7 +121,7 @@ def brief(group: list[Parameter]) -> list[str]:
 #: The form of a group on the page, if not ``short``.
 FORMS = {
     "Control loops": loops,
-    **dict.fromkeys(("Couplings", "Simulated encoder", "Simulated drives"), brief),
+    **dict.fromkeys(("Couplings", "Motor", "Simulated encoder", "Simulated drives"), brief),
 }
 
 

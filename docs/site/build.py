@@ -75,6 +75,7 @@ def broken(folder: Path) -> list[str]:
 #: Pages that only the site has, tables too long to be read beside the text: name, and its program.
 TABLES = {
     "motion_tables.md": ["benchmark/motion.py", "--tables"],
+    "contact_tables.md": ["benchmark/contacts.py", "--tables"],
     "performance_tables.md": ["benchmark/report.py"],
     "conformance_tables.md": ["test/spec/conformance.py", "--tables"],
     "interface_fields.md": ["docs/generate.py", "--print", "fields"],
