@@ -13,8 +13,7 @@ from collections.abc import Callable
 from typing import Self
 
 from .core.board import Board
-from .core.config.config import BoardConfig
-from .core.config.layout import joined
+from .core.config.config import BoardConfig, joined
 from .settings.loading import Settings, load
 from .sim.config import SimulationConfig
 from .sim.plant import Body, SimulatedPlant

@@ -14,8 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .config.config import BoardConfig, ConfigError, Zone
-from .config.layout import BoardLimits, joined
+from .config.config import BoardConfig, BoardLimits, ConfigError, Zone, joined
 from .laws.control import Controller
 from .laws.references import References, ReferenceTimeouts
 from .machine.commands import Commands, timeout_cycles

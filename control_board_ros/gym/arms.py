@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.board import Board
-from ..core.config.config import BoardConfig
-from ..core.config.layout import joined
+from ..core.config.config import BoardConfig, joined
 from ..core.model.arm_model import outwards_of
 from ..core.terms.measurement import Array
 from ..core.terms.modes import STATES

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from rig import M, Rig, board_config, joint
 
-from control_board_ros.core.config.config import Calibration
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import Calibration, joined
 
 
 def test_a_part_without_autoconfigure_holds_its_level() -> None:

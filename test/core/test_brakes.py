@@ -13,6 +13,7 @@ from rig import M, board_config, joint
 from control_board_ros.core.config.config import Brake, Pid
 from control_board_ros.core.laws.control import Controller
 from control_board_ros.core.machine.brakes import Brakes, WaitingLaw
+from control_board_ros.core.machine.machine import Machine
 from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.modes import Law
 from control_board_ros.core.terms.vocabs import BrakeMode
@@ -39,6 +40,8 @@ class Made:
         self.faults: list[tuple[int, str]] = []
         self.reports: list[tuple[int, str]] = []
         self.brakes = Brakes(cast("Any", self))
+
+    wait_for_brake, hold = Machine.wait_for_brake, Machine.hold
 
     def give_power(self, j: int, wanted: WaitingLaw) -> None:
         self.powers.append((self.state.cycle, j, wanted))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rig import board_config, joint, ready
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config.layout import BoardLimits
+from control_board_ros.core.config.config import BoardLimits
 from control_board_ros.core.machine.commands import COMMANDS
 from control_board_ros.core.machine.decisions import decide_reference
 from control_board_ros.core.terms.modes import STATES, modes_accepting

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import joined
 from control_board_ros.core.model.coupling import Coupling, FourBar, MotorMix, side_by_side
 from control_board_ros.core.terms.measurement import Array
 from control_board_ros.settings.loading import load

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 from rig import joint
 
-from control_board_ros.core.machine.explanations import explain_cut, explain_limit, explain_slower
+from control_board_ros.core.machine.explanations import explain_cut, explain_slower
+from control_board_ros.core.machine.machine import explain_limit
 
 LIMITS = {"lower": -1.0, "upper": 2.0}
 

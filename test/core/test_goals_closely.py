@@ -16,22 +16,28 @@ from following import Following
 from rig import Held, Rig, board_config, held, joint, ready
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config.config import Calibration
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import Calibration, joined
 from control_board_ros.core.config.parts import Constraints
-from control_board_ros.core.goals.path import Path, Points, braking, make_path
-from control_board_ros.core.goals.pose import Pose
-from control_board_ros.core.goals.poses import made_pose, plan_move, pose_now
-from control_board_ros.core.goals.tasks import CalibrationTask, MoveTask, Outcome
-from control_board_ros.core.goals.trajectory_goal import (
-    Code,
+from control_board_ros.core.goals.path import (
+    Path,
+    Points,
     Tolerances,
-    TrajectoryGoal,
     Wish,
     Wishes,
-    configured,
+    braking,
     goal_tolerances,
+    make_path,
 )
+from control_board_ros.core.goals.pose import Pose
+from control_board_ros.core.goals.tasks import (
+    CalibrationTask,
+    MoveTask,
+    Outcome,
+    made_pose,
+    plan_move,
+    pose_now,
+)
+from control_board_ros.core.goals.trajectory_goal import Code, TrajectoryGoal, configured
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode
 

@@ -10,8 +10,14 @@ import numpy as np
 import pytest
 from rig import board_config, joint
 
-from control_board_ros.core.config.config import BoardConfig, ConfigError, Impedance
-from control_board_ros.core.config.layout import BoardLimits, frozen, joined
+from control_board_ros.core.config.config import (
+    BoardConfig,
+    BoardLimits,
+    ConfigError,
+    Impedance,
+    frozen,
+    joined,
+)
 from control_board_ros.core.model.coupling import Coupling
 
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from rig import board_config, joint
 
-from control_board_ros.core.config.config import Timeouts
-from control_board_ros.core.config.layout import BoardLimits
+from control_board_ros.core.config.config import BoardLimits, Timeouts
 from control_board_ros.core.laws.control import Controller
 from control_board_ros.core.laws.references import References, ReferenceTimeouts
 from control_board_ros.core.machine.commands import COMMANDS, timeout_cycles

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from control_board_ros.core.goals.trajectory_goal import (
+from control_board_ros.core.goals.path import (
     Excess,
     Tolerances,
     Wish,

@@ -17,13 +17,8 @@ from following import Following
 from rig import board_config, joint, simulation_config
 
 from control_board_ros.core.config.parts import Constraints, JointConstraints
-from control_board_ros.core.goals.path import make_path
-from control_board_ros.core.goals.trajectory_goal import (
-    Code,
-    GoalError,
-    Points,
-    Wish,
-)
+from control_board_ros.core.goals.path import Wish, make_path
+from control_board_ros.core.goals.trajectory_goal import Code, GoalError, Points
 from control_board_ros.core.terms.arguments import Array
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.sim.plant import SimulatedPlant

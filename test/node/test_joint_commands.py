@@ -11,7 +11,7 @@ from rig import Rig, board_config, joint
 from sensor_msgs.msg import JointState
 from topic_based_hardware import INTERFACES, TopicBasedHardware
 
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import joined
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.wiring.topics import joint_commands

@@ -12,8 +12,7 @@ import pytest
 from rig import Rig, board_config, joint
 from robots import RobotRig, parts, shown, shown_numbers
 
-from control_board_ros.core.config.config import BoardConfig, ConfigError
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import BoardConfig, ConfigError, joined
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 from control_board_ros.settings.loading import load
 from control_board_ros.simulation import made_board

@@ -10,13 +10,9 @@ import pytest
 from following import Following
 from robots import parts
 
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import joined
 from control_board_ros.core.goals.path import Points, make_path
-from control_board_ros.core.goals.trajectory_goal import (
-    Code,
-    GoalError,
-    start_goal,
-)
+from control_board_ros.core.goals.trajectory_goal import Code, GoalError, start_goal
 
 ARMS = ["r_elbow", "l_shoulder", "l_elbow"]
 

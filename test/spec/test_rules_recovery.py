@@ -11,8 +11,7 @@ import pytest
 from rig import COMPLIANT, STIFF, Held, M, Rig, board_config, joint
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config.config import Calibration, Timeouts
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import Calibration, Timeouts, joined
 from control_board_ros.core.state import Reference
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import Row

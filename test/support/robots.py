@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from rig import Rig, board_config, joint, plain
 
-from control_board_ros.core.config.config import BoardConfig, Calibration
-from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.config import BoardConfig, Calibration, joined
 from control_board_ros.core.state import Snapshot
 
 #: The iiwa as two parts.

@@ -20,7 +20,6 @@ import numpy as np
 
 from ..config.config import BoardConfig
 from ..config.parts import DEGREE, Brake
-from ..laws.control import Controller
 from ..state import StateArrays
 from ..terms.arguments import Array
 from ..terms.faults import FaultCode
@@ -53,8 +52,8 @@ class Owner(Protocol):
     def config(self) -> BoardConfig: ...
     @property
     def state(self) -> StateArrays: ...
-    @property
-    def controller(self) -> Controller: ...
+    def wait_for_brake(self, j: int, *, waits: bool) -> None: ...
+    def hold(self, j: int) -> None: ...
     def give_power(self, j: int, waiting: WaitingLaw) -> None: ...
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None: ...
     def report(self, level: str, key: str, j: int, text: str) -> None: ...
@@ -131,11 +130,10 @@ class Brakes:
                 brake.waiting = None
                 return True
             brake.waiting = waiting
-            joint = self._machine.controller.joints[j]
-            joint.braked = joint.holding = True
-            joint.calibrated = bool(state.calibrated[j])  # moves are planned while the brake opens
+            self._machine.wait_for_brake(j, waits=True)
             return False
-        brake.waiting, self._machine.controller.joints[j].braked = None, False
+        brake.waiting = None
+        self._machine.wait_for_brake(j, waits=False)
         if state.control_modes[j] in FAULTED | UNCONFIGURED:
             brake.mode = BrakeMode.AUTOMATIC
         if brake.mode is BrakeMode.OPEN:
@@ -145,7 +143,7 @@ class Brakes:
         if not held or brake.due is None:
             return True
         brake.waiting = waiting
-        self._machine.controller.arm([j], Law.POSITION, direct=False, feeds=True)
+        self._machine.hold(j)
         return False
 
     def step(self) -> None:

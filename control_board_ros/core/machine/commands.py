@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config.config import BoardConfig
-from ..config.layout import BoardLimits
+from ..config.config import BoardConfig, BoardLimits
 from ..laws.references import Moves, References
 from ..selection import RequestError, Selection, spread
 from ..state import Indices

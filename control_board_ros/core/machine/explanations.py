@@ -181,26 +181,6 @@ def explain_refused(
     )
 
 
-def explain_limit(joint: JointConfig, position: float) -> str:
-    """The warning of a joint that its protection pushes back into its software limits (P9)."""
-    limits = joint.limits
-    beyond = max(limits.lower - position, position - limits.upper)
-    at, over, low, high = (
-        joint.kind.position(value) for value in (position, beyond, limits.lower, limits.upper)
-    )
-    where = f"{over} beyond" if beyond > 0.5 * joint.kind.resolution else "at"
-    return f"at {at}, {where} its software limits, {low} to {high}; the protection pushes it back"
-
-
-def explain_strain(joint: JointConfig) -> str:
-    """Why a joint in a position mode lags its reference."""
-    torque = joint.kind.force(joint.limits.torque)
-    return (
-        f"its torque is at its limit, {torque}, and it lags its reference; "
-        "reduce speed or load, or check for an obstruction"
-    )
-
-
 def explain_contact(joint: JointConfig, torque: float) -> str:
     """The torque from outside that a joint reacts to (X2)."""
     force = joint.kind.force

@@ -2,17 +2,18 @@
 """The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, N).
 
 It owns what belongs to being in a mode: entering one, and faults with their records. Requests are
-decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begins. Theory of
+decided in ``requests``, calibrations run in ``calibration``, ``start_up`` begins. Theory of
 operation, from power-on to power-off: docs/architecture.md.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..calibration.calibrations import Calibrations
+from ..calibration.calibration import Calibrations, Hand
 from ..config.config import BoardConfig, JointConfig
 from ..laws.control import Controller
 from ..laws.references import References, ReferenceTimeouts
@@ -41,7 +42,6 @@ from ..terms.vocabs import CommandKind, ControlMode
 from ..watch.fault_monitor import FaultMonitor
 from .brakes import Brakes, WaitingLaw
 from .decisions import Facts
-from .explanations import explain_limit, explain_strain
 from .stale import StaleStreams
 
 #: ACCEPTS as columns over the kinds of command, shape (kinds,).
@@ -163,12 +163,39 @@ class Machine:
         commanded = not joint.holding
         torque, current = joint.torque_command, joint.current_command
         self.controller.arm([j], waiting.law, direct=waiting.direct, feeds=waiting.feeds)
-        joint.braked = False
+        self.wait_for_brake(j, waits=False)
         if commanded and waiting.law is Law.TORQUE:
             joint.command_torque(torque)
         elif commanded and waiting.law is Law.CURRENT:
             joint.command_current(current)
         self.monitor.power([j], self.state.powered)
+
+    # --- for brakes and calibrations ------------------------------------------------------
+
+    def wait_for_brake(self, j: int, *, waits: bool) -> None:
+        """Whether the law of a joint waits for its brake; moves are planned meanwhile."""
+        joint = self.controller.joints[j]
+        joint.braked = waits
+        if waits:
+            joint.holding, joint.calibrated = True, bool(self.state.calibrated[j])
+
+    def waits_for_brake(self, j: int) -> bool:
+        """Whether the law of a joint waits for its brake."""
+        return bool(self.controller.joints[j].braked)
+
+    def hold(self, j: int) -> None:
+        """Hold a joint, in whatever mode it is, until its brake is closed."""
+        self.controller.arm([j], Law.POSITION, direct=False, feeds=True)
+
+    def hand(self, j: int) -> Hand:
+        """A calibrator's access to a joint."""
+        return JointHand(self, j)
+
+    def know_angle(self, j: int) -> None:
+        """Record that a joint's angle is valid; its last references are its position (M11)."""
+        self.state.calibrated[j] = True
+        for kind in (CommandKind.POSITION, CommandKind.POSITION_DIRECT):
+            self.references.last[kind, j] = self.state.position[j]
 
     def report(self, level: str, key: str, j: int, text: str) -> None:
         """Add an event of a joint: ``<joint>: <text>``."""
@@ -277,3 +304,74 @@ class Machine:
                 timeout = self.config.joints[j].timeouts.velocity
                 text = f"no velocity reference for {timeout:g} s; it stops and holds"
                 self.report("info", "velocity timeout", j, text)
+
+
+class JointHand:
+    """What a calibrator may do with its joint; see :class:`Hand`."""
+
+    __slots__ = ("_j", "_machine")
+
+    def __init__(self, machine: Machine, j: int) -> None:
+        self._machine, self._j = machine, j
+
+    @property
+    def joint(self) -> JointConfig:
+        return self._machine.config.joints[self._j]
+
+    @property
+    def reading(self) -> float:
+        state = self._machine.state
+        return float(state.position[self._j] + state.offset[self._j])
+
+    @property
+    def position(self) -> float:
+        return float(self._machine.state.position[self._j])
+
+    @property
+    def travelled(self) -> float:
+        """Of the motor; of the joint where its drive shows no travel of its own."""
+        if math.isinf(self.joint.max_travel_error):
+            return self.reading
+        return float(self._machine.state.travelled[self._j])
+
+    @property
+    def current(self) -> float:
+        return float(self._machine.state.current[self._j])
+
+    def hold(self) -> None:
+        self._machine.references.reset([self._j], bounded=False)
+        self._machine.set_law([self._j], Law.POSITION, direct=False, feeds=False)
+
+    def drive(self, output: float) -> None:
+        self._machine.controller.joints[self._j].output_command = output
+        self._machine.set_law([self._j], Law.OUTPUT, direct=False, feeds=False)
+
+    def set_offset(self, offset: float) -> None:
+        self._machine.calibrations.set_offset(self._j, offset)
+        self._machine.references.reset([self._j], bounded=False)
+
+    def move(self, target: float, speed: float) -> None:
+        self._machine.references.move(np.array([self._j]), np.array([target]), np.array([speed]))
+
+    def moving(self) -> bool:
+        return not self._machine.state.done[self._j]
+
+
+def explain_limit(joint: JointConfig, position: float) -> str:
+    """The warning of a joint that its protection pushes back into its software limits (P9)."""
+    limits = joint.limits
+    beyond = max(limits.lower - position, position - limits.upper)
+    at, over, low, high = (
+        joint.kind.position(value) for value in (position, beyond, limits.lower, limits.upper)
+    )
+    where = f"{over} beyond" if beyond > 0.5 * joint.kind.resolution else "at"
+    return f"at {at}, {where} its software limits, {low} to {high}; the protection pushes it back"
+
+
+def explain_strain(joint: JointConfig) -> str:
+    """Why a joint in a position mode lags its reference."""
+    torque = joint.kind.force(joint.limits.torque)
+    return (
+        f"its torque is at its limit, {torque}, and it lags its reference; "
+        "reduce speed or load, or check for an obstruction"
+    )

@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...text import unknown_word
-from ..config.config import BoardConfig
-from ..config.layout import BoardLimits
+from ..config.config import BoardConfig, BoardLimits
 from ..laws.joint import Joint
 from ..laws.pid import Pid as Gains
 from ..model.coupling import MotorMix

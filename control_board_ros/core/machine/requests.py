@@ -296,7 +296,7 @@ class StartUp:
         calibration = machine.config.joints[j].calibration
         if calibration is None or not calibration.required:
             machine.calibrations.set_offset(j, calibration.zero if calibration else 0.0)
-            machine.calibrations.know_angle(j)
+            machine.know_angle(j)
         elif self._state.stages[j] is Stage.ACTIVE:
             machine.calibrations.start(j)
             return

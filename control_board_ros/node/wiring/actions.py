@@ -21,8 +21,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from ...core.goals.poses import PoseTask
-from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
+from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome, PoseTask
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint

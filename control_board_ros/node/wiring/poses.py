@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ...core.goals.pose import Pose
-from ...core.goals.poses import PoseTask, made_pose, pose_now
+from ...core.goals.tasks import PoseTask, made_pose, pose_now
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...operations import doubles, truncated
