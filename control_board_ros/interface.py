@@ -3,8 +3,9 @@
 
 The node offers these, the client uses them, and docs/interface.md is made from them; a test
 compares them, and a running node, with a golden copy (test/support/interface_table.py). Types are
-text until they are loaded, so that importing this module imports no message. What a service does
-with a board is in operations.py.
+text until they are loaded, so that importing this module imports no ROS. What a service does
+with a board is in operations.py, unless it reads what methods of the board return: then its row
+here says so.
 """
 
 from __future__ import annotations
@@ -36,14 +37,13 @@ class QoS:
     latched: bool = False
 
     def profile(self) -> Any:
-        """A new rclpy QoSProfile, as rclpy writes ``qos_overrides`` into it."""
-        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-        reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
-        return QoSProfile(
+        """A new rclpy QoSProfile, as rclpy writes ``qos_overrides`` into it; loads rclpy."""
+        qos = importlib.import_module("rclpy.qos")
+        reliability, durability = qos.ReliabilityPolicy, qos.DurabilityPolicy
+        return qos.QoSProfile(
             depth=self.depth,
-            reliability=reliable if self.reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=latched if self.latched else DurabilityPolicy.VOLATILE,
+            reliability=reliability.RELIABLE if self.reliable else reliability.BEST_EFFORT,
+            durability=durability.TRANSIENT_LOCAL if self.latched else durability.VOLATILE,
         )
 
     def __str__(self) -> str:
@@ -74,6 +74,8 @@ class Endpoint:
         qos: of the topic; of a service's requests and responses, and of an action's services.
         meaning: in sentences; of standard and of YARP's endpoints empty.
         reference: the kind of reference that a command sets, if any.
+        reads: of a service that only reads joints: fields of its response, and the methods of the
+            board (``JointGroup``) whose values they are, one for each joint.
     """
 
     kind: Literal["topic", "command", "service", "action"]
@@ -82,6 +84,7 @@ class Endpoint:
     qos: QoS
     meaning: str = ""
     reference: CommandKind | None = None
+    reads: tuple[tuple[str, str], ...] = ()
 
     @property
     def short(self) -> str:
@@ -118,8 +121,10 @@ def command(name: str, type_: str, meaning: str = "", reference: K | None = None
     return Endpoint("command", name, full("msg", type_), STREAM, meaning, reference)
 
 
-def service(name: str, type_: str, meaning: str = "") -> Endpoint:
-    return Endpoint("service", name, full("srv", type_), REQUESTS, meaning)
+def service(name: str, type_: str, meaning: str = "", **reads: str) -> Endpoint:
+    """A service; ``reads``: methods of the board by the fields of the response."""
+    fields = tuple(reads.items())
+    return Endpoint("service", name, full("srv", type_), REQUESTS, meaning, reads=fields)
 
 
 def action(name: str, type_: str, meaning: str) -> Endpoint:
@@ -307,13 +312,27 @@ SET_REFERENCE_SPEED = service(
     "that give none.",
 )
 GET_REFERENCES = service(
-    "~/get_references", "GetReferences", "Read the last accepted reference of every kind."
+    "~/get_references",
+    "GetReferences",
+    "Read the last accepted reference of every kind.",
+    positions="get_target_position",
+    direct_positions="get_ref_position",
+    velocities="get_target_velocity",
+    torques="get_ref_torque",
+    outputs="get_output",
+    speeds="get_ref_speed",
+    accelerations="get_ref_acceleration",
+    direct_velocities="get_direct_velocity",
+    currents="get_ref_current",
+    ref_velocities="get_ref_velocity",
 )
 SET_BRAKE = service("~/set_brake", "SetBrake", "Set the brake modes of joints.")
 GET_BRAKE = service(
     "~/get_brake",
     "GetBrake",
     "Read the brake modes of joints, and whether their brakes are closed.",
+    modes="get_brake",
+    closed="is_joint_braked",
 )
 GET_COUPLING = service(
     "~/get_coupling",

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a service does with a board, in core's words, without ROS.
 
-``OPERATIONS`` has a row for each service that reads or changes joints and does no more. The node
-serves it on ROS, a client's LocalLink in the same process. An operation takes the board, held
+``OPERATIONS`` has a row for each service that reads or changes joints and does no more; rows of
+interface.py that name methods of the board need no other one here. The node serves them on ROS, a
+client's LocalLink in the same process. An operation takes the board, held
 between two cycles, and a request, which is any object with the fields of the service's type, and
 returns the fields of the response.
 
@@ -26,7 +27,8 @@ from .core.terms.drives import DriveUse
 from .core.terms.measurement import Row
 from .core.terms.motors import TERMS
 from .core.terms.reply import Reply
-from .core.terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode, Vocab
+from .core.terms.vocabs import CommandKind, ControlMode, InteractionMode, Vocab
+from .interface import SERVICES, Endpoint
 from .joint_limits import FIELDS
 from .text import unknown_word
 
@@ -73,6 +75,15 @@ def reads(fields_of: Callable[[JointGroup, list[str], Any], Fields]) -> Operatio
         return {"success": True, "names": joints, **fields_of(board, joints, request)}
 
     return operation
+
+
+def getter(service: Endpoint) -> Operation:
+    """Reads joints by the methods of the board that the row of a service names."""
+    return reads(
+        lambda board, joints, _: {
+            field: on_wire(getattr(board, method)(joints)) for field, method in service.reads
+        }
+    )
 
 
 def changes(
@@ -155,8 +166,11 @@ def limit_fields(joints: Sequence[JointConfig]) -> Fields:
     return {name: doubles([getattr(one, name) for one in limits]) for name in FIELDS}
 
 
-def brake_words(modes: Iterable[BrakeMode | None]) -> list[str]:
-    return [mode or "" for mode in modes]
+def on_wire(values: Any) -> Any:
+    """A field of one value for each joint: numbers, or words and flags; no word is empty."""
+    if isinstance(values, np.ndarray):
+        return doubles(values)
+    return ["" if value is None else value for value in values]
 
 
 def array_fields(arrays: Any) -> Fields:
@@ -258,6 +272,7 @@ def reference_fields(reply: Reply) -> Fields:
 
 #: By the name of the service below the board's, as in interface.py.
 OPERATIONS: dict[str, Operation] = {
+    **{service.short: getter(service) for service in SERVICES if service.reads},
     "set_control_mode": changes(
         lambda board, joints, request: board.set_control_mode(
             joints, truncated(request.modes, board.count)
@@ -292,33 +307,11 @@ OPERATIONS: dict[str, Operation] = {
             joints, optional(request.speeds), optional(request.accelerations)
         )
     ),
-    "get_references": reads(
-        lambda board, joints, _: {
-            "positions": doubles(board.get_target_position(joints)),
-            "direct_positions": doubles(board.get_ref_position(joints)),
-            "velocities": doubles(board.get_target_velocity(joints)),
-            "torques": doubles(board.get_ref_torque(joints)),
-            "outputs": doubles(board.get_output(joints)),
-            "speeds": doubles(board.get_ref_speed(joints)),
-            "accelerations": doubles(board.get_ref_acceleration(joints)),
-            "direct_velocities": doubles(board.get_direct_velocity(joints)),
-            "currents": doubles(board.get_ref_current(joints)),
-            "ref_velocities": doubles(board.get_ref_velocity(joints)),
-        }
-    ),
     "set_brake": changes(
         lambda board, joints, request: board.set_brake(
             joints, truncated(request.modes, board.count)
         ),
-        modes=lambda board, reply: brake_words(
-            board.get_brake(reply.joints) if reply.joints else []
-        ),
-    ),
-    "get_brake": reads(
-        lambda board, joints, _: {
-            "modes": brake_words(board.get_brake(joints)),
-            "closed": board.is_joint_braked(joints),
-        }
+        modes=lambda board, reply: on_wire(board.get_brake(reply.joints) if reply.joints else []),
     ),
     "get_coupling": coupling_fields,
     "recover": changes(
