@@ -9,7 +9,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from codec import Codec, dialogue
+from codec import Codec, dialogue, written
+from drive_bench import Bench
 from sdo_objects import Objects, result
 
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
@@ -96,9 +97,9 @@ END = ["601#4041600000000000", "601#403f600000000000", "601#4079600000000000",
 
 
 @pytest.mark.parametrize(("silence", "reaction"), [("free", FREE), ("braked", BRAKED)])
-@pytest.mark.parametrize("motor", [False, True])
-def test_a_set_up_asks_and_finds(silence: str, reaction: list[str], motor: bool) -> None:
-    codec = Codec("cia402", **({"motor_counts": "4096"} if motor else {}))
+@pytest.mark.parametrize("motor", ["", "4096", "0.5"])
+def test_a_set_up_asks_and_finds(silence: str, reaction: list[str], motor: str) -> None:
+    codec = Codec("cia402", **({"motor_counts": motor} if motor else {}))
     drive, joint = far_of(codec), SimpleNamespace(on_silence=OnSilence[silence.upper()])
     codec.driver._setup = Setup(period=2e-3, timeout=0.1, joints=(joint,))  # type: ignore[arg-type]
     asked, found = dialogue(codec.driver.set_up(0), drive.on_frame, said)
@@ -314,6 +315,9 @@ def test_a_fault_of_the_watchdog_that_stays_after_20_resets_is_a_reset_of_commun
     assert [k for k, frames in enumerate(sent, 1) if "000#8201" in frames] == [20, 40]
     codec.heard("281#00000000103200")
     assert not any("000#8201" in codec.sent(Action.RESET) for _ in range(30))
+    codec.heard("281#00000000308100")
+    sent = [codec.sent(Action.RESET) for _ in range(20)]
+    assert [k for k, frames in enumerate(sent, 1) if "000#8201" in frames] == [20]
 
 
 def test_answers_are_read_in_parts() -> None:
@@ -349,6 +353,8 @@ def test_a_motor_encoder_is_a_third_part() -> None:
     parts = ("181#2702000001006400", "281#00000100000009", "381#00080000")
     assert codec.heard(*parts) == [None, None, 0]
     assert codec.answers.motor_position[0] == pytest.approx(math.pi)
+    codec.sent(Action.GOAL, SetPoint.POSITION)
+    assert codec.heard(*parts[1:]) == [None, None]
     codec, _ = ready()
     assert math.isnan(codec.answers.motor_position[0])
 
@@ -364,6 +370,85 @@ def test_another_frame_is_no_answer(frame: str) -> None:
     assert codec.heard(frame) == [None]
     assert (math.isnan(codec.readings[0]), codec.driver._drives[0].parts) == (True, 0)
     assert not codec.reported.lost
+
+
+def test_a_drive_that_was_just_set_up_has_answered_nothing() -> None:
+    """Its error is 0 until TPDO2 comes; the one part is no answer."""
+    codec, _ = ready()
+    assert codec.heard("281#00000100000009") == [None]
+    codec, _ = ready()
+    codec.heard("181#0802000000000000")
+    assert codec.reported.fault is not None
+    assert codec.reported.fault.number == 0
+
+
+@pytest.mark.parametrize(
+    ("frame", "lost"),
+    [("701#00", True), ("701#0000", True), ("701#05", False), ("701#7f", False),
+     ("701#", False), ("702#00", False), ("581#00", False)],
+)  # fmt: skip
+def test_a_boot_up_is_a_restart(frame: str, lost: bool) -> None:
+    """S8, CiA 301."""
+    codec, _ = ready()
+    assert codec.heard(frame) == [None]
+    assert codec.reported.lost == lost
+
+
+def test_what_the_end_takes() -> None:
+    """Power, then the watchdog, which would be a fault."""
+    codec, _ = ready()
+    sent: list[str] = []
+    codec.driver.line.close = lambda frames: sent.extend(map(written, frames))
+    codec.driver.close()
+    assert sent == ["601#2b40600000000000", "601#2316100100000000"]
+    assert driver.LOST.number == 0
+
+
+def test_two_drives_with_one_id_are_refused() -> None:
+    codec = Codec("cia402")
+    drive = far_of(codec)
+
+    def far(frame_id: int, data: bytes) -> Any:
+        return [*drive.on_frame(frame_id, data)] * 2
+
+    with pytest.raises(ConnectionError, match="one: two drives answer as id 1 on none; look with"):
+        dialogue(codec.driver.set_up(0), far, said)
+
+
+@pytest.mark.parametrize("number", [0, 127])
+def test_ids_that_are_none_are_refused(number: int) -> None:
+    with pytest.raises(PlantSettingsError, match=f"one.id={number}: 1 to 126 is required"):
+        Codec("cia402", ids=f"{number}")
+
+
+def test_a_scan_finds_drives() -> None:
+    """All are asked once for their profile; others are no drives, nor are short answers."""
+    with Bench("cia402", names=("one", "two", "three")) as bench:
+        _, two, three = bench.drives
+        three.node.set_data(0x1000, 0, struct.pack("<I", 401))
+        two.persists, two._error, two.state = 0x3210, 0x3210, states.State.FAULT
+        asked: list[str] = []
+
+        def carry(frames: Any) -> Any:
+            for frame in frames:
+                asked.append(written(frame))
+                yield frame
+
+        def back(frames: Any) -> Any:
+            for frame_id, data in frames:
+                yield frame_id, data
+                yield 0x584, data[:7]  # short
+                yield 0x705, data  # no answer
+
+        bench.bus.to_drives, bench.bus.from_drives = carry, back
+        began = bench.time
+        found = bench.scan()
+    assert [(one.id, one.type, one.firmware, one.voltage, one.fault and one.fault.number)
+            for one in found] == [(1, "virtual CiA 402", "1.0", 48.0, None),
+                                  (2, "virtual CiA 402", "1.0", 48.0, 0x3210)]  # fmt: skip
+    assert asked[:126] == [f"{0x600 + k:03X}#4000100000000000" for k in range(1, 127)]
+    assert asked[126:] == [*END[:8], *(frame.replace("601", "602") for frame in END[:8])]
+    assert bench.time - began == pytest.approx(0.1, abs=0.05)
 
 
 def test_a_drive_that_is_not_set_up_has_no_scale() -> None:
@@ -489,6 +574,48 @@ def test_a_text_of_which_a_segment_is_lost_is_asked_for_anew() -> None:
 
 
 @pytest.mark.parametrize(
+    ("answers", "text"),
+    [(["4b08100041424344"], "AB"), (["4308100041424344"], "ABCD"), (["4f08100041424344"], "A"),
+     (["4108100009000000", "8008100000000206", "4108100002000000", "0b41420000000000"], "AB"),
+     (["4108100009000000", "0041424344454647", "8008100000000206", "4108100002000000",
+       "0b41420000000000"], "AB"),
+     (["4108100009000000", "0041424344454647", "1948494a4b4c4d4e"], "ABCDEFGHIJ")],
+)  # fmt: skip
+def test_texts_are_read_by_their_counts(answers: list[str], text: str) -> None:
+    """An abort amid the segments begins anew."""
+    frames = [*map(bytes.fromhex, answers)]
+    found = converse(sdo.Sdo(1).text(0x1008), lambda question: [question.pick(frames.pop(0))])
+    assert (found, frames) == (text, [])
+
+
+def test_an_object_that_is_not_answered_is_named() -> None:
+    questions = sdo.Sdo(1).maybe(0x1016, 1, "<I")
+    with pytest.raises(ConnectionError, match=r"id 1 does not answer for object 0x1016$"):
+        converse(questions, lambda _: [])
+
+
+#: Codes of CiA 402-2, "Error codes", and of CiA 301, table 26, that are named.
+CODES = """2220 2310 2320 2330 3110 3120 3130 3210 3220 3310 4110 4210 4310 5112 5441 5530 6010
+6320 7110 7121 7122 7300 7305 7310 7320 7380 8110 8120 8130 8140 8210 8311 8400 8500 8611 8612
+8700 ff01"""
+
+
+def test_tables_are_those_of_the_standard() -> None:
+    assert [f"{code:04x}" for code in o.ERRORS] == CODES.split()
+    p402 = pytest.importorskip("canopen.profiles.p402")
+    names = {"PROFILED POSITION": "PP", "PROFILED VELOCITY": "PV", "PROFILED TORQUE": "PT",
+             "HOMING": "HM", "INTERPOLATED POSITION": "IP", "NO MODE": "none",
+             "CYCLIC SYNCHRONOUS POSITION": "CSP", "CYCLIC SYNCHRONOUS VELOCITY": "CSV",
+             "CYCLIC SYNCHRONOUS TORQUE": "CST"}  # fmt: skip
+    theirs = {code: names.get(name) for code, name in p402.OperationMode.CODE2NAME.items()}
+    assert {code: name for code, name in theirs.items() if name} == o.MODES
+    emcy = pytest.importorskip("canopen.emcy").EmcyError.DESCRIPTIONS
+    groups = {code >> 12 for code, _, _ in emcy if code >= 0x2000 and not code & 0xFFF}
+    assert o.GROUPS.keys() == groups
+    assert o.IDENTITY == 0x1018
+
+
+@pytest.mark.parametrize(
     ("code", "name"),
     [(0x3210, "DC link over-voltage"), (0x8130, "watchdog: no heartbeat within its timeout"),
      (0x2999, "current; see its manual"), (0x8999, "monitoring; see its manual"),
@@ -502,6 +629,8 @@ def test_errors_have_names(code: int, name: str) -> None:
     ("options", "objects", "scale"),
     [
         ({}, {}, (131072 / REV, 131072 / REV, 500.0)),
+        ({"counts": "0.5", "velocity_counts": "0.25"}, {}, (0.5 / REV, 0.25 / REV, 500.0)),
+        ({}, {(0x60A8, 0): 0, (0x60A9, 0): 0}, (131072 / REV, 131072 / REV, 500.0)),
         ({"counts": "1000", "velocity_counts": "60", "rated_torque": "4"}, {},
          (1000 / REV, 60 / REV, 250.0)),
         ({}, {(0x6092, 1): 4000, (0x6092, 2): 2}, (2000 / REV, 2000 / REV, 500.0)),

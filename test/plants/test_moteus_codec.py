@@ -9,11 +9,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from codec import TIMEOUT, Codec, dialogue
+from codec import TIMEOUT, Codec, dialogue, written
+from drive_bench import Bench
 
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.plants.drives.interview import Interview, converse
 from control_board_ros.plants.drives.reconcile import Action
+from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Setup
 
 pytest.importorskip("moteus")
@@ -200,10 +202,10 @@ def test_an_answer_is_read() -> None:
 
 @pytest.mark.parametrize("mode", range(16))
 def test_modes_with_power(mode: int) -> None:
-    """5 to 10 run, 11 is its reaction to silence; a fault is mode 1."""
+    """From 5 on, whoever commanded it; 11 is its reaction to silence; a fault is mode 1."""
     codec, _ = ready()
     codec.heard(answer(mode, 35))
-    assert codec.reported.power == (mode in (5, 6, 7, 8, 9, 10, 11))
+    assert codec.reported.power == (mode >= 5)
     faults = {1: DriveFault(35, "encoder fault"), 11: f.WATCHDOG}
     assert codec.reported.fault == faults.get(mode)
     assert f.WATCHDOG.number == 11
@@ -303,3 +305,96 @@ def test_faults_have_the_makers_numbers() -> None:
         number for name, number in FAULTS.items() if not f.FAULTS[number].startswith(name)
     ] == []
     assert len(f.FAULTS) == len(FAULTS)
+
+
+class Sent:
+    """A wire that keeps what is sent."""
+
+    def __init__(self) -> None:
+        self.frames: list[str] = []
+
+    def __call__(self, frames: Any) -> Any:
+        for frame in frames:
+            self.frames.append(written(frame))
+            yield frame
+
+
+def test_a_scan_finds_drives() -> None:
+    """All are asked once; what is no answer of a drive to the host is passed over."""
+    with Bench("moteus") as bench:
+        _, two = bench.drives
+        two.fail(35)
+        bench.bus.to_drives = sent = Sent()
+
+        def back(frames: Any) -> Any:
+            for frame_id, data in frames:
+                yield frame_id, data
+                yield frame_id + 0x200 | 1, data  # to another
+                yield 0x500, b"\x21\x00\x00"  # no identity
+
+        bench.bus.from_drives = back
+        began = bench.time
+        found = bench.scan()
+    assert [(one.id, one.type, one.firmware, one.voltage, one.fault and one.fault.number)
+            for one in found] == [(1, "moteus", "1.1.0", 24.0, None),
+                                  (2, "moteus", "1.1.0", 24.0, 35)]  # fmt: skip
+    assert sent.frames == [f"{0x8000 | k:08X}#1b800211001f01130d505050" for k in range(1, 127)]
+    assert bench.time - began == pytest.approx(0.1, abs=0.02)
+
+
+def test_an_id_is_written_read_back_and_stored() -> None:
+    with Bench("moteus", names=("one",)) as bench:
+        bench.bus.to_drives = sent = Sent()
+        with bench.direct():
+            driver.set_id("direct", 1, 9)
+    assert bench.drives[0].stored["id.id"] == 9.0
+    said_to = [
+        (frame.partition("#")[0], line) for frame in sent.frames for line in spoken([frame])
+    ]
+    assert said_to == [("001", "conf set id.id 9\n"), ("009", "conf get id.id\n"),
+                       ("009", "conf write\n")]  # fmt: skip
+
+
+@pytest.mark.parametrize("mode", range(16))
+def test_an_id_is_changed_without_power_only(mode: int) -> None:
+    with Bench("moteus", names=("one",)) as bench, bench.direct():
+        bench.drives[0].mode = mode
+        if mode >= 5:
+            with pytest.raises(ValueError, match="id 1 has power; it changes its id without"):
+                driver.set_id("direct", 1, 9)
+        else:
+            driver.set_id("direct", 1, 9)
+        assert bench.drives[0].id == (1 if mode >= 5 else 9)
+
+
+@pytest.mark.parametrize(("drive", "frame"), [(1, 0x100), (2, 0x200), (1, 0x8100)])
+def test_words_are_those_of_one_drive(drive: int, frame: int) -> None:
+    message = SimpleNamespace(arbitration_id=frame, data=bytearray(b"ab"))
+    assert driver.words_of(drive, message) == (b"ab",)
+    assert driver.words_of(3, message) is None
+
+
+@pytest.mark.parametrize("number", [0, 127])
+def test_ids_that_are_none_are_refused(number: int) -> None:
+    with pytest.raises(PlantSettingsError, match=f"one.id={number}: 1 to 126 is required"):
+        Codec("moteus", ids=f"{number}")
+
+
+def test_what_the_end_takes() -> None:
+    """A stop of each, without a question."""
+    codec, _ = ready()
+    sent: list[str] = []
+    codec.driver.line = SimpleNamespace(close=lambda frames: sent.extend(map(written, frames)))
+    codec.driver.close()
+    assert sent == ["001#010000"]
+
+
+def test_an_answer_without_a_voltage_is_parsed_whole() -> None:
+    """-128 stands for none; a longer answer has other registers, too."""
+    usual = bytes.fromhex(answer().partition("#")[2])[: f.USUAL.size]
+    other = usual[:-3] + bytes([0x80]) + usual[-2:]
+    assert math.isnan(f.reading(other)[5])
+    longer_by = usual + bytes([0x21, 0x1A, 5])
+    assert f.reading(longer_by) == pytest.approx((10, 0.25, -0.5, 0.2, 1.5, 24.0, 0))
+    ints = bytes([0x25, 0x00, 10, 0]) + usual[3:]  # its mode as an int16
+    assert f.reading(ints)[:5] == pytest.approx((10, 0.25, -0.5, 0.2, 1.5))

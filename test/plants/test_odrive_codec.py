@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from codec import Codec, dialogue
+from codec import Codec, dialogue, written
+from drive_bench import Bench
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.reconcile import Action
@@ -379,3 +380,44 @@ def test_a_scan_finds_by_answers() -> None:
     said |= {f.SUPPLY: struct.pack("<ff", 24.0, 3.0), f.BEAT: struct.pack("<IBBBB", 4, 1, 0, 0, 0)}
     found = driver.found_of(7, said)
     assert (found.voltage, found.fault.number) == (24.0, 4)
+
+
+def test_a_scan_asks_all_nodes() -> None:
+    """S6: version, voltage and state; what is short, or of another command, is passed over."""
+    with Bench("odrive_can", names=("one", "two")) as bench:
+        bench.drives[1].persists = bench.drives[1].error = 0x200
+        asked: list[str] = []
+
+        def carry(frames: Any) -> Any:
+            for frame in frames:
+                asked.append(written(frame))
+                yield frame
+
+        def back(frames: Any) -> Any:
+            for frame_id, data in frames:
+                yield frame_id, data
+                yield frame_id + (4 << 5), data[:7]
+                yield frame_id ^ 0x10 | 5 << 5, data
+
+        bench.bus.to_drives, bench.bus.from_drives = carry, back
+        began = bench.time
+        found = bench.scan()
+    assert [(one.id, one.type, one.firmware, one.voltage, one.fault and one.fault.number)
+            for one in found] == [(1, "ODrive 4.4", "0.6.11", 24.0, None),
+                                  (2, "ODrive 4.4", "0.6.11", 24.0, 0x200)]  # fmt: skip
+    ids = range(63)
+    assert asked == [f"{k << 5 | command:03X}#R" for command in (0, 0x17, 1) for k in ids]
+    assert bench.time - began == pytest.approx(0.15, abs=0.02)
+
+
+@pytest.mark.parametrize("number", [63, 64])
+def test_ids_that_are_none_are_refused(number: int) -> None:
+    with pytest.raises(PlantSettingsError, match=f"one.id={number}: 0 to 62 is required"):
+        Codec("odrive_can", ids=f"{number}")
+
+
+def test_what_the_end_takes() -> None:
+    codec, sent = Codec("odrive_can"), list[str]()
+    codec.driver.line.close = lambda frames: sent.extend(map(written, frames))
+    codec.driver.close()
+    assert sent == ["027#01000000"]

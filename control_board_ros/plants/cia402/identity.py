@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ..drives.axes import Axis
@@ -101,15 +101,15 @@ def limits_of(sdo: Sdo, scale: Scale) -> Questions[DriveLimits]:
     """The limits that a drive keeps, as far as it has such objects."""
     lower = yield from sdo.maybe(o.POSITION_LIMITS, 1, "<i")
     upper = yield from sdo.maybe(o.POSITION_LIMITS, 2, "<i")
-    bounded = lower is not None and upper is not None and lower < upper
     speed = yield from sdo.maybe(o.MAX_SPEED, 0, "<I")
     torque = yield from sdo.maybe(o.MAX_TORQUE, 0, "<H")
-    return DriveLimits(
-        lower=lower / scale.position if bounded and lower is not None else None,
-        upper=upper / scale.position if bounded and upper is not None else None,
+    found = DriveLimits(
         velocity=speed * REV / 60.0 if speed else None,
         torque=torque / scale.torque if torque else None,
     )
+    if lower is None or upper is None or lower >= upper:
+        return found
+    return replace(found, lower=lower / scale.position, upper=upper / scale.position)
 
 
 def found_of(sdo: Sdo, drive: int) -> Questions[Found]:

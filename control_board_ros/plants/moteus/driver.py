@@ -225,7 +225,7 @@ class MoteusDrives(CanDrives[MoteusOptions]):
         answers.position[k], answers.velocity[k] = q * f.REV, dq * f.REV
         answers.torque[k], answers.current[k], answers.voltage[k] = torque, amps, volts
         reported = answers.reported[k]
-        reported.power, reported.law = mode in f.RUNNING or mode == f.TIMEOUT, mode
+        reported.power, reported.law = mode in f.POWERED, mode
         reported.fault = judged(mode, fault)
         answers.came(k, data)
         return None if interview is not None and interview.question.several else k
@@ -370,7 +370,7 @@ def set_id(bus: str, old: int, new: int) -> None:
 
         check(old, new, IDS, heard)
         (data,) = asked(old, identity(old))
-        if parse_reply(data)[Register.MODE] in (*f.RUNNING, f.TIMEOUT):
+        if parse_reply(data)[Register.MODE] in f.POWERED:
             raise ValueError(f"id {old} has power; it changes its id without")
         words = f"conf set id.id {new}\n".encode()
         who = moteus.Controller(id=old)

@@ -12,8 +12,8 @@ from ..interface import DriveFault
 REV = 2.0 * math.pi
 #: Of the register map that this driver was written for.
 REGISTER_MAP = 5
-#: Modes of the drive (register 0).
-STOPPED, FAULT, RUNNING, TIMEOUT = 0, 1, range(5, 11), 11
+#: Modes of the drive (register 0), and those in which its motor has power.
+STOPPED, FAULT, TIMEOUT, POWERED = 0, 1, 11, range(5, 16)
 VOLTAGE_DQ, CURRENT, POSITION = 8, 9, 10
 MODES = {
     STOPPED: "stopped",
