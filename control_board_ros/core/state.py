@@ -104,8 +104,8 @@ class StateArrays:
     (time that passed, in control periods: in a simulation a whole number), periods (of it in the
     last cycle),
     modes_version and faults_version (they grow when a mode or a fault record changes),
-    modes_changed and faults_changed (at which of them each joint changed last), stages (how far
-    each joint may go).
+    modes_changed and faults_changed (at which of them each joint changed last), stops (of each
+    joint so far, P3), stages (how far each joint may go).
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -148,6 +148,7 @@ class StateArrays:
         self.faults_version = 0
         self.modes_changed = [0] * n
         self.faults_changed = [0] * n
+        self.stops: NDArray[np.uint64] = np.zeros(n, dtype=np.uint64)
         self.stages = [Stage.ACTIVE] * n
 
     def power_on(self, joints: Sequence[int]) -> None:

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from following import Following
-from rig import board_config, joint
+from rig import Rig, board_config, joint
 
 from control_board_ros.core.goals.path import Path, make_path
+from control_board_ros.core.goals.trajectory_goal import Follower
+from control_board_ros.core.terms.measurement import UNREAD, Measurement, Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 NAMES = ("a", "b", "c")
@@ -218,3 +220,44 @@ def test_a_board_that_refuses_refuses_a_path_by_its_points(rig: Tracked) -> None
     _, positions = rig.track(2.1)
     assert positions.max() == pytest.approx(2.0)
     assert positions[-1] == pytest.approx([0.0] * 3, abs=1e-6)
+
+
+def test_a_stop_ends_paths_whoever_orders_it(rig: Tracked) -> None:
+    """P3, X2: also a stop that is no request of a user, such as the reaction to a contact."""
+    assert rig.follower.follow(["a", "b"], line(("a", "b"), (1.0, 0.5)), rig.board.time)
+    rig.cycle(100)
+    part = rig.board.selector.select("a")
+    rig.board.engine.requests.stop(part)
+    rig.cycle()
+    stopped = rig.board.get_encoder()[0]
+    rig.cycle(500)
+    assert rig.board.get_encoder()[:2] == pytest.approx([stopped, 0.5], abs=0.01)
+    assert rig.events() == ["trajectory of a ended: stopped"]
+
+
+def test_a_joint_that_started_without_a_reading_follows_paths() -> None:
+    """B7, M11: its encoder spoke up later; no last reference is NaN, which equals nothing."""
+    rig = Rig(board_config(joint("a")))
+    read, rig.plant.read = rig.plant.read, lambda: unread(read())  # type: ignore[method-assign]
+    rig.tick(50)
+    assert rig.board.get_control_mode() == [ControlMode.HW_FAULT]
+    assert np.isfinite(rig.board.get_ref_position()).all()
+    rig.plant.read = read  # type: ignore[method-assign]
+    rig.tick(2)
+    follower = Follower(rig.board)
+    assert rig.board.set_control_mode("a", "fidl")
+    assert rig.board.set_control_mode("a", "posd")
+    rig.tick(2)
+    assert follower.follow("a", line(("a",), (0.2, 0.1)), rig.board.time)
+    for _ in range(150):
+        measurement = rig.plant.read()
+        follower.step(measurement.time)
+        rig.plant.write(rig.board.tick(measurement))
+    assert rig.board.get_ref_position() == pytest.approx([0.1])
+
+
+def unread(measurement: Measurement) -> Measurement:
+    """As before the first reading of each joint (B7)."""
+    values = measurement.values.copy()
+    values[UNREAD], values[Row.ENCODER_AGE] = np.nan, measurement.time
+    return replace(measurement, values=values)

@@ -110,6 +110,22 @@ def test_an_emergency_stop_closes_them_and_a_recovery_opens_them() -> None:
     assert rig.board.get_control_mode("left") == [M.POSITION]
 
 
+def test_no_brake_opens_by_hand_while_an_emergency_stop_holds() -> None:
+    """E2, Y4: of a joint that is not configured neither."""
+    rig = Rig(board_config(joint("left", brake=BRAKE), autoconfigure=False))
+    rig.tick(2)
+    rig.board.emergency_stop()
+    for _ in range(2):
+        reply = rig.board.set_brake("left", "open")
+        assert reply.codes == (Reason.EMERGENCY_STOP,)
+        assert "release it" in reply.message
+        rig.tick(50)
+        assert rig.board.is_joint_braked() == [True]
+    rig.board.emergency_stop(False)
+    rig.tick()
+    assert rig.board.set_brake("left", "open")
+
+
 def test_references_wait_for_the_brake() -> None:
     """Y4, P1: a move that is requested while the brake opens is made whole, from its start."""
     rig = braked()

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from control_board_ros.core.goals.path import Points
+from control_board_ros.core.goals.trajectory_goal import Follower, start_goal
 from control_board_ros.core.state import Reference
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
@@ -249,3 +251,28 @@ def test_a_contact_stops_as_a_stop_does() -> None:
         assert all(board.check_motion_done())
         arm.simulation.close()
     assert ways[0] == pytest.approx(ways[1], abs=5e-3)
+
+
+def test_a_contact_stops_a_trajectory() -> None:
+    """X2, T2: the reaction ``stop`` ends the trajectory that the board follows."""
+    pushed = "lbr_iiwa_joint_4__contact__"
+    reaction = {"threshold": 10.0, "time": 0.02, "reaction": "stop"}
+    arm = Arm("iiwa", "pybullet", **{pushed + key: value for key, value in reaction.items()})
+    board, follower = arm.board, Follower(arm.board)
+    arm.simulation.hooks.append(follower.step)
+    assert board.set_control_mode(None, "posd")
+    points = Points([2.0], [(board.get_encoder() + 0.4).tolist()], [[]], [[]])
+    goal = start_goal(follower, board, None, points, board.time)
+    arm.simulation.hooks.insert(0, lambda _time: goal.check())
+    arm.simulation.run(0.5)
+    arm.plant.push(3, 20.0)
+    arm.simulation.run(0.1)
+    arm.plant.push(3, 0.0)
+    arm.simulation.run(0.5)
+    places = board.get_encoder()
+    arm.simulation.run(1.0)
+    still = board.get_encoder()
+    arm.simulation.close()
+    assert still == pytest.approx(places, abs=1e-3)
+    assert goal.outcome is not None
+    assert "stopped" in goal.outcome.text

@@ -28,7 +28,7 @@ from ..machine.explanations import explain_cut
 from ..selection import RequestError, Selection
 from ..terms.arguments import Array, Joints
 from ..terms.joint_kind import JointKind
-from ..terms.reply import Answer, JointAnswer, Reply, accepted, decided, joints_of, summary
+from ..terms.reply import JointAnswer, Reply, accepted, decided, summary
 from ..terms.vocabs import CommandKind
 from .path import (
     QUANTITIES,
@@ -68,6 +68,7 @@ class Follower:
         self._version = board.state.modes_version
         # The last direct positions of this follower: different ones are other commands'.
         self._known = self._last.copy()
+        self._stops = board.state.stops.copy()
 
     @property
     def _last(self) -> Array:
@@ -122,6 +123,7 @@ class Follower:
         self._begin_due(board.time)
         self._supersede(joints, start)
         self._known[joints] = self._last[joints]
+        self._stops[joints] = board.state.stops[joints]
         self._runs.append(run)
         return run
 
@@ -165,8 +167,7 @@ class Follower:
     def stop(self, group: JointGroup, joints: Joints) -> Reply:
         """Stop joints of a group (P3), and end their paths."""
         reply = group.stop(joints)
-        if stopped := joints_of(reply, Answer.ACCEPTED):
-            self.end(stopped, "stopped")
+        self.check()
         return reply
 
     def hold(self, joints: Joints, why: str) -> None:
@@ -181,11 +182,16 @@ class Follower:
             send(board, moving, Sample(board.state.position_reference[moving], zeros, zeros))
 
     def check(self) -> None:
-        """End the paths of joints that changed their modes, or received other positions."""
+        """End the paths of joints that stopped, changed modes, or received other positions."""
         board = self.board
         if not self._runs:
             self._version = board.state.modes_version
             return
+        stopped = board.state.stops != self._stops
+        if stopped.any():
+            self._stops[:] = board.state.stops
+            for run in list(self._runs):
+                self._drop(run, stopped[run.joints], "stopped")
         taken = self._last != self._known
         if taken.any():
             for run in list(self._runs):

@@ -192,8 +192,13 @@ class Machine:
         return JointHand(self, j)
 
     def know_angle(self, j: int) -> None:
-        """Record that a joint's angle is valid; its last references are its position (M11)."""
+        """Record that a joint's angle is valid; its last references are its position (M11).
+
+        Without a reading they stay as they are.
+        """
         self.state.calibrated[j] = True
+        if np.isnan(self.state.position[j]):
+            return
         for kind in (CommandKind.POSITION, CommandKind.POSITION_DIRECT):
             self.references.last[kind, j] = self.state.position[j]
 

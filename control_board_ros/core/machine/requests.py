@@ -216,6 +216,7 @@ class Requests:
         inside = [min(max(q, j.lower), j.upper) for q, j in zip(places, laws, strict=True)]
         machine.references.hold(stopping, inside)
         machine.timeouts.cancel(stopping)
+        state.stops[stopping] += np.uint64(1)
         for j in stopping:
             mode = state.control_modes[j]
             if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
@@ -227,6 +228,7 @@ class Requests:
         answers = []
         for j, mode in zip(selection.numbers, requested, strict=True):
             facts = self._machine.facts(j)
+            facts = facts._replace(cause=facts.cause or self._machine.monitor.stop(j))
             verdict = decide_brake(facts, mode, present=brakes.has(j))
             text = explain_brake(verdict.reason, facts)
             answers.append(JointAnswer(verdict.answer, text, verdict.reason))

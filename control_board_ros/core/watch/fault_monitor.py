@@ -443,6 +443,13 @@ class FaultMonitor:
             return bound_cause(check, monitor, joint, float(self._values[ROWS_OF[check], j]))
         return slow_cause(check, monitor, joint, SLOW_CHECK_CYCLES * self._period)
 
+    def stop(self, j: int) -> Cause | None:
+        """The emergency stop that holds, also of a joint that is not configured (E2)."""
+        if self._emergency.holds:
+            return Cause(FaultCode.EMERGENCY_STOP, *self._emergency.reason)
+        alarm = float(self._values[Row.ALARM, j])
+        return alarm_cause(alarm) if alarm == 1.0 + FaultCode.EMERGENCY_STOP else None
+
     def has_news(self) -> bool:
         """Whether a joint has approached a fault by heat since the last call (F6)."""
         news = bool(self.monitor.news)
