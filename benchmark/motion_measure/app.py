@@ -107,7 +107,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--rows", help=f"of {','.join(ROWS)}")
     parser.add_argument("--joint", action="append", help="name or index; repeatable")
-    parser.add_argument("--poses", type=int, default=3, help="how many: home, stretched, random")
+    parser.add_argument(
+        "--poses", type=int, default=3, metavar="N", help="the first N of home, stretched, random"
+    )
     parser.add_argument("--each", action="store_true", help="show every joint's worst figures")
     parser.add_argument(
         "--scenes", nargs="?", const="all", help=f"play scenes: all, or of {','.join(SCENES)}"

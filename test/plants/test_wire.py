@@ -17,8 +17,8 @@ from iiwa import JOINTS
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode
 
-#: Worst measured speed on a wire: of a drive of positions each late set-point is a step.
-SPEED = {"position": 1.1}
+#: Worst measured speed after a stall of the loop: its end is a step of the set-point.
+STALLED_SPEED = {"position": 1.06}
 #: Greatest speed against the way after a change of mode amid motion, by drive; to reach: 0.02.
 BACK = {"current": 0.025}
 #: Likewise after a velocity has ended.
@@ -56,10 +56,30 @@ def test_a_move_on_a_bad_wire(row: str, wire: str) -> None:
     bench.run(1600)
     top, back = worst(bench.speeds, ways)
     assert not bench.faults
-    assert top <= SPEED.get(row, 1.05)
+    assert top <= 1.05
     assert back <= 0.02
     assert top > 0.9  # of 0.9375: as fast as asked
     assert np.abs(bench.position - target).max() < 5e-3  # and closer, as a slower loop settles
+
+
+@pytest.mark.parametrize("row", ["position", "impedance"])
+def test_uneven_delays_of_set_points_leave_a_joint_within_its_speed_limit(row: str) -> None:
+    """P14, B7: a drive that closes the loop takes each late set-point as a step; at the limit."""
+    bench = BadWire(row, {"jitter": 0.01})
+    bench.run(100)
+    bench.enter("pos")
+    way = np.array([-1.0, 1.0])
+    for distance in (0.8, 1.6, 1.6, 0.4):
+        target = bench.position + distance * way
+        bench._speeds.clear()
+        assert bench.board.position_move(None, target.tolist(), (bench.limit / 1.875).tolist())
+        bench.run(int(1500 * distance) + 700)
+        top, back = worst(bench.speeds, way)
+        assert 0.85 < top <= 1.05
+        assert back <= 0.025
+        assert np.abs(bench.position - target).max() < 2e-3
+        way = -way
+    assert not bench.faults
 
 
 @pytest.mark.parametrize("row", ROWS)
@@ -263,7 +283,7 @@ def test_a_loop_that_stood_still_is_not_caught_up(row: str, cycles: int) -> None
     bench.run(900)
     top, _ = worst(bench.speeds, ways)
     assert not bench.faults
-    assert top <= SPEED.get(row, 1.05)
+    assert top <= STALLED_SPEED.get(row, 1.05)
 
 
 @pytest.mark.slow

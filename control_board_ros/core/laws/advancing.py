@@ -180,11 +180,8 @@ def advance_ramp(j: Joint) -> cython.void:
     v: cython.double = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
     up = brake_speed(j.upper - j.reference, j.max_acceleration, j.elapsed)
     down = brake_speed(j.reference - j.lower, j.max_acceleration, j.elapsed)
-    total = clamp(
-        j.moved_velocity + v,
-        -(down if down < j.max_velocity else j.max_velocity),
-        up if up < j.max_velocity else j.max_velocity,
-    )
+    top: cython.double = j.steady * j.max_velocity
+    total = clamp(j.moved_velocity + v, -min(down, top), min(up, top))
     j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
     j.ramped += j.ramp_velocity * j.elapsed
 
@@ -199,7 +196,7 @@ def top_speed(j: Joint) -> cython.double:
         and (j.followed > j.limit_upper or j.followed < j.limit_lower)
     ):
         return j.entry_speed
-    return j.max_velocity
+    return j.steady * j.max_velocity
 
 
 @cython.cfunc

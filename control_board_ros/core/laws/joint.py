@@ -171,6 +171,9 @@ class Joint:
     span = cython.declare(cython.double, visibility="public")  # between middles of cycles
     age = cython.declare(cython.double, visibility="public")  # of the reading, s
     wire = cython.declare(cython.double, visibility="public")  # greatest age of late, s
+    mean_age = cython.declare(cython.double, visibility="public")  # of fresh readings of late, s
+    age_variance = cython.declare(cython.double, visibility="public")  # likewise, s²
+    steady = cython.declare(cython.double, visibility="public")  # top speed that this allows, 0…1
     missed = cython.declare(cython.double, visibility="public")  # without a fresh reading, s
     weighed_torque = cython.declare(cython.double, visibility="public")  # of the last reading
     # ∫a_ref dt of the last FED cycles, rad/s: what the feed-forward has accelerated
@@ -255,7 +258,7 @@ class Joint:
         self.direct_age = self.sample_age = INFINITE
         self.alone = True
         self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
-        self.calm = self.spring = 1.0
+        self.calm = self.spring = self.steady = 1.0
         self.contact = self.had_contact = False
         self.dead_band = self.sag = self.felt = self.borne = 0.0
         self.feels = self.comes_to_rest = False

@@ -13,6 +13,7 @@ except ImportError:
 
 from .formulas import clamp, is_number
 from .joint import (
+    AS_IMPEDANCE,
     AS_POSITION,
     AS_VELOCITY,
     FED,
@@ -25,9 +26,9 @@ from .joint import (
 from .pid import Pid
 
 if cython.compiled:
-    from cython.cimports.libc.math import fabs
+    from cython.cimports.libc.math import fabs, sqrt
 else:
-    from math import fabs
+    from math import fabs, sqrt
 
 #: Time constant of the load's filter, s.
 LOAD_FILTER = cython.declare(cython.double, 0.01)
@@ -42,6 +43,10 @@ GAP = cython.declare(cython.double, 3.0)
 #: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
 WIRE_PHASE = cython.declare(cython.double, 0.2)
+#: Speed that uneven ages add behind a drive's loop of position, over their deviation × ``pursuit``
+#: × the speed; the most of both, in speed limits (B7).
+UNEVEN_SPEED = cython.declare(cython.double, 2.5)
+UNEVEN_MOST = cython.declare(cython.double, 1.04)
 #: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
 SEPARATION = cython.declare(cython.double, 0.25)
 #: Time constant of the feedback that a coasting joint keeps, s.
@@ -132,7 +137,8 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     Without a fresh reading for GAP periods more than usual a joint is blind; where the board
     closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit;
     within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``,
-    with a position loop in it as fast as SEPARATION allows, if not as configured.
+    with a position loop in it as fast as SEPARATION allows, if not as configured. Of uneven ages a
+    drive that closes the loop of position makes speed, which the reference leaves room for.
     """
     p: Pid = j.position_pid
     speed: cython.double = p.kd / j.inertia_min  # of the loop, 1/s
@@ -140,6 +146,7 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
         j.missed += j.elapsed
     else:
         j.missed = 0.0
+        note_age(j, age)
         j.wire = max(age, j.wire * (1.0 - j.elapsed / WIRE_MEMORY))
         if j.wire < 0.1 * j.period:
             j.wire = 0.0
@@ -151,12 +158,27 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
         j.spring = j.calm * j.calm
         if j.kind < AS_VELOCITY and p.kp > 0.0:
             j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
+    j.steady = 1.0
+    if j.kind >= AS_POSITION and j.age_variance > 0.0:
+        speed *= sqrt(j.age_variance) * (j.calm if j.kind == AS_IMPEDANCE else 1.0)
+        j.steady = min(UNEVEN_MOST / (1.0 + UNEVEN_SPEED * speed), 1.0)
     j.blind = j.missed > GAP * j.period + j.wire
     if j.blind and j.kind < AS_VELOCITY:
         j.coasts = True
     elif j.coasts and not j.blind:
         j.coasts = False
         take_up(j)
+
+
+@cython.cfunc
+def note_age(j: Joint, age: cython.double) -> cython.void:
+    """Mean and variance of the ages of fresh readings, from the first late one on."""
+    off: cython.double = age - j.mean_age
+    if j.wire == 0.0:
+        j.mean_age, j.age_variance = age, 0.0
+        return
+    j.mean_age += off * j.elapsed / WIRE_MEMORY
+    j.age_variance += (off * off - j.age_variance) * min(j.elapsed / WIRE_MEMORY, 1.0)
 
 
 @cython.cfunc

@@ -330,7 +330,7 @@ def planned(
         target - joint.reference,
         value,
         joint.moved_velocity,
-        joint.max_velocity,
+        joint.steady * joint.max_velocity,  # a drive behind a wire needs room (B7)
         joint.max_acceleration,
         acceleration=joint.moved_acceleration,
         max_jerk=joint.max_jerk,
