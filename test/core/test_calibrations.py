@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from rig import Rig, board_config, joint, ready
 
 from control_board_ros.core.calibration.calibration import TYPES, Calibrator, register
 from control_board_ros.core.config.config import CALIBRATION_TYPES, Calibration
+from control_board_ros.core.terms.faults import FaultCode
 
 SENSOR = Calibration(type=12, required=False, zero=0.7)
 
@@ -130,3 +132,30 @@ def test_an_angle_that_is_not_known_has_no_limits(
 
     shown = own(Moves).run(1.5)
     assert shown.position_reference == pytest.approx([2.6])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (lambda hand: hand.nothing, "its calibrator failed, AttributeError: "),
+        (lambda hand: hand.set_offset(np.nan), "gives offset nan, not a finite number"),
+        (lambda hand: hand.move(np.inf, 1.0), "gives target inf, not a finite number"),
+        (lambda hand: hand.drive(np.nan), "gives output nan, not a finite number"),
+    ],
+)
+def test_an_error_of_a_calibrator_is_a_fault_of_its_joint(
+    own: Callable[[type[Calibrator]], Rig], wrong: Callable[[Any], object], reason: str
+) -> None:
+    """K4: the board goes on, and the joint keeps the angle that it had."""
+
+    class Wrong(Calibrator):
+        def advance(self) -> bool:
+            wrong(self.hand)
+            return True
+
+    rig = own(Wrong)
+    assert rig.tick(20).position == pytest.approx([0.5], abs=1e-3)
+    fault = rig.board.get_faults("left")[0]
+    assert (fault.active, fault.code) == (True, FaultCode.CALIBRATION)
+    assert reason in fault.text
+    assert rig.board.set_control_mode("left", "fidl")

@@ -149,3 +149,18 @@ def test_other_joints_are_served() -> None:
     rig.plant.push("left", 0.0)
     assert rig.board.recover("left")
     assert stream().codes == (Reason.STALE, "")
+
+
+def test_an_offset_of_the_output_does_not_outlive_a_fault() -> None:
+    """F8, M9, E1: recovered to OPENLOOP, no u_ff of before drives the joint off."""
+    rig = Streamed("open")
+    assert rig.board.set_feedforward("left", outputs=10.0)
+    rig.board.emergency_stop()
+    rig.tick(2)
+    rig.board.emergency_stop(False)
+    rig.tick(200)
+    place = rig.place
+    assert rig.board.recover()
+    rig.tick(200)
+    assert rig.modes() == [M.OPENLOOP]
+    assert rig.place == pytest.approx(place, abs=1e-3)

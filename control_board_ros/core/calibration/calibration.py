@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, NoReturn, Protocol
 
+from ...text import clean
 from ..config.config import CALIBRATION_TYPES, BoardConfig, Calibration, JointConfig
 from ..state import StateArrays
 from ..terms.faults import FaultCode
@@ -471,6 +472,10 @@ class Calibrations:
                 done = calibrator.step(self._state.periods)
             except CalibrationError as error:
                 self._machine.raise_fault(j, FaultCode.CALIBRATION, str(error))
+                continue
+            except Exception as error:  # noqa: BLE001 - of a user's type: other joints go on (K4)
+                text = clean(f"its calibrator failed, {type(error).__name__}: {error}")
+                self._machine.raise_fault(j, FaultCode.CALIBRATION, text)
                 continue
             progress = calibrator.progress
             self._show(j, running=True, progress=progress.fraction, phase=progress.phase)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..calibration.calibration import Calibrations, Hand
+from ..calibration.calibration import CalibrationError, Calibrations, Hand
 from ..config.config import BoardConfig, JointConfig
 from ..laws.control import Controller
 from ..laws.references import References, ReferenceTimeouts
@@ -244,6 +244,7 @@ class Machine:
         state.note_faults([j])
         self.on_fault(j)
         self.streams.on_fault(j)
+        self.controller.joints[j].output_offset = 0.0  # F8: it would drive the joint in OPENLOOP
         if calibrating:  # K4
             self.calibrations.fail(j, state.faults[j].text)
         self.monitor.let_cool(j, code)
@@ -348,18 +349,28 @@ class JointHand:
         self._machine.set_law([self._j], Law.POSITION, direct=False, feeds=False)
 
     def drive(self, output: float) -> None:
+        check_finite("output", output)
         self._machine.controller.joints[self._j].output_command = output
         self._machine.set_law([self._j], Law.OUTPUT, direct=False, feeds=False)
 
     def set_offset(self, offset: float) -> None:
+        check_finite("offset", offset)
         self._machine.calibrations.set_offset(self._j, offset)
         self._machine.references.reset([self._j], bounded=False)
 
     def move(self, target: float, speed: float) -> None:
+        check_finite("target", target)
+        check_finite("speed", speed)
         self._machine.references.move(np.array([self._j]), np.array([target]), np.array([speed]))
 
     def moving(self) -> bool:
         return not self._machine.state.done[self._j]
+
+
+def check_finite(what: str, value: float) -> None:
+    """Raise CalibrationError where a calibrator gives what is no finite number."""
+    if not math.isfinite(value):
+        raise CalibrationError(f"its calibrator gives {what} {value}, not a finite number")
 
 
 def explain_limit(joint: JointConfig, position: float) -> str:
