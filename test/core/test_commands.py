@@ -15,7 +15,7 @@ from rig import board_config, joint, ready
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardLimits
-from control_board_ros.core.machine.commands import COMMANDS
+from control_board_ros.core.machine.commands import COMMANDS, FARTHEST
 from control_board_ros.core.machine.decisions import decide_reference
 from control_board_ros.core.terms.modes import STATES, modes_accepting
 from control_board_ros.core.terms.reply import Answer
@@ -179,3 +179,25 @@ def test_moves_that_torques_make_slower_say_so() -> None:
         "b: 10 s at a mean speed of 14.3°/s (28.6°/s was requested), bounded by the torque limits "
         "of the joints that move together"
     )
+
+
+@pytest.mark.parametrize("mode", ["pos", "posd"])
+@pytest.mark.parametrize("target", [1e300, -1e30])
+def test_a_target_beyond_all_travel_stops_no_later_one(mode: str, target: float) -> None:
+    """P1, P9: a joint without limits is then sent elsewhere, and gets there in time."""
+    endless = dict.fromkeys(("lower", "hard_lower"), -math.inf)
+    endless |= dict.fromkeys(("upper", "hard_upper"), math.inf)
+    rig = ready(board_config(joint("a", kind="continuous", limits=endless)))
+    assert rig.board.set_control_mode("a", mode)
+    kind = CommandKind.POSITION if mode == "pos" else CommandKind.POSITION_DIRECT
+    reply = rig.board.command(kind, "a", target)
+    assert abs(reply.values[0]) == FARTHEST
+    assert "bounded" in reply.message
+    rig.tick(50)
+    assert rig.board.set_control_mode("a", "mix" if mode == "pos" else "pos")
+    assert rig.board.position_move("a", 1.0, 1.0)
+    rig.board.position_move("a", target)
+    rig.tick(50)
+    assert rig.board.position_move("a", 0.5, 1.0)
+    rig.tick(1500)
+    assert rig.tick().position == pytest.approx([0.5], abs=1e-3)

@@ -28,6 +28,8 @@ from control_board_ros.core.terms.joint_kind import JointKind as K
         (lambda: K.CONTINUOUS.travel(-math.inf, math.inf), "endless"),
         (lambda: K.PRISMATIC.travel(-60.0e3, 60.0e3), "endless"),  # beyond 100,000 m
         (lambda: K.PRISMATIC.travel(-40.0e3, 40.0e3), "-40000000.0…40000000.0 mm"),
+        (lambda: K.REVOLUTE.position(1e300), "5.73e+301°"),
+        (lambda: K.PRISMATIC.force(-1e12), "-1e+12 N"),
         (lambda: K.REVOLUTE.position(math.nan), "-"),
         (lambda: K.PRISMATIC.force(math.inf), "-"),
     ],

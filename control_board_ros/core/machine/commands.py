@@ -37,6 +37,8 @@ from .machine import Machine
 K = CommandKind
 #: References that a limit's decimals cut by less than this are within: rad, m, percent, …
 LIMIT_TOLERANCE = 1e-6
+#: Targets of a joint without limits are up to this, rad or m: moves end within LONGEST.
+FARTHEST = 1e6
 #: Effects of limits on references, by joint.
 Notes = dict[int, str]
 Start = Callable[[References, Indices, Array, Any], Any]
@@ -130,10 +132,13 @@ class Commands:
         """Apply new limits."""
         self._refused = limits.refused if limits.refused.any() else None
         self._low, self._high, self._most = (dict.fromkeys(K, limits.lower) for _ in range(3))
+        lower, upper = (
+            np.clip(ends, -FARTHEST, FARTHEST) for ends in (limits.lower, limits.upper)
+        )
         for kind, row in COMMANDS.items():
-            high = limits.upper if row.limit is None else getattr(limits, row.limit)
+            high = upper if row.limit is None else getattr(limits, row.limit)
             self._high[kind] = high
-            self._low[kind] = limits.lower if row.limit is None else -high
+            self._low[kind] = lower if row.limit is None else -high
             if row.most is not None:
                 self._most[kind] = getattr(limits, row.most)
 

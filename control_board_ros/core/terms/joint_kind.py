@@ -9,6 +9,9 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
+#: Values from here on have no decimal places: 300 digits are no text.
+HUGE = 1e9
+
 #: Ranges above this are those of joints without limits, rad or m.
 ENDLESS = 1e5
 
@@ -67,7 +70,7 @@ class JointKind(StrEnum):
         if not math.isfinite(value):
             return "-"
         gap = self.choose("", " ")
-        return f"{value * self.shown_factor:z.1f}{gap}{self.shown_unit}{per}"
+        return f"{decimal(value * self.shown_factor, 1)}{gap}{self.shown_unit}{per}"
 
     def velocity(self, value: float) -> str:
         """``12.3°/s`` or ``40.0 mm/s``."""
@@ -85,4 +88,9 @@ class JointKind(StrEnum):
 
     def force(self, value: float) -> str:
         """A torque, or the force of a sliding joint: ``1.50 N·m`` or ``1.50 N``."""
-        return f"{value:z.2f} {self.force_unit}" if math.isfinite(value) else "-"
+        return f"{decimal(value, 2)} {self.force_unit}" if math.isfinite(value) else "-"
+
+
+def decimal(value: float, places: int) -> str:
+    """A value with decimal places; one of HUGE and more by its power of ten: ``1e+300``."""
+    return f"{value:z.{places}f}" if abs(value) < HUGE else f"{value:.3g}"
