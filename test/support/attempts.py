@@ -104,10 +104,7 @@ MAKES = Tree(
         *DRIVES.tests,
         "test/plants/test_drive_hazards.py",
         "test/plants/test_makes.py",
-        *(
-            f"test/plants/test_{name}.py"
-            for name in ("mit_codecs", "odrive_codec", "cia402_codec")
-        ),
+        *(f"test/plants/test_{name}.py" for name in BY_VALUE.split()),
         *(f"test/judged/test_{name}.py" for name in ("codecs", "golden", "durand")),
     ),
     modules=tuple(f"{room}/{name}.py" for room in ROOMS.split() for name in CODECS.split()),
