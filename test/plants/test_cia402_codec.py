@@ -630,6 +630,8 @@ def test_errors_have_names(code: int, name: str) -> None:
     [
         ({}, {}, (131072 / REV, 131072 / REV, 500.0)),
         ({"counts": "0.5", "velocity_counts": "0.25"}, {}, (0.5 / REV, 0.25 / REV, 500.0)),
+        ({"velocity_counts": "0.25"}, {(0x60A9, 0): 0x00B44700},
+         (131072 / REV, 0.25 / REV, 500.0)),
         ({}, {(0x60A8, 0): 0, (0x60A9, 0): 0}, (131072 / REV, 131072 / REV, 500.0)),
         ({"counts": "1000", "velocity_counts": "60", "rated_torque": "4"}, {},
          (1000 / REV, 60 / REV, 250.0)),

@@ -582,6 +582,15 @@ def test_a_scan_finds_every_kind_of_motor() -> None:
     assert asked.index("7FF#0100cc0000000000") == asked.index("7FF#0100330700000000") + 1
 
 
+def test_a_scan_finds_two_with_one_id_and_one_that_tells_no_faults() -> None:
+    options = {"two.model": "rs02"}
+    with Bench("mit_can", names=("one", "two"), options=options) as bench:
+        bench.bus.drives.append(bench.world_drive(bench.plant.axes[0]))
+        bench.bus.to_drives = lambda frames: (one for one in frames if one[1][:2] != b"\x22\x30")
+        found = bench.scan()
+    assert [(one.id, one.fault) for one in found] == [(1, None), (1, None), (2, None)]
+
+
 def test_questions_of_a_scan_are_sent_eight_at_a_time() -> None:
     said, came = [], []
 

@@ -335,6 +335,7 @@ def test_a_scan_finds_drives() -> None:
         bench.bus.from_drives = back
         began = bench.time
         found = bench.scan()
+    assert bench.opened["fd"] is True
     assert [(one.id, one.type, one.firmware, one.voltage, one.fault and one.fault.number)
             for one in found] == [(1, "moteus", "1.1.0", 24.0, None),
                                   (2, "moteus", "1.1.0", 24.0, 35)]  # fmt: skip
@@ -347,6 +348,7 @@ def test_an_id_is_written_read_back_and_stored() -> None:
         bench.bus.to_drives = sent = Sent()
         with bench.direct():
             driver.set_id("direct", 1, 9)
+            assert bench.opened["fd"] is True
     assert bench.drives[0].stored["id.id"] == 9.0
     said_to = [
         (frame.partition("#")[0], line) for frame in sent.frames for line in spoken([frame])
@@ -398,3 +400,65 @@ def test_an_answer_without_a_voltage_is_parsed_whole() -> None:
     assert f.reading(longer_by) == pytest.approx((10, 0.25, -0.5, 0.2, 1.5, 24.0, 0))
     ints = bytes([0x25, 0x00, 10, 0]) + usual[3:]  # its mode as an int16
     assert f.reading(ints)[:5] == pytest.approx((10, 0.25, -0.5, 0.2, 1.5))
+
+
+def test_an_id_is_verified_once_it_is_stored() -> None:
+    with Bench("moteus", names=("one",)) as bench:
+        wrote = []
+
+        def carry(frames: Any) -> Any:
+            for frame in frames:
+                wrote.extend([True] * (b"conf write" in frame[1]))
+                if not wrote or frame[1][:1] != b"\x1b":  # no identity from then on
+                    yield frame
+
+        bench.bus.to_drives = carry
+        with bench.direct(), pytest.raises(ConnectionError, match="no drive answers as id 9, nor"):
+            driver.set_id("direct", 1, 9)
+
+
+def test_its_bus_has_can_fd() -> None:
+    with Bench("moteus", names=("one",)) as bench:
+        bench.connect()
+        assert bench.opened["fd"] is True
+
+
+def test_a_stream_that_pauses_is_waited_for() -> None:
+    """Up to five empty answers after each piece, not in all; a sixth begins the question anew."""
+    pieces = [b"1.", *5 * [b""], b"2", *5 * [b""], b"5\n"]
+    left: list[bytes] = []
+
+    def far(question: Any) -> list[bytes]:
+        if len(question.request) == 2:
+            left[:] = pieces
+        return [left.pop(0) if left else b""] if question.request else []
+
+    assert converse(driver.said(1, "conf get a"), far) == "1.25"
+    pieces.insert(3, b"")
+    with pytest.raises(ConnectionError, match="does not answer"):
+        converse(driver.said(1, "conf get a"), far)
+
+
+@pytest.mark.parametrize(
+    ("ends", "limits"),
+    [((-0.25, math.nan), (-REV / 4.0, None)), ((math.nan, 0.5), (None, REV / 2.0)),
+     ((-0.25, 0.5), (-REV / 4.0, REV / 2.0))],
+)  # fmt: skip
+def test_each_limit_of_positions_is_its_own(ends: tuple[float, float], limits: Any) -> None:
+    codec, drive = ready()
+    drive.conf["servopos.position_min"], drive.conf["servopos.position_max"] = ends
+    found = dialogue(codec.driver.set_up(0), drive.on_frame, said)[1].limits
+    assert (found.lower, found.upper) == limits
+
+
+def test_an_identity_has_its_numbers() -> None:
+    """Without a firmware it is 0; without a register map none is supported; a model above 0."""
+
+    def about(first: int, *numbers: int) -> bytes:
+        head = bytes([0x28, len(numbers), first & 0x7F | 0x80, first >> 7])
+        return head + struct.pack(f"<{len(numbers)}i", *numbers)
+
+    assert driver.found_of(3, about(0x102, 5)).firmware == "0.0.0"
+    assert driver.found_of(3, about(0x100, 1, 0x010203, 5)).type == "moteus model 1"
+    with pytest.raises(PlantSettingsError, match="id 3: its register map is 0; 5 is supported"):
+        driver.found_of(3, about(0x100, 1))

@@ -15,7 +15,9 @@ from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import VALUES, Value
 from control_board_ros.plants.drives.driver import Order
 from control_board_ros.plants.drives.faults import WATCHDOG
+from control_board_ros.plants.drives.interview import converse
 from control_board_ros.plants.drives.reconcile import Action
+from control_board_ros.plants.drives.serial_line import Reply
 from control_board_ros.plants.dynamixel import table as d
 from control_board_ros.plants.feetech import table as f
 
@@ -280,8 +282,9 @@ def test_nothing_is_read_of_no_servo() -> None:
 
 @pytest.mark.parametrize(
     ("value", "sign", "number"),
-    [(0.0, 15, 0), (-0.2, 15, 0), (1.4, 15, 1), (-1.6, 15, 0x8002), (1e9, 15, 0x7FFF),
-     (-1e9, 15, 0xFFFF), (-5.0, 10, 0x405), (5000.0, 10, 0x3FF), (-5.0, 11, 0x805)],
+    [(0.0, 15, 0), (-0.2, 15, 0), (0.6, 15, 1), (1.4, 15, 1), (-1.6, 15, 0x8002),
+     (1e9, 15, 0x7FFF), (-1e9, 15, 0xFFFF), (-5.0, 10, 0x405), (5000.0, 10, 0x3FF),
+     (-5.0, 11, 0x805)],
 )  # fmt: skip
 def test_magnitudes_have_a_bit_for_their_sign(value: float, sign: int, number: int) -> None:
     assert f.magnitude(value, sign) == number
@@ -332,3 +335,119 @@ def test_a_feetech_is_identified(number: int, status: int, kind: str, fault: int
 )
 def test_indirect_data_of_older_firmware(number: int, firmware: int, place: int) -> None:
     assert d.MODELS[number].data(firmware) == place
+
+
+def talk(questions: Any, table: dict[int, int]) -> tuple[dict[int, int], Any]:
+    """A conversation with a servo that has these values and accepts all: what is written."""
+    found: dict[int, int] = {}
+
+    def answered(question: Any) -> list[Any]:
+        item, value, signed = question.request
+        if value is not None:
+            found[item.address] = value
+            return [Reply(value, 0)]
+        data = table.get(item.address, 0).to_bytes(item.length, "little")
+        return [Reply(int.from_bytes(data, "little", signed=signed), 0)]
+
+    return found, converse(questions, answered)
+
+
+@pytest.mark.parametrize(
+    ("model", "mode", "ampere", "ends", "turn"),
+    [(1020, "4", 2.69e-3, (None, None), REV), (1020, "3", 2.69e-3, (-math.pi, math.pi / 2.0), 0.0),
+     (1060, "4", 0.0, (None, None), REV), (1190, "5", 1e-3, (None, None), REV)],
+)  # fmt: skip
+def test_what_a_dynamixel_is(model: int, mode: str, ampere: float, ends: Any, turn: float) -> None:
+    """S4: limits at its output; only a mode of one turn has ends."""
+    codec, _ = dynamixel(position_mode=mode, current=f"{int(ampere > 0.0)}")
+    codec.driver._watch = 5
+    table = {0: model, 6: 52, 11: 16, 36: 700, 38: 1000, 44: 100, 48: 3072, 70: 4, 144: 121}
+    written, found = talk(codec.driver.set_up(0), table)
+    assert (found.id, found.firmware, found.fault.number) == (1, "52", 4)
+    assert (found.voltage, found.turn) == (pytest.approx(12.1), turn)
+    limits = found.limits
+    assert (limits.lower, limits.upper) == tuple(
+        end if end is None else pytest.approx(end) for end in ends
+    )
+    assert limits.velocity == pytest.approx(100 * 0.229 * REV / 60.0)
+    assert limits.current == (pytest.approx(1000 * ampere) if ampere else None)
+    servo = codec.driver._servos[0]
+    assert (servo.pwm, servo.current, servo.mode) == (700, 1000 if ampere else 0, 16)
+    assert servo.data == (208 if model == 1190 else 224)
+    assert (written[64], written[98]) == (0, 5)
+    sources = [written[168 + 2 * k] for k in range(16)]
+    assert sources == [64, 70, 98, 126, 127, *range(128, 136), 144, 145, 146]
+
+
+def test_ends_of_a_dynamixel_have_a_sign() -> None:
+    codec, _ = dynamixel(position_mode="3")
+    codec.driver._watch = 5
+    table = {0: 1020, 48: 3072, 52: 2**32 - 1024}
+    found = talk(codec.driver.set_up(0), table)[1]
+    assert found.limits.lower == pytest.approx(-3072 * REV / 4096)
+
+
+@pytest.mark.parametrize(
+    ("some", "ends", "speed", "current"),
+    [({}, (-math.pi, math.pi * 2047 / 2048), None, None),
+     ({9: 1024, 11: 3072, 84: 10, 28: 100}, (-math.pi / 2.0, math.pi / 2.0), 500 * REV / 4096,
+      0.65),
+     ({9: 3072, 11: 1024}, (-math.pi, math.pi * 2047 / 2048), None, None)],
+)  # fmt: skip
+def test_what_a_feetech_is(some: Any, ends: Any, speed: Any, current: Any) -> None:
+    codec, _ = feetech()
+    codec.driver._wrapped[0] = True
+    table = {0: 10 << 8 | 3, 3: 777, 30: 1, 31: 0x0805, 65: 4} | some
+    written, found = talk(codec.driver.set_up(0), table)
+    assert (found.id, found.type, found.firmware, found.fault.number) == (1, "STS3215", "3.10", 4)
+    limits = found.limits
+    assert (limits.lower, limits.upper) == pytest.approx(ends)
+    assert limits.velocity == (speed and pytest.approx(speed))
+    assert limits.current == (current and pytest.approx(current))
+    assert (codec.driver._homing[0], codec.driver._wrapped[0]) == (-5, False)
+    assert {40: 0, 55: 1, 41: 0}.items() <= written.items()
+
+
+class ScannedBus:
+    """A serial bus on which some servos answer."""
+
+    def __init__(self, log: list[Any], drives: dict[int, dict[int, int]]) -> None:
+        self.log, self.drives = log, drives
+        self.port = SimpleNamespace(wait=0.0)
+        self.protocol = SimpleNamespace(broadcastPing=lambda port: (list(drives)[::-1], port))
+
+    def __call__(self, library: Any, *where: Any) -> Any:
+        self.log.append((library.package, *where))
+        return self
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.log.append("closed")
+
+    def models(self, drive: int, attempts: int) -> list[int]:
+        self.log.append((drive, attempts, self.port.wait))
+        return [777] if drive in self.drives else []
+
+    def get(self, drive: int, item: Any) -> int:
+        return self.drives[drive].get(item.address, 0)
+
+
+def test_scans_of_servos(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("scservo_sdk")
+    pytest.importorskip("dynamixel_sdk")
+    from control_board_ros.plants.dynamixel import driver as dynamixels
+    from control_board_ros.plants.feetech import driver as feetechs
+
+    log: list[Any] = []
+    monkeypatch.setattr(feetechs, "ServoBus", ScannedBus(log, {2: {3: 777}, 7: {3: 2825}}))
+    found = feetechs.scan("port", 57_600)
+    assert [(one.id, one.type) for one in found] == [(2, "STS3215"), (7, "STS3250")]
+    assert log[0] == ("feetech-servo-sdk", "port", 57_600)
+    assert log[1:-1] == [(drive, 1, 5e-3) for drive in range(253)]
+    bus = ScannedBus(log, {2: {0: 1020, 6: 52}, 7: {0: 1060}})
+    monkeypatch.setattr(dynamixels, "ServoBus", bus)
+    found = dynamixels.scan("port")
+    assert [(one.id, one.type) for one in found] == [(2, "XM430-W350"), (7, "XL430-W250")]
+    assert log[-2:] == [("dynamixel-sdk", "port", 1_000_000), "closed"]

@@ -85,6 +85,7 @@ class Bench:
         self.line.connect, self.plant.clock = self._connect, self.clock
         self._next, self.timeout = self.clock.now(), TIMEOUT
         self.baudrate = 0  # of the drives; 0: any
+        self.opened: dict[str, object] = {}  # how the bus was opened last
         self.joints: tuple[Any, ...] = (None,) * len(names)
 
     @property
@@ -104,8 +105,9 @@ class Bench:
         framer = Framer(module.HEADER, head, module.length_of, module.unpacked)
         return VirtualSerial(self.world, self.drives, framer)
 
-    def _connect(self, *where: object, **_options: object) -> Any:
+    def _connect(self, *where: object, **options: object) -> Any:
         """The end of the bus that a driver opens; at another baud rate nothing gets through."""
+        self.opened = options
         if isinstance(self.bus, VirtualSerial):
             lost = self.baudrate not in (0, where[-1])
             self.bus.to_drives = (lambda _: iter(())) if lost else self.bus.to_drives

@@ -261,7 +261,7 @@ class RobStridePrivate:
         if kind == FAULT:
             self._word = int.from_bytes(data[:4], "little")
         elif kind == READ:
-            other = data[:2] == read(0, CAN_TIMEOUT)[1][:2] and not between >> 8
+            other = data[:2] == CAN_TIMEOUT.to_bytes(2, "little") and not between >> 8
             if other and unpack(CAN_TIMEOUT, data[4:]) != self._timeout:
                 reported.lost = True
             if self._action is Action.ASK:

@@ -60,9 +60,12 @@ class Drive:
         controller: Of the library.
         template: Of its position command.
         stop, query: Its data, with a question for its readings.
-        kp, kd: Gains that are configured in it.
+        kp, kd: Gains that are configured in it, from its set-up on.
         torque: Its largest, N·m; NaN: as configured in it.
     """
+
+    kp: float
+    kd: float
 
     def __init__(self, drive: int) -> None:
         import moteus
@@ -73,7 +76,6 @@ class Drive:
         self.template = f.template(self.controller)
         self.stop = f.padded(self.controller.make_stop(query=True).data)
         self.query = f.padded(self.controller.make_query().data)
-        self.kp = self.kd = 1.0
         self.torque = math.nan
 
 

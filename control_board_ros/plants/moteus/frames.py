@@ -42,6 +42,8 @@ MODULATION = 0.5
 UNLIMITED = -1.0
 #: The library's position command: floats, and the bytes between them; made once, and filled.
 POSITIONS = struct.Struct("<6s6f2s3f2sf")
+NUMBERS = ("position", "velocity", "feedforward_torque", "kp_scale", "kd_scale", "maximum_torque",
+           "watchdog_timeout", "velocity_limit", "accel_limit", "ilimit_scale")  # fmt: skip
 #: An answer as it usually comes, and the heads of its three parts; any other is parsed in full.
 USUAL = struct.Struct("<2sb3s4f2s3b")
 USUAL_HEADS = (b"\x21\x00", b"\x2c\x04\x01", b"\x23\x0d")
@@ -74,10 +76,7 @@ WATCHDOG = DriveFault(TIMEOUT, "watchdog: no command within its timeout")
 
 def template(drive: Any) -> tuple[bytes, bytes, bytes, bytes]:
     """The bytes between the numbers of the library's position command, and its query."""
-    numbers = dict.fromkeys(("position", "velocity", "feedforward_torque", "kp_scale"), 0.0)
-    numbers |= {"kd_scale": 0.0, "maximum_torque": 0.0, "watchdog_timeout": 0.0}
-    numbers |= {"velocity_limit": UNLIMITED, "accel_limit": UNLIMITED, "ilimit_scale": 0.0}
-    data = drive.make_position(**numbers, query=True).data
+    data = drive.make_position(**dict.fromkeys(NUMBERS, 0.5), query=True).data
     parts = POSITIONS.unpack_from(data)
     return parts[0], parts[7], parts[11], data[POSITIONS.size :]
 
