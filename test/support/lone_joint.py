@@ -34,7 +34,7 @@ def joint(**changes: float) -> Any:
     quiet = ("age", "wire", "missed", "blind", "coasts", "stepping", "smooth", "sampled", "behind",
              "contact", "had_contact", "max_jerk", "move_acceleration",
              "moved_acceleration", "dead_band", "sag", "comes_to_rest")  # fmt: skip
-    fresh = dict.fromkeys(quiet, 0.0) | {"calm": 1.0, "spring": 1.0}
+    fresh = dict.fromkeys(quiet, 0.0) | {"calm": 1.0, "spring": 1.0, "steady": 1.0}
     for name, value in (GIVEN | fresh | changes).items():
         setattr(made, name, value)
     made.elapsed = made.span = made.period
