@@ -109,10 +109,11 @@ def test_a_torque_that_is_no_number_is_not_fed_forward(two: Two, arm: LinearArm)
     assert two.get("forward") == pytest.approx([3.0 + 0.1 + 7.0 + 90.0, 2.0])
 
 
-@pytest.mark.parametrize("why", ["no arm", "not in all laws", "an unknown angle"])
+@pytest.mark.parametrize("why", ["no arm", "not in all laws", "an unknown angle", "no reading"])
 def test_else_each_joint_accelerates_its_own_inertia(arm: LinearArm, why: str) -> None:
     two = Two(None if why == "no arm" else arm, feeds_arm=why != "not in all laws")
     two.set("calibrated", True, why != "an unknown angle")
+    two.set("position", 0.1, NAN if why == "no reading" else 0.4)
     two.set("inertia", 2.0, 3.0)
     two.set("followed_acceleration", 0.5, -0.25)
     two.laws.feed_forward()

@@ -345,14 +345,14 @@ class Laws:
 
     @cython.cfunc
     def knows_arm(self) -> cython.bint:
-        """Whether the arm's dynamics act: all angles are known.
+        """Whether the arm's dynamics act: all angles are known, and have been read (B7).
 
         Gravity is then fed forward, and the integral parts are reduced by it.
         """
         j: Joint
         known: cython.bint = self.arm is not None and self.feeds_arm
         for j in self.joints:
-            known = known and j.calibrated
+            known = known and j.calibrated and is_number(j.position)
         if known != self.modelled:
             self.turn_arm(known)
         return known
