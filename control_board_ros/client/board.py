@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, overload
 
+from ..text import nearest
 from .errors import BoardError
 from .goals import Goals
 from .modes import ModeRequests
@@ -23,6 +24,10 @@ from .yarp_names import name_here
 
 if TYPE_CHECKING:
     from .local_link import Simulated
+
+
+#: Similarity of an unknown name and one that is suggested.
+ALIKE = 0.75
 
 
 class Interfaces(
@@ -108,9 +113,11 @@ class ControlBoardClient(Blocking, Interfaces):
     if not TYPE_CHECKING:  # type checkers report unknown names
 
         def __getattr__(self, name: str) -> Any:
-            """Name the equivalent of a YARP method."""
-            here = None if name.startswith("_") else name_here(name, dir(type(self)))
-            hint = f"; here it is {here}, and angles are in rad" if here else ""
+            """Name the equivalent of a YARP method, or the nearest name."""
+            known = [word for word in dir(type(self)) if not word.startswith("_")]
+            here = None if name.startswith("_") else name_here(name, known)
+            near = nearest(name, known, ALIKE)
+            hint = f"; here it is {here}, and angles are in rad" if here else near
             raise AttributeError(f"{type(self).__name__} has no {name!r}{hint}")
 
     @property

@@ -205,8 +205,12 @@ def trajectory(
     Raises:
         RequestError: the shapes do not fit.
     """
-    t, q = np.asarray(times, float), np.asarray(positions, float)
-    dq = None if velocities is None else np.asarray(velocities, float)
+    try:
+        t, q = np.asarray(times, float), np.asarray(positions, float)
+        dq = None if velocities is None else np.asarray(velocities, float)
+    except (TypeError, ValueError, OverflowError):
+        text = "times, positions and velocities must be numbers, rows of the same length"
+        raise RequestError(f"{text}: one per joint") from None
     shape = (t.size, len(names))
     if t.ndim != 1 or q.shape != shape or (dq is not None and dq.shape != shape):
         raise RequestError(f"a trajectory of {t.size} times requires rows of shape {shape}")

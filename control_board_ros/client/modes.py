@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
+from control_board_ros.core.selection import listed
 from control_board_ros.core.terms.drives import DriveReport, DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
@@ -265,8 +266,7 @@ def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:
     Raises:
         ValueError: a number that is no vocab.
     """
-    requested = [modes] if isinstance(modes, str | int) else list(modes)
     return [
         mode.encode(errors="replace").decode() if isinstance(mode, str) else parse(mode).code
-        for mode in requested
+        for mode in listed(modes)
     ]

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..core.selection import RequestError, automatic, by_hand, loop_of, spread
+from ..core.selection import RequestError, automatic, by_hand, listed, loop_of, spread
 from ..core.terms.motors import TERMS, YARP_TERMS, Motors, MotorTorqueParameters, Pids
 from ..core.terms.reply import Reason, Reply, refused, sent
 from ..core.terms.vocabs import BrakeMode
@@ -21,7 +21,7 @@ from ..interface import (
     SET_PIDS,
 )
 from ..protocols import Flags, Floats, Joints, Values
-from ..text import nearest
+from ..text import unknown_word
 from .operations import Interface, operation, request
 from .services import arrays
 
@@ -54,8 +54,8 @@ class MotorRequests(Interface):
         ``velocity_thresholds``; None: unchanged. A power-on resets all of it.
         """
         if unknown := sorted(terms.keys() - TERMS):
-            hint = nearest(unknown[0], TERMS)
-            raise TypeError(f"no such values: {', '.join(unknown)}{hint}; one of {list(TERMS)}")
+            known = ("max_currents", "output_limits", *TERMS)
+            raise TypeError(unknown_word("value of motors", unknown[0], known))
         values = {"max_currents": max_currents, "output_limits": output_limits} | terms
         return await self._services.change(SET_MOTORS, joints, values)
 
@@ -255,7 +255,7 @@ class BrakeRequests(Interface):
             modes: ``automatic`` (by the board, as the modes require), ``open`` or ``closed`` (by
                 hand); one for all, or one each.
         """
-        return await self._work(joints, [modes] if isinstance(modes, str) else list(modes))
+        return await self._work(joints, listed(modes))
 
     @operation
     async def get_brakes(self, joints: Joints = None) -> list[BrakeStatus]:

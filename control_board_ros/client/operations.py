@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from inspect import Signature, signature
 from typing import Any, ClassVar, Concatenate, Generic, Literal, ParamSpec, TypeVar, overload
 
 from control_board_ros.core.selection import RequestError
@@ -30,6 +31,7 @@ from .services import Services
 from .waiting import Event
 
 R = TypeVar("R")
+C = TypeVar("C")
 P = ParamSpec("P")
 Form = Literal["coroutine", "blocking", "awaitable"]
 
@@ -66,12 +68,12 @@ class operation(Generic[P, R]):  # noqa: N801  (a decorator)
         @wraps(coroutine)
         def blocking(self: Blocking, /, *args: P.args, **kwargs: P.kwargs) -> R:
             with gone_as_board_error(self._link.gone):
-                return run(coroutine(self._inside, *args, **kwargs))
+                return run(called(coroutine, self._inside, args, kwargs))
 
         @wraps(coroutine)
         async def awaitable(self: Awaitable, /, *args: P.args, **kwargs: P.kwargs) -> R:
             with gone_as_board_error(self._link.gone):
-                call = coroutine(self._inside, *args, **kwargs)
+                call = called(coroutine, self._inside, args, kwargs)
                 return await run_async(call, self._link.wake_user)
 
         self.coroutine, self.blocking, self.awaitable = coroutine, blocking, awaitable
@@ -100,14 +102,35 @@ class request(operation[P, Reply]):  # noqa: N801  (a decorator)
     def __init__(
         self, coroutine: Callable[Concatenate[Any, P], Coroutine[Any, Any, Reply]]
     ) -> None:
-        @wraps(coroutine)
-        async def refusing(self: Interface, /, *args: P.args, **kwargs: P.kwargs) -> Reply:
+        async def answered(call: Coroutine[Any, Any, Reply]) -> Reply:
             try:
-                return await coroutine(self, *args, **kwargs)
+                return await call
             except RequestError as error:
                 return refused(str(error))
 
+        @wraps(coroutine)
+        def refusing(
+            self: Interface, /, *args: P.args, **kwargs: P.kwargs
+        ) -> Coroutine[Any, Any, Reply]:
+            return answered(coroutine(self, *args, **kwargs))
+
         super().__init__(refusing)
+
+
+def called(coroutine: Callable[..., C], owner: Interface, args: Any, kwargs: Any) -> C:
+    """The call of a coroutine, which begins later.
+
+    Raises:
+        TypeError: the arguments do not fit; with the method as users know it.
+    """
+    try:
+        return coroutine(owner, *args, **kwargs)
+    except TypeError as error:
+        name = coroutine.__name__
+        text = str(error).replace(f"{coroutine.__qualname__}()", f"{name}()")
+        has = list(signature(coroutine).parameters.values())[1:]
+        takes = Signature([each.replace(annotation=each.empty) for each in has])
+        raise TypeError(f"{text}; it is {name}{takes}") from None
 
 
 @contextmanager

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.core.goals.pose import HOME, PARK, Pose
-from control_board_ros.core.selection import RequestError, spread
+from control_board_ros.core.selection import RequestError, one_number, one_text, spread
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import GO_TO_POSE, LIST_POSES, SAVE_POSE
 from control_board_ros.protocols import Floats, Joints, Values
-from control_board_ros.text import clean_names
+from control_board_ros.text import clean_names, unknown_word
 
 from .operations import Interface, operation, request
 from .services import whole
@@ -59,9 +59,9 @@ class PoseRequests(Interface):
         Raises:
             RequestError: there is no such pose.
         """
-        response = await self._link.call(LIST_POSES, name=pose)
+        response = await self._link.call(LIST_POSES, name=one_text(pose, "pose"))
         if not response.names:
-            raise RequestError(response.message)
+            raise RequestError(response.message or no_pose(pose, response))
         return Pose(pose, clean_names(response.names), tuple(response.positions), response.speed)
 
     @request
@@ -81,15 +81,19 @@ class PoseRequests(Interface):
             speed: mean speed of the slowest joint, rad/s; 0: the set reference speeds.
         """
         names = (await self._services.select(joints)).names
-        targets: list[float] = []
+        pace, targets = one_number(speed, "speed"), list[float]()
         if positions is not None:
             targets = spread(positions, len(names), "positions").tolist()
         response = await self._link.call(
-            SAVE_POSE, names=list(names), name=pose, positions=targets, speed=float(speed)
+            SAVE_POSE,
+            names=list(names),
+            name=one_text(pose, "pose"),
+            positions=targets,
+            speed=pace,
         )
         return whole(response.success, response.message, names)
 
-    @operation
+    @request
     async def go_to_pose(
         self,
         pose: str,
@@ -105,15 +109,16 @@ class PoseRequests(Interface):
             speed: mean speed of the slowest joint, rad/s; None: the pose's.
             feedback: called in the caller's thread.
         """
-        response = await self._link.call(LIST_POSES, name=pose)
+        pace = 0.0 if speed is None else one_number(speed, "speed")
+        response = await self._link.call(LIST_POSES, name=one_text(pose, "pose"))
         names = clean_names(response.names)
         if not names:
-            return refused(response.message)
+            return refused(response.message or no_pose(pose, response))
 
         def read(sent: Any) -> PoseFeedback:
             return PoseFeedback(tuple(sent.names), np.array(sent.remaining))
 
-        fields = {"pose": pose, "speed": 0.0 if speed is None else float(speed)}
+        fields = {"pose": pose, "speed": pace}
         return await self._services.goal(GO_TO_POSE).run(fields, names, feedback, read)
 
     @operation
@@ -129,3 +134,8 @@ class PoseRequests(Interface):
     ) -> Reply:
         """go_to_pose for the pose park."""
         return await self.go_to_pose(PARK, speed, feedback)
+
+
+def no_pose(pose: object, response: Any) -> str:
+    """The text on an empty name of a pose."""
+    return unknown_word("pose", pose, clean_names(response.poses[:MAX_POSES]), "poses:")

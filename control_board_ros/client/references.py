@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.core.selection import RequestError, spread
+from control_board_ros.core.selection import RequestError, one_number, spread
 from control_board_ros.core.terms.reply import Reply, refused, sent
 from control_board_ros.interface import (
     CURRENT_COMMAND,
@@ -372,6 +372,10 @@ class References(Interface):
         wrong: RequestError | None = None
         by_service = answered or together or valid_for != 0.0
         try:
+            lasting = one_number(valid_for, "valid_for")
+        except RequestError as error:
+            return refused(f"{what} ignored: {error}")
+        try:
             names = (await self._services.select(joints)).names
         except RequestError as error:
             wrong, names = error, await self._named(joints)
@@ -394,8 +398,8 @@ class References(Interface):
                 kind=topic.short.rpartition("/")[2],
                 values=references,
                 along=along,
-                together=together,
-                valid_for=float(valid_for),
+                together=bool(together),
+                valid_for=lasting,
             )
             return reply
         await self._link.publish(topic, names=list(names), **values)

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import index
 
 from control_board_ros.core.model.coupling import Coupling
-from control_board_ros.core.selection import RequestError
+from control_board_ros.core.selection import RequestError, one_text
 from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import parse_control_mode
@@ -96,7 +97,7 @@ class WholeBoard(Interface):
             ``waits`` the time until a cause can clear, s.
         """
         names = () if joints is None else (await self._services.select(joints)).names
-        reply, response = await self._services.ask(RECOVER, names, partial=partial)
+        reply, response = await self._services.ask(RECOVER, names, partial=bool(partial))
         modes = tuple(parse_control_mode(code) for code in response.modes)
         return replace(reply, modes=modes, waits=tuple(response.wait))
 
@@ -151,11 +152,15 @@ class WholeBoard(Interface):
     @operation
     async def pause(self, paused: bool = True) -> Reply:
         """Pause or resume the simulation."""
-        return await self._services.trigger(PAUSE, data=paused)
+        return await self._services.trigger(PAUSE, data=bool(paused))
 
     @operation
     async def step(self, steps: int = 1) -> Reply:
         """Advance a paused simulation by ``steps`` control cycles."""
+        try:
+            steps = index(steps)
+        except TypeError:
+            return refused(f"steps must be a whole number, not {steps!r:.32}")
         if not 1 <= steps <= MAX_STEPS:
             return refused(f"steps must be from 1 to {MAX_STEPS}, not {steps}")
         return await self._services.trigger(STEP, steps=steps)
@@ -177,7 +182,10 @@ class WholeBoard(Interface):
         """
         selection = await self._services.select(joints)
         response = await self._link.call(
-            INJECT_FAULT, names=list(selection.names), fault=fault, persistent=persistent
+            INJECT_FAULT,
+            names=list(selection.names),
+            fault=one_text(fault, "fault"),
+            persistent=bool(persistent),
         )
         self._services.states.changed()
         return whole(response.success, response.message, selection.names)

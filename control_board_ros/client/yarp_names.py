@@ -32,6 +32,24 @@ OTHER_WORDS = {
     "get_ref_velocitie": "get_ref_velocity",
 }
 
+#: Names that no library has, and that are tried first.
+GUESSES = {
+    "get_position": "get_encoder",
+    "get_joint_position": "get_encoder",
+    "get_velocity": "get_encoder_speed",
+    "get_velocitie": "get_encoder_speed",
+    "get_joint_name": "names",
+    "get_mode": "get_control_mode",
+    "set_mode": "set_control_mode",
+    "set_velocity": "velocity_move",
+    "set_torque": "set_ref_torque",
+    "set_speed": "set_ref_speed",
+    "set_target": "position_move",
+    "move_to": "move",
+    "clear_fault": "recover",
+    "wait_motion_done": "move",
+}
+
 
 def snake_case(name: str) -> str:
     """``setRefSpeeds`` as ``set_ref_speeds``."""
@@ -39,10 +57,10 @@ def snake_case(name: str) -> str:
 
 
 def name_here(name: str, known: Collection[str]) -> str | None:
-    """The equivalent of a YARP method; None if there is none."""
+    """The equivalent of a method of YARP, or of one guessed; None if there is none."""
     snake = snake_case(name)
     for word in (snake, snake.removesuffix("s")):
-        renamed = OTHER_WORDS.get(word, word)
+        renamed = OTHER_WORDS.get(word) or GUESSES.get(word, word)
         if renamed in known and renamed != name:
             return renamed
     return None

@@ -289,15 +289,19 @@ class JointGroup(ModeShortcuts):
 
     def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
         """Close (true) or open brakes by hand."""
-        return self.set_brake(joints, by_hand(active))
+        try:
+            return self.set_brake(joints, by_hand(active))
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
 
     def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
         """Switch brakes to automatic (true), or to manual in their present state."""
         try:
             names = self._braked(joints).names
+            modes = automatic(enabled, self.is_joint_braked(names))
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.set_brake(names, automatic(enabled, self.is_joint_braked(names)))
+        return self.set_brake(names, modes)
 
     def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
         """Whether brakes are automatic; false where a joint has none."""

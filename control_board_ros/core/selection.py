@@ -184,6 +184,29 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
     )
 
 
+def one_number(value: Any, what: str) -> float:
+    """The single number of a request.
+
+    Raises:
+        RequestError: it is none.
+    """
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise RequestError(f"{what} must be a number, not {value!r:.32}") from None
+
+
+def one_text(value: object, what: str) -> str:
+    """The text of a request.
+
+    Raises:
+        RequestError: it is none.
+    """
+    if not isinstance(value, str):
+        raise RequestError(f"{what} must be a text, not {value!r:.32}")
+    return value
+
+
 def all_within(
     selection: Selection, what: str, values: Any, highest: Array, *, zero: bool = False
 ) -> Array:
@@ -272,15 +295,35 @@ def brake_modes(modes: Any, count: int) -> list[BrakeMode]:
     return _parse_all(modes, count, parse_brake_mode)
 
 
+def listed(values: Any) -> list[Any]:
+    """One value, or several, as a list."""
+    several = isinstance(values, Iterable) and not isinstance(values, str | bytes)
+    return list(values) if several else [values]
+
+
+def flags_of(values: bool | Sequence[bool]) -> list[bool]:
+    """The flags of a request: one for all, or one each.
+
+    Raises:
+        RequestError: a value is neither true nor false.
+    """
+    for value in (flags := listed(values)):
+        if not isinstance(value, bool | np.bool_ | int) or value not in (0, 1):
+            text = f"{value!r:.32} is neither true nor false; send one flag, or one each"
+            raise RequestError(text)
+    return [bool(flag) for flag in flags]
+
+
 def by_hand(active: bool | Sequence[bool]) -> list[BrakeMode]:
     """The brake modes that close (true) and open brakes by hand, one for all or one each."""
-    flags = [active] if isinstance(active, bool | np.bool_) else active
-    return [BrakeMode.CLOSED if flag else BrakeMode.OPEN for flag in flags]
+    return [BrakeMode.CLOSED if flag else BrakeMode.OPEN for flag in flags_of(active)]
 
 
 def automatic(enabled: bool | Sequence[bool], closed: Sequence[bool]) -> list[BrakeMode]:
     """The brake modes for automatic operation, or for the present state by hand."""
-    flags = [enabled] * len(closed) if isinstance(enabled, bool | np.bool_) else enabled
+    flags = flags_of(enabled)
+    if not isinstance(enabled, Iterable):
+        flags *= len(closed)
     if len(flags) != len(closed):
         raise RequestError(f"{len(flags)} flags for {len(closed)} joints; send one, or one each")
     return [
@@ -290,12 +333,7 @@ def automatic(enabled: bool | Sequence[bool], closed: Sequence[bool]) -> list[Br
 
 
 def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
-    if isinstance(modes, str | int):
-        return [parse(modes)] * count
-    try:
-        parsed = [parse(mode) for mode in modes]
-    except TypeError:  # not a list of them: a single one
-        parsed = [parse(modes)]
+    parsed = [parse(mode) for mode in listed(modes)]
     if len(parsed) == 1:
         return parsed * count
     if len(parsed) != count:

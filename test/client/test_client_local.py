@@ -6,13 +6,16 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, connect
 from control_board_ros.client.local_link import READINGS, LocalServices
+from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.interface import SERVICES, STATE
 from control_board_ros.operations import OPERATIONS
@@ -191,3 +194,91 @@ def test_closed(simulation: Simulation) -> None:
     board.close()
     with pytest.raises(BoardError, match="the client was closed"):
         board.get_control_mode()
+
+
+#: Calls whose arguments do not fit the method, and what is said.
+MISFITS: list[tuple[Callable[[Any], object], str]] = [
+    (
+        lambda client: client.move(0, 0.1, timeout=3.0),
+        "move() got an unexpected keyword argument 'timeout'; it is move(joints, positions, "
+        "speeds=None, feedback=None)",
+    ),
+    (
+        lambda client: client.set_control_mode("pos"),
+        "set_control_mode() missing 1 required positional argument: 'modes'; it is "
+        "set_control_mode(joints, modes)",
+    ),
+    (
+        lambda client: client.relative_move(0, 0.1, 0.2, True),
+        "relative_move() takes from 3 to 4 positional arguments but 5 were given; it is "
+        "relative_move(joints, distances, speeds=None, *, together=False)",
+    ),
+    (lambda client: client.set_motors(0, max_current=3.0), "did you mean 'max_currents'?"),
+]
+
+
+@pytest.mark.parametrize(("call", "text"), MISFITS)
+def test_a_misfit_names_the_method_and_what_it_takes(
+    client: ControlBoardClient, call: Callable[[Any], object], text: str
+) -> None:
+    """No class of the library is in the text, and both forms say the same."""
+    with pytest.raises(TypeError) as raised:
+        call(client)
+    assert text in str(raised.value)
+    with pytest.raises(TypeError) as raised:
+        asyncio.run(call(client.aio))  # type: ignore[arg-type]
+    assert text in str(raised.value)
+
+
+#: Calls with values of another type, and what the reply says.
+WRONG_TYPES: list[tuple[Callable[[Any], Reply], str]] = [
+    (lambda client: client.set_control_mode(0, None), "None is no control mode"),
+    (lambda client: client.set_interaction_mode(0, 3.5), "3.5 is no interaction mode"),
+    (lambda client: client.set_brake(0, 3), "brake mode '3' unknown"),
+    (lambda client: client.set_manual_brake_active(0, None), "None is neither true nor false"),
+    (lambda client: client.set_manual_brake_active(0, "open"), "'open' is neither true nor false"),
+    (lambda client: client.set_auto_brake_enabled(0, 2), "2 is neither true nor false"),
+    (lambda client: client.velocity_move(0, 0.1, valid_for="long"), "valid_for must be a number"),
+    (lambda client: client.go_to_pose("home", "fast"), "speed must be a number, not 'fast'"),
+    (lambda client: client.go_to_pose(None), "pose must be a text, not None"),
+    (lambda client: client.go_to_pose(""), "pose '' unknown"),
+    (lambda client: client.save_pose(None), "pose must be a text, not None"),
+    (lambda client: client.save_pose("mine", speed="fast"), "speed must be a number"),
+    (lambda client: client.step("x"), "steps must be a whole number, not 'x'"),
+    (lambda client: client.inject_fault(0, None), "fault must be a text, not None"),
+    (lambda client: client.follow_trajectory(0, [1.0], "ab"), "must be numbers"),
+    (lambda client: client.follow_trajectory(0, [1, 2], [[0.1], [0.2, 0.3]]), "must be numbers"),
+]
+
+
+@pytest.mark.parametrize(("call", "text"), WRONG_TYPES)
+def test_a_value_of_another_type_is_refused_in_words(
+    client: ControlBoardClient, call: Callable[[Any], Reply], text: str
+) -> None:
+    """A: set methods answer; no error of the library's own code comes out of them."""
+    reply = call(client)
+    assert not reply
+    assert text in reply.message
+
+
+def test_flags_of_numpy_are_flags(client: ControlBoardClient) -> None:
+    """A message has those of Python only: with one of numpy a program over ROS was aborted."""
+    assert client.position_move(0, 0.1, together=np.True_)
+    assert client.recover(partial=np.True_)
+    assert client.pause(np.True_)
+    assert client.step(np.int64(2))
+
+
+@pytest.mark.parametrize(
+    ("guess", "name"),
+    [
+        ("get_position", "get_encoder"),
+        ("set_mode", "set_control_mode"),
+        ("get_motor", "get_motors"),
+    ],
+)
+def test_a_guessed_name_leads_to_the_right_one(
+    client: ControlBoardClient, guess: str, name: str
+) -> None:
+    with pytest.raises(AttributeError, match=name):
+        getattr(client, guess)
