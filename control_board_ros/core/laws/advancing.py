@@ -12,7 +12,7 @@ except ImportError:
     from ... import nocython as cython
 
 from .formulas import INFINITE, brake_speed, clamp
-from .joint import AS_POSITION, REST_SPEED, REST_TIME, Joint, go_on_stopping, run_move
+from .joint import AS_POSITION, AS_VELOCITY, REST_SPEED, REST_TIME, Joint, go_on_stopping, run_move
 from .observing import GAP, cross_gap
 from .stream import BRIEF, LAST, Stream, TimeBase, sine, versine
 
@@ -25,8 +25,10 @@ else:
 QUICKEST = cython.declare(cython.double, 60.0)
 QUICK = cython.declare(cython.double, 1.2)
 #: Time over which braking fades out on a wire, in ages of late readings; at most, s.
-FADE_AGES = cython.declare(cython.double, 8.0)
-FADE_MOST = cython.declare(cython.double, 0.08)
+FADE_AGES = cython.declare(cython.double, 12.0)
+FADE_MOST = cython.declare(cython.double, 0.12)
+#: Time in which a reference that brakes on a wire yields to a joint ahead of it, s.
+YIELD_TIME = cython.declare(cython.double, 0.015)
 
 
 @cython.cfunc
@@ -124,7 +126,7 @@ def advance_stop(j: Joint) -> cython.void:
         j.plan_steps = 0
         j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
     if not j.smooth:
-        j.moved += j.moved_velocity * elapsed
+        j.moved += j.moved_velocity * elapsed + yielded(j)
     place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
     if place != j.moved:  # too fast to stop before a limit
         j.moved, j.moved_velocity, j.plan_steps = place, 0.0, 0
@@ -156,6 +158,22 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
 
 
 @cython.cfunc
+@cython.inline
+def yielded(j: Joint) -> cython.double:
+    """The way by which a reference that brakes yields to a joint ahead of it, rad (B7).
+
+    Set-points that come late brake late: what the joint runs on by is not driven back (M9). A
+    drive that closes a loop of its own has a reference that does not jump.
+    """
+    ahead: cython.double = clamp(j.position, j.lower, j.upper) - j.followed
+    if j.wire == 0.0 or j.blind or j.kind >= AS_VELOCITY or ahead * j.followed_velocity <= 0.0:
+        return 0.0
+    ahead *= min(j.elapsed / YIELD_TIME, 1.0)
+    j.followed += ahead
+    return ahead
+
+
+@cython.cfunc
 def stop_smoothly(j: Joint, elapsed: cython.double) -> cython.void:
     """One cycle of a stop within the jerk limit; at its end the joint is at rest."""
     j.move_cycles += elapsed / j.period
@@ -184,6 +202,8 @@ def advance_ramp(j: Joint) -> cython.void:
     total = clamp(j.moved_velocity + v, -min(down, top), min(up, top))
     j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
     j.ramped += j.ramp_velocity * j.elapsed
+    if j.ramp_target == 0.0:
+        j.ramped += yielded(j)
 
 
 @cython.cfunc
