@@ -245,7 +245,7 @@ def test_every_dynamixel_is_as_its_maker_lists_it() -> None:
     names = {line[0]: line[1] for line in of_the_maker("dynamixel.model") if len(line) == 2}
     for number, model in dynamixel.MODELS.items():
         stem = model.name.lower().replace("-", "_")
-        assert names.get(f"{number}", f"{stem}.model") == f"{stem}.model"
+        assert names.get(f"{number}") == f"{stem}.model" or number == 1280  # it has no file
         older = of_the_maker(f"{stem}_fw52.model")
         assert model.fewer == bool(older), stem
         for lines, firmware in ((of_the_maker(f"{stem}.model"), 53), (older, 52)):

@@ -704,3 +704,25 @@ def test_transitions_are_those_of_the_standard() -> None:
     found = {f"{now.name} {command.name} {then.name}"
              for (now, command), then in states.TRANSITIONS.items()}  # fmt: skip
     assert found == set(TRANSITIONS.split("\n"))
+
+
+#: CiA 402-2, "Status word": bits 7 to 0 of each state.
+WORDS = {
+    "NOT_READY_TO_SWITCH_ON": "x0xx0000", "SWITCH_ON_DISABLED": "x1xx0000",
+    "READY_TO_SWITCH_ON": "x01x0001", "SWITCHED_ON": "x01x0011", "OPERATION_ENABLED": "x01x0111",
+    "QUICK_STOP_ACTIVE": "x00x0111", "FAULT_REACTION_ACTIVE": "x0xx1111", "FAULT": "x0xx1000",
+}  # fmt: skip
+
+
+def test_status_words_are_those_of_the_standard() -> None:
+    """One that is of no state is taken for that in which a drive does nothing."""
+    for word in range(256):
+        bits = f"{word:08b}"
+        names = [
+            name
+            for name, pattern in WORDS.items()
+            if all(one in ("x", bit) for one, bit in zip(pattern, bits, strict=True))
+        ]
+        assert [states.state_of(word).name] == (names or ["NOT_READY_TO_SWITCH_ON"]), bits
+    for name, pattern in WORDS.items():
+        assert states.State[name].word == int(pattern.replace("x", "0"), 2)

@@ -17,7 +17,7 @@ from control_board_ros.plants.drives.driver import Order
 from control_board_ros.plants.drives.faults import WATCHDOG
 from control_board_ros.plants.drives.interview import converse
 from control_board_ros.plants.drives.reconcile import Action
-from control_board_ros.plants.drives.serial_line import Reply
+from control_board_ros.plants.drives.serial_line import Item, Reply
 from control_board_ros.plants.dynamixel import table as d
 from control_board_ros.plants.feetech import table as f
 
@@ -451,3 +451,26 @@ def test_scans_of_servos(monkeypatch: pytest.MonkeyPatch) -> None:
     found = dynamixels.scan("port")
     assert [(one.id, one.type) for one in found] == [(2, "XM430-W350"), (7, "XL430-W250")]
     assert log[-2:] == [("dynamixel-sdk", "port", 1_000_000), "closed"]
+
+
+def test_currents_of_dynamixels_are_those_of_their_pages() -> None:
+    """Present Current of the maker's e-Manual: 2.69 mA a count; 1.34 mA of those of 24 V; 1 mA of
+    the 330s; XL430, XC430 and those of two axes have none.
+    """
+    for model in d.MODELS.values():
+        series, _, winding = model.name.partition("-")
+        none = series in ("XL430", "XC430") or series.startswith("2X")
+        high = winding[0] in "VH"
+        ampere = 0.0 if none else 1e-3 if "330" in series else 1.34e-3 if high else 2.69e-3
+        assert model.ampere == ampere, model.name
+
+
+def test_tables_of_a_feetech() -> None:
+    """Models as LeRobot has them, too; modes and errors of the maker's memory table."""
+    assert f.MODELS == {777: "STS3215", 2825: "STS3250", 11272: "SM8512BL"}
+    assert f.MODES == {0: "position", 1: "velocity", 2: "PWM", 3: "step"}
+    assert f.ERRORS.keys() == {1, 2, 4, 8, 32}
+    assert d.MODES.keys() == {0, 1, 3, 4, 5, 16}
+    assert d.ERRORS.keys() == {1, 4, 8, 16, 32}
+    for table, place in ((d, 0), (f, 3)):
+        assert table.LIBRARY.markers == tuple(Item(place, length) for length in (3, 5, 7, 9))
