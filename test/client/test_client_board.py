@@ -221,24 +221,33 @@ def test_a_mode_just_set_is_the_mode_that_counts(client: ControlBoardClient) -> 
 
 
 @pytest.mark.parametrize(
-    ("values", "text"),
+    ("joints", "positions", "speeds", "text"),
     [
-        (math.nan, "nan is not a finite number"),
-        (math.inf, "inf is not a finite number"),
-        ([0.1, 0.2], "2 position references for 1 joint"),
-        ("x", "must be numbers"),
+        (0, math.nan, None, "nan is not a finite number"),
+        (0, math.inf, None, "inf is not a finite number"),
+        (0, [0.1, 0.2], None, "2 position references for 1 joint"),
+        (0, "x", None, "must be numbers"),
+        (0, 0.1, "fast", "must be numbers"),
+        (0, 0.1, [], "0 speeds for 1 joint"),
+        ([0, 1], 0.1, [], "0 speeds for 2 joints"),
+        ([0, 1], [[0.1], [0.1]], None, "2 position references for 2 joints"),
+        ([0, 1], 0.1, [[0.2], [0.2]], "2 speeds for 2 joints"),
     ],
 )
 def test_bad_values_are_ignored_and_counted(
-    client: ControlBoardClient, values: Any, text: str
+    client: ControlBoardClient, joints: Any, positions: Any, speeds: Any, text: str
 ) -> None:
-    """P13: NaN, infinite or of wrong length, with the reason."""
+    """P13: NaN, infinite, of wrong length or no list of numbers, with the reason; none moves."""
     before = client.get_state().rejected_commands
-    reply = client.position_move(0, values)
+    reply = client.position_move(joints, positions, speeds)
     assert not reply
     assert text in reply.message
-    assert (client.get_state().rejected_commands - before)[0] == 1
-    assert client.check_motion_done(0) == [True]
+    assert client.check_motion_done() == [True] * 7
+
+    def counted() -> list[int]:
+        return (client.get_state().rejected_commands - before).tolist()
+
+    until(lambda: counted() == [1, int(joints != 0), *[0] * 5], counted)
 
 
 @pytest.mark.parametrize(
@@ -284,30 +293,6 @@ def test_all_accept_or_none_does(client: ControlBoardClient) -> None:
     reply = client.set_feedforward([0, 1], torques=[0.01, math.nan], together=True)
     assert reply.codes == ("together", "not_finite")
     assert client.set_feedforward([0, 1], 0.0, 0.0, together=True)
-
-
-@pytest.mark.parametrize(
-    ("joints", "positions", "speeds"),
-    [
-        (0, 0.1, "fast"),
-        (0, 0.1, []),
-        ([0, 1], 0.1, []),
-        ([0, 1], [[0.1], [0.1]], None),
-        ([0, 1], 0.1, [[0.2], [0.2]]),
-    ],
-)
-def test_what_is_refused_does_not_move(
-    client: ControlBoardClient, joints: Any, positions: Any, speeds: Any
-) -> None:
-    """P13: values that are no list of numbers refuse the move, they are not left out of it."""
-    before = client.get_state().rejected_commands
-    assert not client.position_move(joints, positions, speeds)
-    assert client.check_motion_done() == [True] * 7
-
-    def counted() -> list[int]:
-        return (client.get_state().rejected_commands - before).tolist()
-
-    until(lambda: counted() == [1, int(joints != 0), *[0] * 5], counted)
 
 
 def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
@@ -508,6 +493,33 @@ def test_faults_of_the_hardware(client: ControlBoardClient) -> None:
     assert not client.inject_fault(3, "nonsense")
 
 
+def test_an_emergency_stop_and_the_way_out(client: ControlBoardClient) -> None:
+    """E1 to E3: no motor has power when it is answered; then each goes back to its mode."""
+    assert client.get_freeze_frame(5) is None
+    assert client.set_control_mode(0, "vel")
+    assert client.emergency_stop()
+    assert client.get_control_mode() == [M.HW_FAULT] * 7
+    assert {(fault.code, fault.text) for fault in client.get_faults()} == {
+        (24, "emergency stop, requested")
+    }
+    for reply in (client.set_control_mode(None, "fidl"), client.recover()):
+        assert reply.codes == ("emergency_stop",) * 7
+    fault, frame = client.get_faults(5)[0], client.get_freeze_frame(5)
+    assert frame is not None
+    assert (frame.fault.stamp, frame.fault.code) == (fault.stamp, 24)
+    assert frame.stamps[0] < fault.stamp < frame.stamps[-1]
+    assert frame.position.shape == frame.current.shape == frame.stamps.shape
+    assert not frame.output[frame.stamps > fault.stamp].any()
+    assert client.emergency_stop(False)
+    assert "'elbow' unknown" in client.recover([JOINTS[0], "elbow"]).message
+    reply = client.recover(0)
+    assert (reply.joints, reply.modes, reply.waits) == (JOINTS[:1], (M.VELOCITY,), (0.0,))
+    reply = client.recover()
+    assert (bool(reply), reply.joints) == (True, JOINTS[1:])
+    with pytest.raises(RequestError, match="unknown"):
+        client.get_freeze_frame("elbow")
+
+
 def test_the_simulation_steps(client: ControlBoardClient) -> None:
     """A paused board moves by steps only."""
     assert client.pause()
@@ -518,7 +530,12 @@ def test_the_simulation_steps(client: ControlBoardClient) -> None:
     assert before < after < 0.2
     assert client.get_encoder(0)[0] == after
     assert "from 1 to" in client.step(0).message
+    assert "acts with the next cycle" in client.emergency_stop().message  # E2
+    assert client.get_control_mode(0) == [M.POSITION]
     assert client.pause(False)
+    client.wait_for_state(lambda state: not state.output.any(), GUARD)
+    assert client.get_control_mode(0) == [M.HW_FAULT]
+    assert client.emergency_stop(False)
 
 
 def test_configure_and_power_cycle(client: ControlBoardClient) -> None:

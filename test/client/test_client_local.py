@@ -107,9 +107,6 @@ def test_a_paused_simulation_steps(client: ControlBoardClient) -> None:
         client.move(0, 0.1)
     with pytest.raises(BoardError, match=r"resume it"):
         client.wait_for_state(lambda _: False)
-    assert "acts with the next cycle" in client.emergency_stop().message
-    assert client.pause(False)
-    assert client.get_control_mode(0) == [M.HW_FAULT]
 
 
 def test_tasks_of_asyncio_share_the_time(client: ControlBoardClient) -> None:
@@ -148,21 +145,6 @@ def test_trajectories(client: ControlBoardClient) -> None:
         client.follow_trajectory(0, [2.0], [[1.0]], feedback=interrupt)
     client.wait_for_state(lambda state: not state.velocity_reference[0])
     assert client.get_encoder(0)[0] < 0.5
-
-
-def test_faults_and_their_frames(client: ControlBoardClient) -> None:
-    """F1, E1, E3: as over ROS."""
-    assert client.get_freeze_frame(0) is None
-    assert client.inject_fault(0, "overcurrent")
-    client.wait_for_state(lambda state: not state.output[0])
-    fault = client.get_faults(0)[0]
-    assert fault.active
-    frame = client.get_freeze_frame(0)
-    assert frame is not None
-    assert frame.fault.stamp == fault.stamp
-    assert frame.stamps[-1] > fault.stamp
-    assert client.clear_injected_faults()
-    assert client.recover(0)
 
 
 def test_parts_and_settings() -> None:

@@ -71,23 +71,6 @@ def made() -> Made:
     return Made()
 
 
-def test_a_brake_opens_before_its_joint_gets_power(made: Made) -> None:
-    """Y4: 30 ms; a joint without one gets it at once. Moves are planned meanwhile."""
-    made.until(100)
-    made.state.calibrated[0] = True
-    assert list(made.brakes.start_or_wait([0, 1], RUN)) == [1]
-    assert made.brakes.orders.tolist() == [0.0, 0.0]
-    assert made.brakes.closed.tolist() == [True, False]
-    one = made.controller.joints[0]
-    assert (one.braked, one.holding, one.calibrated) == (True, True, True)
-    made.until(100 + OPENS - 1)
-    assert made.brakes.closed[0]
-    assert not made.powers
-    made.until(200)
-    assert not made.brakes.closed[0]
-    assert made.powers == [(100 + OPENS, 0, RUN)]
-
-
 def test_a_brake_closes_before_its_joint_loses_power(made: Made) -> None:
     """Y4: 20 ms, in which the joint is held, with the gains of POSITION."""
     made.run()

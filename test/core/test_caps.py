@@ -67,19 +67,6 @@ def test_a_restart_forgets_the_law_that_ran() -> None:
     assert made._state.kinds.tolist() == [SetPoint.POSITION]
 
 
-def test_constants_of_a_motor_that_users_set_are_those_in_force() -> None:
-    """Y5: a torque constant alone; the rest as configured, until the next power cycle."""
-    config = board_config(joint("a"))
-    made = controller(config)
-    usual = made.terms_in_force(0)
-    made.set_terms(np.array([0]), {Term.TORQUE_CONSTANT: np.array([0.2])})
-    assert made.terms_in_force(0) == [0.2, *usual[1:]]
-    assert made.joints[0].torque_per_ampere == 2.0 * PER_AMPERE
-    (zone,) = config.zones()
-    made.power_on(zone)
-    assert made.terms_in_force(0) == usual
-
-
 @pytest.mark.parametrize(
     ("drive", "per_torque", "per_feed"),
     [

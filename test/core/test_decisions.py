@@ -19,10 +19,12 @@ from control_board_ros.core.machine.decisions import (
     Verdict,
     decide,
     decide_reference,
+    decide_stop,
 )
 from control_board_ros.core.machine.explanations import (
     explain,
     explain_reference,
+    explain_stop,
     range_text,
 )
 from control_board_ros.core.terms.faults import Cause, FaultCode, FaultRecord
@@ -134,6 +136,26 @@ def test_a_reference_that_the_mode_does_not_accept(joint_: Any, kind: CommandKin
     why = Reason.OTHER_MODE if kind in has else Reason.UNSUPPORTED
     found = decide_reference(facts(M.IDLE, joint=joint_), kind, (0.0,))
     assert found == Verdict(Answer.IGNORED, why)
+
+
+def test_a_reference_for_a_joint_without_its_calibration() -> None:
+    """K7: the calibration is what it lacks, not another mode."""
+    known = facts(M.IDLE, joint=CALIBRATED, calibrated=False)
+    verdict = decide_reference(known, CommandKind.POSITION, (0.1,))
+    assert verdict == Verdict(Answer.IGNORED, Reason.UNCALIBRATED)
+
+
+@pytest.mark.parametrize("mode", STATES)
+def test_stop(mode: ControlMode) -> None:
+    """P3: where a position is followed, and where the joint is at rest anyhow."""
+    known = facts(mode)
+    verdict = decide_stop(known)
+    if mode in (M.TORQUE, M.OPENLOOP, M.CURRENT, M.CALIBRATING, M.NOT_CONFIGURED):
+        why = {M.CALIBRATING: Reason.CALIBRATING, M.NOT_CONFIGURED: Reason.NOT_CONFIGURED}
+        assert verdict == Verdict(Answer.IGNORED, why.get(mode, Reason.NOTHING_TO_STOP))
+        assert f"a is {mode.name}, where stop has no effect; " in explain_stop(known)
+    else:
+        assert verdict.answer is Answer.ACCEPTED
 
 
 def test_a_range_is_written_so_that_its_end_and_the_value_differ() -> None:

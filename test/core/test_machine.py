@@ -12,7 +12,6 @@ from rig import board_config, joint
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import Calibration
-from control_board_ros.core.machine.explanations import UNCHANGED
 from control_board_ros.core.machine.machine import Machine
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import CREDIBLE, ROWS, Measurement, Row
@@ -28,7 +27,6 @@ from control_board_ros.core.terms.modes import (
     Trigger,
     law_of,
 )
-from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 
 M = ControlMode
@@ -170,19 +168,6 @@ def test_a_request_together_sets_both_modes_of_all(board: Board) -> None:
     assert modes_of(board) == [(M.VELOCITY, STIFF), (M.POSITION, COMPLIANT)]
     laws = [joint.law for joint in board.engine.controller.joints]
     assert laws == [law_of(*modes) for modes in modes_of(board)]
-
-
-def test_a_request_together_changes_nothing_where_one_refuses(board: Board) -> None:
-    """F2: joint b is in a fault; joint a could, and stays as it is."""
-    board.engine.machine.raise_fault(1, FaultCode.EXTERNAL, "for the test")
-    before = [everything(board.engine.machine, j) for j in range(2)]
-    reply = board.engine.requests.request(
-        board.selector.everyone, [(STIFF, M.VELOCITY)] * 2, together=True
-    )
-    assert reply.answers == (Answer.REFUSED, Answer.REFUSED)
-    assert reply.reasons[0] == UNCHANGED.text
-    assert reply.reasons[1].startswith("b is in HW_FAULT")
-    assert [everything(board.engine.machine, j) for j in range(2)] == before
 
 
 def test_the_board_configures_its_joints_once(board: Board) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from action_msgs.msg import GoalStatus
 from control_board_msgs import msg, srv
-from control_board_msgs.action import Calibrate, GoToPose, Move
+from control_board_msgs.action import Calibrate, Move
 from std_srvs.srv import SetBool
 from talk import Talker
 from waiting import until
@@ -39,24 +39,6 @@ def result(talker: Talker, handle: Any) -> tuple[int, Any]:
     return answer.status, answer.result
 
 
-def test_move_ends_at_its_target_with_feedback(talker: Talker) -> None:
-    """~/move succeeds when the joints are there; its remaining time falls to 0."""
-    joints = talker.names[5:7]
-    feedback: list[Any] = []
-    handle = talker.goal(
-        "move", Move, feedback, names=joints, positions=[0.6, -0.3], speeds=[0.25, 0.25]
-    )
-    status, answer = result(talker, handle)
-    assert (status, answer.success, answer.message) == (GoalStatus.STATUS_SUCCEEDED, True, "")
-    assert talker.state().position[5:7] == pytest.approx([0.6, -0.3], abs=0.02)
-    assert list(feedback[0].names) == joints
-    remaining = [one.remaining_time for one in feedback]
-    assert remaining == sorted(remaining, reverse=True)
-    whole = 1.875 * abs(0.6) / 0.25  # s, of the peak speed
-    assert 0.0 < remaining[0] <= whole
-    assert len(feedback) >= 2
-
-
 def test_cancelling_a_move_stops_the_joints(talker: Talker) -> None:
     """A cancelled move holds the joints where they are."""
     name = talker.names[3]
@@ -73,21 +55,6 @@ def test_cancelling_a_move_stops_the_joints(talker: Talker) -> None:
     assert state.position[3] < start + 0.5
 
 
-def test_move_refused_moves_nothing(talker: Talker) -> None:
-    """A move that one joint's mode does not take moves none of the joints."""
-    names = talker.names[5:7]
-    assert talker.set_mode(names[1:], "vel").success
-    before = talker.state().position_reference
-    handle = talker.goal("move", Move, names=names, positions=[1.2, 1.0])
-    status, answer = result(talker, handle)
-    assert status == GoalStatus.STATUS_ABORTED
-    assert "VELOCITY" in answer.message
-    assert talker.state().position_reference[5] == pytest.approx(before[5], abs=1e-3)
-    status, answer = result(talker, talker.goal("move", Move, names=["elbow"], positions=[0.0]))
-    assert status == GoalStatus.STATUS_ABORTED
-    assert "joint 'elbow' unknown" in answer.message
-
-
 def test_another_move_ends_the_first(talker: Talker) -> None:
     """The newest target counts; the action that lost its joint says so."""
     name = talker.names[6]
@@ -96,20 +63,6 @@ def test_another_move_ends_the_first(talker: Talker) -> None:
     status, answer = result(talker, handle)
     assert status == GoalStatus.STATUS_ABORTED
     assert "another move" in answer.message
-
-
-def test_go_to_pose_ends_there_with_feedback(talker: Talker) -> None:
-    """R5: its feedback is what is left to go, of each joint; it falls to 0."""
-    feedback: list[Any] = []
-    handle = talker.goal("go_to_pose", GoToPose, feedback, pose="park", speed=0.8)
-    status, answer = result(talker, handle)
-    assert (status, answer.success) == (GoalStatus.STATUS_SUCCEEDED, True)
-    assert list(talker.state().position) == pytest.approx([0.0] * 7, abs=0.02)
-    assert list(feedback[0].names) == talker.names
-    assert -0.51 < feedback[0].remaining[1] < 0.0
-    until(lambda: abs(feedback[-1].remaining[1]) < 0.02)
-    left = [abs(one.remaining[1]) for one in feedback]
-    assert left == sorted(left, reverse=True)
 
 
 def test_services_answer_during_a_move(talker: Talker) -> None:

@@ -15,7 +15,7 @@ from yarp_control_msgs import msg, srv
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.modes import STATES
-from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.interface import YARP
 from control_board_ros.node.wiring.reporter import Reporter
 from control_board_ros.node.wiring.yarp import (
@@ -331,15 +331,6 @@ def test_an_error_of_the_program_is_an_answer(rig: Asked) -> None:
     assert answer.response == "RETRIEVE_ERROR"
     assert "internal error" in answer.opt_descr
     assert isinstance(rig.errors[0], AttributeError)
-
-
-def test_kinds_of_commands() -> None:
-    """Each topic's row of COMMANDS has the field of its message."""
-    assert {name: row.reference for name, row in ROW.items() if row.kind == "command"} == {
-        "position": CommandKind.POSITION,
-        "position_direct": CommandKind.POSITION_DIRECT,
-        "velocity": CommandKind.VELOCITY,
-    }
 
 
 @pytest.mark.parametrize(

@@ -421,14 +421,6 @@ def test_joints_added_later_wait_for_earlier_groups() -> None:
     assert phases(rig) == ["driving to the hard stop", "aborted", "waiting"]
 
 
-def test_no_calibrator(rig: Rig) -> None:
-    """K1: a joint without a calibrator cannot be calibrated; the reply says so."""
-    reply = rig.board.calibrate("left")
-    assert not reply
-    assert "no calibrator" in reply.message
-    assert rig.modes()[0] is M.IDLE
-
-
 # --- N ---------------------------------------------------------------------------------------
 
 

@@ -285,10 +285,3 @@ def test_feed_forward_of_all_joints_or_of_none(rig: Rig) -> None:
     assert [bool(code) for code in reply.codes] == [True, True]
     assert [one.output_offset for one in rig.board.engine.controller.joints] == [1.0, 2.0, 3.0]
     assert rig.board.rejected_commands.tolist() == [0, 1, 0]
-
-
-def test_an_unknown_value_of_a_motor_is_refused(rig: Rig) -> None:
-    """Y5, M7: in process, too, with the near word."""
-    reply = rig.board.set_motors(0, max_curents=1.0)
-    assert not reply
-    assert "max_currents" in reply.message

@@ -148,16 +148,6 @@ def test_an_unsupported_mode_is_recovered_from(rig: Rig) -> None:
     assert rig.board.recover("bare").modes == (M.POSITION,)
 
 
-def test_an_unknown_joint_recovers_none(rig: Rig) -> None:
-    """E1, M7: the request is refused whole."""
-    rig.plant.inject("left", "overcurrent", False)
-    rig.run(0.1)
-    reply = rig.board.recover(["left", "elbow"])
-    assert not reply
-    assert "'elbow' unknown" in reply.message
-    assert rig.board.get_control_mode("left") == [M.HW_FAULT]
-
-
 # --- E2 ----------------------------------------------------------------------------------------
 
 
@@ -312,49 +302,6 @@ def test_a_fault_keeps_a_freeze_frame(rig: Rig) -> None:
     assert frame.block[frame.stamps == stamp, Row.CURRENT] > 25.0
     assert not frame.done[moving].any()
     assert rig.board.get_freeze_frame("right") is None
-
-
-def test_a_frame_is_shown_before_it_is_complete(rig: Rig) -> None:
-    """E3: up to now."""
-    around_a_fault(rig)
-    frame = rig.board.get_freeze_frame("left")
-    assert frame is not None
-    assert frame.stamps[-1] == rig.board.time
-
-
-def test_frames_of_joints_that_fault_together_are_of_the_same_time(rig: Rig) -> None:
-    """E3: cut out one a cycle; the next fault of a joint replaces its frame."""
-    rig.run(2.5)
-    rig.board.emergency_stop()
-    rig.run(1.0)
-    frames = [rig.board.get_freeze_frame(name) for name in rig.board.names]
-    assert all(frame is not None for frame in frames)
-    first = frames[0]
-    for frame in frames[1:]:
-        assert frame is not None
-        assert first is not None
-        assert np.array_equal(frame.stamps, first.stamps)
-    rig.board.emergency_stop(False)
-    rig.run(0.1)
-    rig.board.recover()
-    rig.board.emergency_stop()
-    rig.run(1.0)
-    again = rig.board.get_freeze_frame("left")
-    assert again is not None
-    assert first is not None
-    assert again.stamps[0] > first.stamps[0]
-
-
-def test_the_frames_of_32_joints_fit_into_ten_megabytes() -> None:
-    """E3: the ring, and a frame of every joint, at 1 kHz."""
-    config = board_config(*(joint(f"j{k}") for k in range(32)), control_rate=1000.0)
-    rig = Rig(config, Held(config))
-    rig.tick(2100)
-    before = rig.board.engine.frames.size
-    rig.board.emergency_stop()
-    rig.tick(600)
-    assert all(rig.board.get_freeze_frame(name) is not None for name in config.names)
-    assert before < rig.board.engine.frames.size < 10e6
 
 
 @pytest.mark.parametrize("partial", [False, True])

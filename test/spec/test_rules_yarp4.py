@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from rig import (
@@ -213,13 +211,3 @@ def test_stop_and_leaving(mode: M) -> None:
     assert made.board.set_control_mode("left", M.POSITION)
     place = float(made.run(1.0).position[0])
     assert abs(float(made.run(0.5).position[0]) - place) < 1e-3
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_non_finite_commands_are_ignored(value: float) -> None:
-    """P13: of a current, as of every other reference."""
-    made = rig()
-    made.enter(CURRENT, "left")
-    reply = made.board.set_ref_current("left", value)
-    assert not reply
-    assert reply.codes == (Reason.NOT_FINITE,)

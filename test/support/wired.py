@@ -11,7 +11,13 @@ from typing import Any
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.client.local_link import LocalGoal, LocalLink, LocalStates, Message
 from control_board_ros.client.services import Services as ClientServices
-from control_board_ros.interface import GET_FAULTS, SEND_REFERENCE, STOP, Endpoint
+from control_board_ros.interface import (
+    GET_FAULTS,
+    GET_FREEZE_FRAME,
+    SEND_REFERENCE,
+    STOP,
+    Endpoint,
+)
 from control_board_ros.node.loop.snapshots import Snapshots
 from control_board_ros.node.loop.timing import TimeBase
 from control_board_ros.node.wiring.services import Services
@@ -20,7 +26,10 @@ from control_board_ros.operations import OPERATIONS
 from control_board_ros.simulation import Simulation
 
 #: The others need a loop that runs.
-WIRED = {*OPERATIONS, SEND_REFERENCE.short, STOP.short, GET_FAULTS.short}
+WIRED = {
+    *OPERATIONS,
+    *(one.short for one in (SEND_REFERENCE, STOP, GET_FAULTS, GET_FREEZE_FRAME)),
+}
 
 
 class WiredLink(LocalLink):
