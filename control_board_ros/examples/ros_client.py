@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import rclpy
 from rclpy.node import Node
-from rclpy.utilities import try_shutdown
+from rclpy.signals import SignalHandlerOptions
 
 from ..client import BoardError, ControlBoardClient
 
@@ -61,7 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--speed", type=float, default=0.2, help="rad/s (m/s), default 0.2")
     parser.add_argument("--seconds", type=float, default=4.0, help="default 4")
     options = parser.parse_args(argv)
-    rclpy.init()
+    # rclpy's own handler of Ctrl-C would close the connection before the modes are put back.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = Node("swing")
     try:
         with ControlBoardClient(node, options.board) as board:
@@ -76,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     finally:
         node.destroy_node()
-        try_shutdown()
+        rclpy.shutdown()
     return 0
 
 

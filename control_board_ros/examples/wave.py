@@ -2,7 +2,7 @@
 """Wave with one joint: the same program for a simulation in this process, and for a board on ROS.
 
 python -m control_board_ros.examples.wave
-python -m control_board_ros.examples.wave --board control_board
+python -m control_board_ros.examples.wave --board
 """
 
 from __future__ import annotations
@@ -33,7 +33,12 @@ def wave(board: ControlBoardClient, joint: str, swings: int = 4) -> float:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--board", help="on ROS; without it: an iiwa in this process")
+    parser.add_argument(
+        "--board",
+        nargs="?",
+        const="control_board",
+        help="on ROS, control_board or that name; without it: an iiwa in this process",
+    )
     name = parser.parse_args(arguments).board
     try:
         if name:

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The examples that need no ROS."""
+"""The examples."""
 
 from __future__ import annotations
 
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from waiting import GUARD, until
 
+from control_board_ros.client import ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.examples import every_mode, wave
+from control_board_ros.examples import every_mode, ros_client, wave
+from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.physics]
 
@@ -36,3 +41,17 @@ def test_one_program_without_ros(capsys: pytest.CaptureFixture[str]) -> None:
     word, *_, seconds, _ = capsys.readouterr().out.split()
     assert word == "waved"
     assert 0.68 <= float(seconds) < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+def test_a_ros_program_puts_the_modes_back_after_ctrl_c(
+    board: BoardProcess, shared: ControlBoardClient
+) -> None:
+    program = subprocess.Popen(
+        [sys.executable, "-m", ros_client.__name__, "--seconds", "1e6"], env=board.environment
+    )
+    until(lambda: shared.get_control_mode(0)[0] is ControlMode.VELOCITY)
+    program.send_signal(signal.SIGINT)
+    assert program.wait(GUARD) == 1
+    assert shared.get_control_mode(0)[0] is ControlMode.POSITION
