@@ -182,7 +182,11 @@ def convert(row: Parameter, name: str, entry: Entry) -> Any:
     if value is None:
         at = f"{entry.where}: " if entry.where else ""
         given = shown(entry.value)
-        raise SettingsError(f"{at}{name}: {given} is not allowed; use {row.range_text}")
+        items = entry.value if isinstance(entry.value, list) else [entry.value]
+        text = row.kind in (Kind.STRING, Kind.STRINGS) and not row.choices
+        quotes = text and any(isinstance(item, (int, float)) for item in items)
+        hint = ", numbers in quotes" if quotes else ""
+        raise SettingsError(f"{at}{name}: {given} is not allowed; use {row.range_text}{hint}")
     return value
 
 
