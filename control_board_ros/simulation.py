@@ -51,10 +51,11 @@ class Simulation:
 
     @classmethod
     def load(cls, config: str | None = None, **values: object) -> Self:
-        """The simulation of a configuration file.
+        """The simulation of a configuration file, or of a URDF.
 
         Args:
-            config: A YAML file, or the name of one that is shipped (``iiwa``, ``panda``, ...).
+            config: A YAML file, the name of one that is shipped (``iiwa``, ``panda``, ...), or a
+                URDF.
             values: Parameters to set on top, with ``__`` for a dot in the name.
 
         Raises:

@@ -51,7 +51,7 @@ def made(task: str, robot: str, control: str, rate: float, physics: str, count: 
     if task not in TASKS:
         raise ValueError(unknown_word("task", task, TASKS))
     engine = physics or (MUJOCO if find_spec(MUJOCO) else None)
-    is_file = "/" in robot or robot.endswith((".yaml", ".yml"))
+    is_file = "/" in robot or "." in robot
     settings = (shipped.__wrapped__ if is_file else shipped)(robot, engine)
     cycles = round(settings.board.control_rate / rate)
     if cycles <= START_CYCLES:
@@ -142,7 +142,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     Args:
         task: ``Reach``, ``Track`` or ``Impedance``.
-        robot: A shipped configuration, or the path of a parameter file.
+        robot: A shipped configuration, or the path of a parameter file or URDF.
         control: ``position``, ``direct``, ``velocity``, ``torque``, ``impedance``; empty: the
             default of the task.
         rate: Steps per simulated second, Hz.

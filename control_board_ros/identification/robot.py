@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,11 +51,8 @@ class Robot:
         Raises:
             IdentificationError: there is none of that name, or it is not valid.
         """
-        urdf = name.endswith((".urdf", ".xacro"))
-        # rotors turn their own joint only, as in this engine
-        values = {"physics": MUJOCO} | ({"robot": str(Path(name).absolute())} if urdf else {})
-        try:
-            return cls.of(load(None if urdf else name, values))
+        try:  # rotors turn their own joint only, as in this engine
+            return cls.of(load(name, {"physics": MUJOCO}))
         except SettingsError as error:
             raise IdentificationError(str(error)) from error
 

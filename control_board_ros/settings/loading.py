@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -202,7 +203,7 @@ def load(
     """Settings of a file, of a shipped configuration by name, or of the default robot (None).
 
     Args:
-        source: ``iiwa``, ``minimal``, …, or the path of a ROS parameter file.
+        source: ``iiwa``, ``minimal``, …, or the path of a ROS parameter file or a URDF.
         overrides: Values by full parameter name, over those of the files.
         on_top: Further files, over the first one, in ascending priority.
         node: Full name of the node whose sections of the files count.
@@ -211,12 +212,19 @@ def load(
         SettingsError: one line: where, name, value, what is allowed, the next step.
     """
     layers = []
-    if source is not None:
+    if source is not None and is_urdf(source):
+        layers.append(Layer({"robot": Entry(os.fspath(source), "")}))
+    elif source is not None:
         path = find_config(source) if isinstance(source, str) and _is_name(source) else source
         layers.append(read_file(Path(path), node))
     layers += [read_file(Path(path), node) for path in on_top]
     layers.append(Layer({name: Entry(v, "overrides") for name, v in (overrides or {}).items()}))
     return load_layers(layers)
+
+
+def is_urdf(source: str | os.PathLike[str]) -> bool:
+    """Whether it is the path of a URDF, or of a xacro file, which arguments may follow."""
+    return re.search(r"\.(urdf|xacro)( |$)", os.fspath(source)) is not None
 
 
 def _is_name(source: str) -> bool:

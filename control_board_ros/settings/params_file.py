@@ -58,7 +58,10 @@ def read_file(path: Path, node: str = NODE_NAME) -> Layer:
     Raises:
         SettingsError: the file is unreadable or invalid.
     """
-    top = _parse(read_text(path), str(path))
+    text = read_text(path)
+    if text.lstrip().startswith("<"):
+        raise SettingsError(f"{path}: is XML, no parameter file; for a URDF: -p robot:={path}")
+    top = _parse(text, str(path))
     layer = Layer(folder=path.absolute().parent, path=path.absolute())
     sections = list(_sections(top, str(path)))
     if not sections:

@@ -170,6 +170,7 @@ def test_any_urdf_by_its_path(tmp_path: Path) -> None:
     source = ROBOTS["iiwa"].path()
     (tmp_path / "arm.urdf").write_text(source.read_text())
     made = load(written(tmp_path, "robot: arm.urdf"))
+    assert load(tmp_path / "arm.urdf").values == made.values
     limits = made.board.joints[1].limits
     assert (limits.velocity, limits.torque) == (10.0, 300.0)
     meshes = source.read_text().count("<mesh")  # none where no pybullet_data is installed
@@ -356,6 +357,7 @@ def test_a_joint_name_with_a_dot_is_renamed(tmp_path: Path) -> None:
         (b"", "empty"),
         (b"\n# nothing\n", "empty"),
         (b"just text", "no mapping"),
+        (b"<?xml?><robot name='arm'/>", "XML, no parameter file; for a URDF: -p robot:="),
         (b"- a\n- b", "no mapping"),
         (b"\xff\xfe\x00\x01", "UTF-8"),
         (b"robot: caf\xe9", ":1: byte 0xe9 is not UTF-8"),
