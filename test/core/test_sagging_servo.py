@@ -151,6 +151,21 @@ def test_it_stops_from_where_its_set_point_is(cycles: int, way: float) -> None:
     assert servo.joint.reference == pytest.approx(servo.place, abs=1e-4)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_its_set_point_does_not_trail(way: float) -> None:
+    """A lag beyond the error worth the torque limit is no obstacle: up the load, and down it."""
+    servo = Servo(LOAD)
+    servo.lag = LAG
+    changed(servo)
+    servo.joint.move(servo.joint.reference + way * 0.3, 1.0, 0.0)
+    lags = []
+    for _ in range(300):
+        servo.run(1)
+        lags.append(abs(servo.joint.reference - servo.place))
+        assert servo.goal == pytest.approx(servo.joint.reference + LOAD / STIFFNESS, abs=1e-4)
+    assert max(lags) > LIMIT / KP
+
+
 @pytest.mark.parametrize(
     ("command", "arguments"),
     [("move", (0.5, 1.0, 0.0)), ("ramp", (0.1, 1.0)), ("drive_at", (0.1,)), ("step_to", (0.1,))],

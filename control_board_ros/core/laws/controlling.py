@@ -135,7 +135,7 @@ def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
     torque: cython.double = j.torque if error > 0.0 else -j.torque
     if torque > j.max_torque:
         stay(j, j.position + error * j.max_torque / torque)
-    elif not (torque > 0.0 and fabs(error) <= WIDE * lead):
+    elif not (fabs(torque) > 0.0 and fabs(error) <= WIDE * lead):
         wait_for_drive(j, clamp(j.followed, j.position - lead, j.position + lead))
 
 

@@ -281,6 +281,8 @@ class Joint:
             speed = self.followed_velocity + 0.5 * self.period * self.followed_acceleration
         moves: cython.bint = fabs(self.velocity) > REST_SPEED * self.max_velocity
         if held:
+            if not smooth:  # no faster than the joint, whatever the lag
+                speed = clamp(speed, min(self.velocity, 0.0), max(self.velocity, 0.0))
             moves = speed != 0.0 and not guided  # its goal stops, whatever pushes the joint
         if held and not moves and fabs(self.velocity) <= SAGGING * self.max_velocity:
             self.sag = self.set_position - position
