@@ -31,7 +31,7 @@ from ..drives.reconcile import Action
 from ..errors import PlantSettingsError
 from ..interface import DriveFault
 from . import objects as o
-from .identity import REV, UNKNOWN, Cia402Axis, Scale, found_of, limits_of, scale_of
+from .identity import REV, UNKNOWN, Cia402Axis, Scale, found_of, limits_of, named, scale_of
 from .sdo import Sdo, device_type
 from .states import FAULT_RESET, TOWARDS_POWER, Mode, State, state_of
 
@@ -155,7 +155,7 @@ class Cia402Drives(CanDrives[Cia402Options]):
         if k in self.traits.motor_encoders:
             drive.whole = 7
             yield from sdo.map_pdo(o.TPDO3, o.MOTOR)
-        found = yield from found_of(sdo, axis.id)
+        found = yield from named(sdo, axis.id)
         limits = yield from limits_of(sdo, drive.scale)
         yield replace(NOTHING, request=[(o.NMT, bytes([o.START, axis.id]))])
         self._drives[k] = drive

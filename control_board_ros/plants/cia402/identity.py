@@ -112,17 +112,20 @@ def limits_of(sdo: Sdo, scale: Scale) -> Questions[DriveLimits]:
     return replace(found, lower=lower / scale.position, upper=upper / scale.position)
 
 
-def found_of(sdo: Sdo, drive: int) -> Questions[Found]:
+def named(sdo: Sdo, drive: int) -> Questions[Found]:
     """The identification of a drive."""
+    name, software = (yield from sdo.text(o.DEVICE_NAME)), (yield from sdo.text(o.SOFTWARE))
+    return Found(id=drive, type=name or "CiA 402", firmware=software, turn=math.nan)
+
+
+def found_of(sdo: Sdo, drive: int) -> Questions[Found]:
+    """The same, with its voltage and fault, as a scan shows them."""
     state = state_of((yield from sdo.get(o.STATUS, 0, "<H")))
     code = (yield from sdo.maybe(o.ERROR_CODE, 0, "<H")) or 0
     volts = yield from sdo.maybe(o.SUPPLY, 0, "<I")
-    name, software = (yield from sdo.text(o.DEVICE_NAME)), (yield from sdo.text(o.SOFTWARE))
-    return Found(
-        id=drive,
-        type=name or "CiA 402",
-        firmware=software,
+    found = yield from named(sdo, drive)
+    return replace(
+        found,
         voltage=math.nan if volts is None else 1e-3 * volts,
         fault=DriveFault(code, o.error_name(code)) if state is State.FAULT else None,
-        turn=math.nan,
     )

@@ -26,10 +26,11 @@ ONE_TURN = 2.0 * math.pi
 class Found:
     """A drive that answers.
 
-    Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN; fault or None;
-        limits at its output; turn (by multiples of which its position can be wrong after a
-        restart, rad at its output; 0: it is absolute; inf: it is lost; NaN: it does not say);
-        says_power, says_law (whether it reports them, or they are as they were told).
+    Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN, and fault or
+        None, as a scan shows them; limits at its output; turn (by multiples of which its position
+        can be wrong after a restart, rad at its output; 0: it is absolute; inf: it is lost; NaN:
+        it does not say); says_power, says_law (whether it reports them, or they are as they were
+        told).
     """
 
     id: int

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
@@ -119,17 +119,15 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         if self._options.position_mode == t.POSITION_MODE:
             for n, item in enumerate((t.MIN_POSITION, t.MAX_POSITION)):
                 ends[n] = angle((yield from get(drive, item, signed=True)))
-        speed, error = (yield from get(drive, t.VELOCITY_LIMIT)), (yield from get(drive, t.ERROR))
+        speed = yield from get(drive, t.VELOCITY_LIMIT)
         limits = DriveLimits(
             lower=ends[0],
             upper=ends[1],
             velocity=speed * t.SPEED,
             current=current * model.ampere or None,
         )
-        volts = yield from get(drive, t.VOLTAGE)
-        found = Found(id=drive, type=model.name, firmware=f"{firmware}", voltage=volts * t.VOLT)
         turn = 0.0 if self._options.position_mode == t.POSITION_MODE else ONE_TURN
-        return replace(found, fault=flagged(error, t.ERRORS), limits=limits, turn=turn)
+        return Found(id=drive, type=model.name, firmware=f"{firmware}", limits=limits, turn=turn)
 
     def set_law(self, k: int, law: int) -> Questions[int]:
         """The mode, where it is another, and its goal of rest, each acknowledged."""

@@ -95,12 +95,11 @@ class FeetechDrives(ServoDrives[FeetechOptions]):
             velocity=speed * t.SPEED_LIMIT_STEP * t.COUNT or None,
             current=(yield from get(drive, t.CURRENT_LIMIT)) * t.AMPERE or None,
         )
-        firmware, status = (yield from get(drive, t.FIRMWARE)), (yield from get(drive, t.STATUS))
+        firmware = yield from get(drive, t.FIRMWARE)
         return Found(
             id=drive,
             type=t.MODELS[number],
             firmware=f"{firmware & 0xFF}.{firmware >> 8}",
-            fault=flagged(status, t.ERRORS),
             limits=limits,
         )
 

@@ -175,15 +175,13 @@ class RobStride:
 
     def set_up(self, _timeout: float) -> Questions[Found]:
         number = self._axis.id
-        word = yield from find(faults(number), self._axis, self._bus, "mit_can")
+        yield from find(faults(number), self._axis, self._bus, "mit_can")
         yield from self._stop()
         self._faults = Faults(self.ranges)
         kind = f"RobStride {self._axis.model.upper()}"
-        fault = flagged(word, FAULTS)
         return Found(
             id=number,
             type=kind,
-            fault=fault,
             limits=limits(self.ranges),
             turn=ONE_TURN,
             says_power=False,

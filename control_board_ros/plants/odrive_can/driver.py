@@ -114,13 +114,11 @@ class OdriveDrives(CanDrives[OdriveOptions]):
                 known = name in drive.parameters
                 scales.append((yield from got(number, drive, name)) if known else f.FEED_FORWARD)
             drive.scales = scales[0], scales[1]
-        beat = yield from ask(requested(number, f.BEAT), f"id {number} does not answer")
         self._drives[k] = drive
         return Found(
             id=number,
             type=f"ODrive {version.hardware}",
             firmware=version.firmware,
-            fault=flagged(struct.unpack_from("<I", beat)[0], f.ERRORS),
             limits=limits,
             turn=ONE_TURN,
             says_law=f.LAW in drive.parameters,
