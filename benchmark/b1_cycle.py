@@ -6,7 +6,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from common import Effort, Figure, at_most, medians, number
-from cycles import MIXED, compare
+from cycles import MIXED, compare, compare_timing
 
 from control_board_ros.settings import loading as settings
 
@@ -44,4 +44,21 @@ def run(effort: Effort) -> list[Figure]:
                 found,
             )
         )
-    return figures
+    return [*figures, checkpoints(effort)]
+
+
+def checkpoints(effort: Effort) -> Figure:
+    """What ``--timing`` adds to a cycle of the node's loop."""
+    given = {"physics": "ideal", "joint_defaults.calibration.required": False}
+    found = compare_timing(settings.load(ARM[0], given), effort.of(1000, 300, 3))
+    return Figure(
+        "B1",
+        f"what timing the phases adds to a cycle, {ARM[1]}",
+        found["added"],
+        "µs",
+        at_most(0.5),
+        f"{number(found['bare'])} µs for the bare calls of the clock; "
+        f"{number(found['least'])} µs between the fastest cycles; a cycle takes "
+        f"{number(found['plain'])} µs",
+        found,
+    )

@@ -9,13 +9,16 @@ and meets the same limits. Then both are timed in turns, a tenth of a simulated 
 from __future__ import annotations
 
 import gc
+import timeit
 from collections.abc import Mapping, Sequence
 from statistics import median
-from time import perf_counter
+from time import monotonic, perf_counter, thread_time
 from typing import Protocol
 
 from control_board_ros.core.terms.measurement import Array
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.node.loop.loop import ControlLoop
+from control_board_ros.node.loop.timing import PHASES
 from control_board_ros.settings.loading import Settings
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.world import bullet
@@ -81,6 +84,10 @@ class BoardCycles:
         if self._chunks >= 1:
             self._command(1.0 if self._chunks // 5 % 2 else -1.0)
         self._chunks += 1
+        return self.run()
+
+    def run(self) -> float:
+        """One chunk; its time, s."""
         read, tick, write = self.plant.read, self.board.tick, self.plant.write
         start = perf_counter()
         for _ in range(CHUNK):
@@ -130,6 +137,52 @@ class BoardCycles:
                 board.set_ref_torque(name, self._torques[j])
             elif mode is M.OPENLOOP:
                 board.set_output(name, 2.0 * way)
+
+
+class TimedCycles(BoardCycles):
+    """Cycles of the node's control loop, every other chunk with its phases timed."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self._loop = ControlLoop(self.board, self.plant, real_time_factor=0.0)
+        self._timed = False
+
+    def run(self) -> float:
+        cycle = self._loop._cycle
+        self._loop.set_timing(self._timed)
+        self._loop.take_phases()  # as diagnostics do
+        self._timed = not self._timed
+        start = thread_time()
+        for _ in range(CHUNK):
+            cycle()
+        return thread_time() - start
+
+
+def compare_timing(settings: Settings, chunks: int) -> dict[str, float]:
+    """What timing the phases of a cycle costs: chunks without and with it, in pairs, CPU time.
+
+    Returns:
+        In µs per cycle: ``plain`` and ``timed`` (medians), ``added`` (median of the pairs'
+        differences), ``least`` (difference of the minima), ``bare`` (the calls of the clock alone).
+    """
+    cycles = TimedCycles(settings)
+    gc.collect()
+    gc.freeze()
+    for _ in range(2 * WARM_UP):
+        cycles.chunk()
+    pairs = [(cycles.chunk(), cycles.chunk()) for _ in range(chunks)]
+    calls = min(timeit.repeat(monotonic, number=CHUNK, repeat=chunks)) * (len(PHASES) - 1)
+    gc.unfreeze()
+    cycles.close()
+    plain, timed = zip(*pairs, strict=True)
+    found = {
+        "plain": median(plain),
+        "timed": median(timed),
+        "added": median(b - a for a, b in pairs),
+        "least": min(timed) - min(plain),
+        "bare": calls,
+    }
+    return {name: 1e6 * value / CHUNK for name, value in found.items()}
 
 
 class Loop(Protocol):
