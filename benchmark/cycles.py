@@ -163,7 +163,7 @@ def compare_timing(settings: Settings, chunks: int) -> dict[str, float]:
 
     Returns:
         In µs per cycle: ``plain`` and ``timed`` (medians), ``added`` (median of the pairs'
-        differences), ``least`` (difference of the minima), ``bare`` (the calls of the clock alone).
+        differences), ``least`` (difference of the minima), ``bare`` (calls of the clock alone).
     """
     cycles = TimedCycles(settings)
     gc.collect()
