@@ -59,70 +59,39 @@ class MotorRequests(Interface):
         values = {"max_currents": max_currents, "output_limits": output_limits} | terms
         return await self._services.change(SET_MOTORS, joints, values)
 
-    @operation
-    async def get_gearbox_ratio(self, joints: Joints = None) -> Floats:
-        """Motor turns per joint turn."""
-        return (await self.get_motors(joints)).gear_ratios
-
-    @operation
-    async def get_motor_encoder(self, joints: Joints = None) -> Floats:
-        """Positions of the motors' shafts; NaN where there is no encoder."""
-        return (await self.get_motors(joints)).positions
-
-    @operation
-    async def get_motor_encoder_speed(self, joints: Joints = None) -> Floats:
-        """Velocities of the motors' shafts."""
-        return (await self.get_motors(joints)).velocities
-
-    @operation
-    async def get_motor_encoder_acceleration(self, joints: Joints = None) -> Floats:
-        """Accelerations of the motors' shafts."""
-        return (await self.get_motors(joints)).accelerations
-
-    @operation
-    async def get_nominal_current(self, joints: Joints = None) -> Floats:
-        """Continuous currents, A."""
-        return (await self.get_motors(joints)).nominal_currents
-
-    @operation
-    async def get_peak_current(self, joints: Joints = None) -> Floats:
-        """Overcurrent thresholds, A."""
-        return (await self.get_motors(joints)).peak_currents
-
-    @operation
-    async def get_max_current(self, joints: Joints = None) -> Floats:
-        """The largest currents that the board commands, A."""
-        return (await self.get_motors(joints)).max_currents
+    get_gearbox_ratio = get_motors.field("gear_ratios", "Motor turns per joint turn.")
+    get_motor_encoder = get_motors.field(
+        "positions", "Positions of the motors' shafts; NaN where there is no encoder."
+    )
+    get_motor_encoder_speed = get_motors.field("velocities", "Velocities of the motors' shafts.")
+    get_motor_encoder_acceleration = get_motors.field(
+        "accelerations", "Accelerations of the motors' shafts."
+    )
+    get_nominal_current = get_motors.field("nominal_currents", "Continuous currents, A.")
+    get_peak_current = get_motors.field("peak_currents", "Overcurrent thresholds, A.")
+    get_max_current = get_motors.field(
+        "max_currents", "The largest currents that the board commands, A."
+    )
 
     @operation
     async def set_max_current(self, joints: Joints, currents: Values) -> Reply:
         """Set the largest current that the board commands, A: above 0, up to the peak."""
         return await self.set_motors(joints, currents, None)
 
-    @operation
-    async def get_pwm(self, joints: Joints = None) -> Floats:
-        """PWM of the motors now, percent."""
-        return (await self.get_motors(joints)).outputs
-
-    @operation
-    async def get_pwm_limit(self, joints: Joints = None) -> Floats:
-        """The largest PWM, percent."""
-        return (await self.get_motors(joints)).output_limits
+    get_pwm = get_motors.field("outputs", "PWM of the motors now, percent.")
+    get_pwm_limit = get_motors.field("output_limits", "The largest PWM, percent.")
 
     @operation
     async def set_pwm_limit(self, joints: Joints, outputs: Values) -> Reply:
         """Set the largest PWM, percent: 0 to the configured one."""
         return await self.set_motors(joints, None, outputs)
 
-    @operation
-    async def get_power_supply_voltage(self, joints: Joints = None) -> Floats:
-        """Supply voltages of the amplifiers, V; NaN where they are not measured."""
-        return (await self.get_motors(joints)).supply_voltages
-
-    @operation
-    async def get_temperature_limit(self, joints: Joints = None) -> Floats:
-        """Fault thresholds of the winding temperatures, °C."""
-        return (await self.get_motors(joints)).temperature_limits
+    get_power_supply_voltage = get_motors.field(
+        "supply_voltages", "Supply voltages of the amplifiers, V; NaN where they are not measured."
+    )
+    get_temperature_limit = get_motors.field(
+        "temperature_limits", "Fault thresholds of the winding temperatures, °C."
+    )
 
     @operation
     async def get_torque_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
@@ -188,25 +157,14 @@ class MotorRequests(Interface):
         response = await self._services.read(GET_PIDS, joints, loop=loop_of(loop).value)
         return Pids(**arrays(response, Pids))
 
-    @operation
-    async def get_pid_reference(self, loop: str, joints: Joints = None) -> Floats:
-        """References of a loop, in its unit."""
-        return (await self.get_pids(loop, joints)).references
-
-    @operation
-    async def get_pid_error(self, loop: str, joints: Joints = None) -> Floats:
-        """Reference less measured value of a loop, in its unit."""
-        return (await self.get_pids(loop, joints)).errors
-
-    @operation
-    async def get_pid_output(self, loop: str, joints: Joints = None) -> Floats:
-        """Outputs of a loop, N·m; of the current loop PWM, percent."""
-        return (await self.get_pids(loop, joints)).outputs
-
-    @operation
-    async def get_pid_offset(self, loop: str, joints: Joints = None) -> Floats:
-        """Offsets of the output, PWM percent."""
-        return (await self.get_pids(loop, joints)).offsets
+    get_pid_reference = get_pids.field("references", "References of a loop, in its unit.")
+    get_pid_error = get_pids.field(
+        "errors", "Reference less measured value of a loop, in its unit."
+    )
+    get_pid_output = get_pids.field(
+        "outputs", "Outputs of a loop, N·m; of the current loop PWM, percent."
+    )
+    get_pid_offset = get_pids.field("offsets", "Offsets of the output, PWM percent.")
 
     @request
     async def set_pid_offset(self, loop: str, joints: Joints, offsets: Values) -> Reply:

@@ -17,6 +17,7 @@ thread, :func:`run_async` in the user's task, under asyncio and in an rclpy exec
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -25,11 +26,13 @@ from typing import Any, ClassVar, Concatenate, Generic, Literal, ParamSpec, Type
 
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.protocols import Floats
 
 from .errors import BoardError
 from .services import Services
 from .waiting import Event
 
+F = TypeVar("F", bound=Callable[..., Any])
 R = TypeVar("R")
 C = TypeVar("C")
 P = ParamSpec("P")
@@ -77,6 +80,31 @@ class operation(Generic[P, R]):  # noqa: N801  (a decorator)
                 return await run_async(call, self._link.wake_user)
 
         self.coroutine, self.blocking, self.awaitable = coroutine, blocking, awaitable
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        for form in (self.coroutine, self.blocking, self.awaitable):
+            form.__name__, form.__qualname__ = name, f"{owner.__qualname__}.{name}"
+
+    def field(self, name: str, text: str) -> operation[P, Floats]:
+        """An operation that reads an array of this one's result; ``text`` documents it."""
+
+        async def picked(whole: Coroutine[Any, Any, R]) -> Floats:
+            values: Floats = getattr(await whole, name)
+            return values
+
+        def read(owner: Any, /, *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, Floats]:
+            return picked(self.coroutine(owner, *args, **kwargs))
+
+        return operation(documented(read, self.coroutine, text, "Floats"))
+
+    def synonym(self, name: str) -> operation[P, R]:
+        """YARP 4's name of an operation of this name."""
+
+        def same(owner: Any, /, *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, R]:
+            return self.coroutine(owner, *args, **kwargs)
+
+        text = f"YARP 4's name of ``{name}``."
+        return operation(documented(same, self.coroutine, text))
 
     @overload
     def __get__(
@@ -127,10 +155,21 @@ def called(coroutine: Callable[..., C], owner: Interface, args: Any, kwargs: Any
         return coroutine(owner, *args, **kwargs)
     except TypeError as error:
         name = coroutine.__name__
-        text = str(error).replace(f"{coroutine.__qualname__}()", f"{name}()")
+        text = re.sub(r"^\S+\(\)", f"{name}()", str(error))
         has = list(signature(coroutine).parameters.values())[1:]
         takes = Signature([each.replace(annotation=each.empty) for each in has])
         raise TypeError(f"{text}; it is {name}{takes}") from None
+
+
+def documented(function: F, like: Callable[..., Any], text: str, result: str = "") -> F:
+    """A function with the parameters of another one, a text and a result of its own."""
+    wraps(like)(function)
+    function.__doc__, parameters = text, signature(like)
+    if result:
+        function.__annotations__ = {**like.__annotations__, "return": result}
+        parameters = parameters.replace(return_annotation=result)
+    function.__signature__ = parameters  # type: ignore[attr-defined]
+    return function
 
 
 @contextmanager

@@ -118,15 +118,8 @@ class ParameterRequests(Interface):
         }
         return await self.set_parameters(limits)
 
-    @operation
-    async def get_pos_limits(self, joints: Joints = None) -> tuple[Floats, Floats]:
-        """YARP 4's name of ``get_limits``."""
-        return await self.get_limits(joints)
-
-    @operation
-    async def get_vel_limits(self, joints: Joints = None) -> Floats:
-        """YARP 4's name of ``get_velocity_limits``."""
-        return await self.get_velocity_limits(joints)
+    get_pos_limits = get_limits.synonym("get_limits")
+    get_vel_limits = get_velocity_limits.synonym("get_velocity_limits")
 
     @operation
     async def get_gains(self, joints: Joints = None, controller: str = "position") -> Gains:

@@ -70,7 +70,10 @@ class AcceptedReferences:
 
 
 class References(Interface):
-    """IPositionControl to IOpenLoopControl and ICurrentControl: references and stop."""
+    """IPositionControl to IOpenLoopControl and ICurrentControl: references and stop.
+
+    Arrays of getters have shape (k,).
+    """
 
     @operation
     async def position_move(
@@ -281,75 +284,33 @@ class References(Interface):
         response = await self._services.read(GET_REFERENCES, joints)
         return AcceptedReferences(**arrays(response, AcceptedReferences))
 
-    @operation
-    async def get_target_position(self, joints: Joints = None) -> Floats:
-        """The last accepted target of a position move, rad, shape (k,)."""
-        return (await self.get_references(joints)).positions
-
-    @operation
-    async def get_ref_position(self, joints: Joints = None) -> Floats:
-        """The last accepted direct position, rad, shape (k,)."""
-        return (await self.get_references(joints)).direct_positions
-
-    @operation
-    async def get_target_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity of VELOCITY and MIXED, rad/s, shape (k,)."""
-        return (await self.get_references(joints)).velocities
-
-    @operation
-    async def get_direct_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity of VELOCITY_DIRECT, rad/s, shape (k,)."""
-        return (await self.get_references(joints)).direct_velocities
-
-    @operation
-    async def get_ref_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity, rad/s, shape (k,): in VELOCITY_DIRECT that of this mode."""
-        return (await self.get_references(joints)).ref_velocities
-
-    @operation
-    async def get_ref_torque(self, joints: Joints = None) -> Floats:
-        """The last accepted torque, N·m, shape (k,)."""
-        return (await self.get_references(joints)).torques
-
-    @operation
-    async def get_ref_current(self, joints: Joints = None) -> Floats:
-        """The last accepted motor current, A, shape (k,)."""
-        return (await self.get_references(joints)).currents
-
-    @operation
-    async def get_output(self, joints: Joints = None) -> Floats:
-        """The last accepted output, PWM percent, shape (k,)."""
-        return (await self.get_references(joints)).outputs
-
-    @operation
-    async def get_ref_speed(self, joints: Joints = None) -> Floats:
-        """Mean speeds of position moves, rad/s, shape (k,)."""
-        return (await self.get_references(joints)).speeds
-
-    @operation
-    async def get_ref_acceleration(self, joints: Joints = None) -> Floats:
-        """Accelerations of velocity references, rad/s², shape (k,)."""
-        return (await self.get_references(joints)).accelerations
-
-    @operation
-    async def set_traj_speed(self, joints: Joints, speeds: Values) -> Reply:
-        """YARP 4's name of ``set_ref_speed``."""
-        return await self.set_ref_speed(joints, speeds)
-
-    @operation
-    async def get_traj_speed(self, joints: Joints = None) -> Floats:
-        """YARP 4's name of ``get_ref_speed``."""
-        return await self.get_ref_speed(joints)
-
-    @operation
-    async def set_traj_acceleration(self, joints: Joints, accelerations: Values) -> Reply:
-        """YARP 4's name of ``set_ref_acceleration``."""
-        return await self.set_ref_acceleration(joints, accelerations)
-
-    @operation
-    async def get_traj_acceleration(self, joints: Joints = None) -> Floats:
-        """YARP 4's name of ``get_ref_acceleration``."""
-        return await self.get_ref_acceleration(joints)
+    get_target_position = get_references.field(
+        "positions", "The last accepted target of a position move, rad."
+    )
+    get_ref_position = get_references.field(
+        "direct_positions", "The last accepted direct position, rad."
+    )
+    get_target_velocity = get_references.field(
+        "velocities", "The last accepted velocity of VELOCITY and MIXED, rad/s."
+    )
+    get_direct_velocity = get_references.field(
+        "direct_velocities", "The last accepted velocity of VELOCITY_DIRECT, rad/s."
+    )
+    get_ref_velocity = get_references.field(
+        "ref_velocities",
+        "The last accepted velocity, rad/s: in VELOCITY_DIRECT that of this mode.",
+    )
+    get_ref_torque = get_references.field("torques", "The last accepted torque, N·m.")
+    get_ref_current = get_references.field("currents", "The last accepted motor current, A.")
+    get_output = get_references.field("outputs", "The last accepted output, PWM percent.")
+    get_ref_speed = get_references.field("speeds", "Mean speeds of position moves, rad/s.")
+    get_ref_acceleration = get_references.field(
+        "accelerations", "Accelerations of velocity references, rad/s²."
+    )
+    set_traj_speed = set_ref_speed.synonym("set_ref_speed")
+    get_traj_speed = get_ref_speed.synonym("get_ref_speed")
+    set_traj_acceleration = set_ref_acceleration.synonym("set_ref_acceleration")
+    get_traj_acceleration = get_ref_acceleration.synonym("get_ref_acceleration")
 
     async def _send(
         self,
