@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from control_board_ros.node.loop.timing import KEPT, Pacer
+from control_board_ros.node.loop.timing import LATENESS_COUNT, Pacer
 
 VARIABLE = "CONTROL_BOARD_BENCHMARK_TAP"
 #: ``off`` lets the node run without a garbage collector.
@@ -36,7 +36,7 @@ def install() -> None:
         if pacer not in known:
             known.append(pacer)
         path = folder / f"{os.getpid()}-{known.index(pacer)}"
-        lateness = pacer._lateness[: min(pacer._kept, KEPT)].tobytes()
+        lateness = pacer._lateness[: min(pacer._kept, LATENESS_COUNT)].tobytes()
         statistics = take(pacer)
         with path.with_suffix(".lateness").open("ab") as file:
             file.write(lateness)

@@ -31,8 +31,8 @@ class JointLimits:
         if kind == "position":
             return self.lower, self.upper
         names = {"speed": "velocity", "current": "peak_current"}
-        most: float = getattr(self, names.get(kind, kind))
-        return -most, most
+        limit: float = getattr(self, names.get(kind, kind))
+        return -limit, limit
 
 
 FIELDS = tuple(field.name for field in fields(JointLimits))

@@ -163,7 +163,7 @@ def available_mode_fields(
 
 def limit_fields(joints: Sequence[JointConfig]) -> Fields:
     limits = [joint.limits for joint in joints]
-    return {name: doubles([getattr(one, name) for one in limits]) for name in FIELDS}
+    return {name: doubles([getattr(row, name) for row in limits]) for name in FIELDS}
 
 
 def on_wire(values: Any) -> Any:
@@ -185,11 +185,11 @@ def drive_fields(drives: Sequence[DriveUse]) -> Fields:
         "set_points": [",".join(drive.set_points) for drive in drives],
         **{law: [getattr(drive, law) or "" for drive in drives] for law in laws},
         "on_silence": [drive.on_silence for drive in drives],
-        "zero": [one.zero or "" for one in reports],
-        "power": [POWER[one.power] for one in reports],
-        "law": [one.law or "" for one in reports],
-        "lost": [-1 if one.lost is None else one.lost for one in reports],
-        "late": [-1 if one.late is None else one.late for one in reports],
+        "zero": [report.zero or "" for report in reports],
+        "power": [POWER[report.power] for report in reports],
+        "law": [report.law or "" for report in reports],
+        "lost": [-1 if report.lost is None else report.lost for report in reports],
+        "late": [-1 if report.late is None else report.late for report in reports],
     }
 
 

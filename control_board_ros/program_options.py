@@ -42,7 +42,7 @@ TUNING: tuple[Option, ...] = (
     ),
     option(
         "--from",
-        dest="found",
+        dest="identification",
         metavar="FOUND.yaml",
         help="Result of cbctl identify: a parameter file on top of the robot's own.",
     ),

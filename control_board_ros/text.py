@@ -28,17 +28,17 @@ class OneLineError(ValueError):
         super().__init__("".join(shown))
 
 
-def clean(text: object, most: int = TEXT) -> str:
+def clean(text: object, max_length: int = TEXT) -> str:
     """A text on one line, ``most`` characters long at most, safe for a terminal.
 
     Separators of lines and columns become spaces; control characters, changes of the direction
     of writing, and lone surrogates become U+FFFD. The end has the number of omitted ones.
     """
     whole = text if type(text) is str else _words_of(text)
-    if len(whole) <= most and whole.isprintable():
+    if len(whole) <= max_length and whole.isprintable():
         return whole
-    kept = "".join(map(_shown, whole[:most]))
-    left = len(whole) - most
+    kept = "".join(map(_shown, whole[:max_length]))
+    left = len(whole) - max_length
     return f"{kept} … ({left} characters more)" if left > 0 else kept
 
 

@@ -144,21 +144,21 @@ def _vector(owner: ET.Element, tag: str, key: str, default: Vector) -> Vector:
     return (x, y, z) if math.isfinite(x + y + z) else default
 
 
-def parse_xml(given: bytes | str, source: str, times: int = 1) -> ET.Element:
+def parse_xml(document: bytes | str, source: str, times: int = 1) -> ET.Element:
     """XML without DTD and entities, bounded in size, depth and number of elements.
 
     Blank lines before the XML declaration and zeros at the end of the file are left out; a tag
     or attribute keeps the prefix of its namespace.
 
     Args:
-        given: the XML; the encoding that a text declares is ignored.
+        document: the XML; the encoding that a text declares is ignored.
         source: where it comes from, for people.
         times: its greatest size, in multiples of that of one file.
 
     Raises:
         UrdfError: not XML, or beyond the bounds.
     """
-    data = given.encode(errors="replace") if isinstance(given, str) else given
+    data = document.encode(errors="replace") if isinstance(document, str) else document
     if len(data) > times * SIZE_CAP:
         raise UrdfError(f"{source}: larger than {times * SIZE_CAP >> 20} MiB; no URDF is")
     if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -168,7 +168,7 @@ def parse_xml(given: bytes | str, source: str, times: int = 1) -> ET.Element:
         raise UrdfError(f"{source}: is empty; a URDF begins with <robot name=…>")
     skipped = data.count(b"\n", 0, blank)
     parser = _BoundedParser(lambda line: f"{source}:{skipped + line}", source, times * ELEMENT_CAP)
-    return parser.parse(data[blank:], "utf-8" if isinstance(given, str) else None)
+    return parser.parse(data[blank:], "utf-8" if isinstance(document, str) else None)
 
 
 class _BoundedParser:
@@ -177,11 +177,11 @@ class _BoundedParser:
     Args:
         place: file and line, for people, of a line of the data.
         source: the file.
-        most: greatest number of elements.
+        max_elements: greatest number of elements.
     """
 
-    def __init__(self, place: Callable[[int], str], source: str, most: int) -> None:
-        self._place, self._source, self._most = place, source, most
+    def __init__(self, place: Callable[[int], str], source: str, max_elements: int) -> None:
+        self._place, self._source, self._max_elements = place, source, max_elements
         self._tree = ET.TreeBuilder()
         self._depth = self._count = 0
 
@@ -213,10 +213,10 @@ class _BoundedParser:
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         self._depth, self._count = self._depth + 1, self._count + 1
-        if self._depth > DEPTH_CAP or self._count > self._most:
+        if self._depth > DEPTH_CAP or self._count > self._max_elements:
             raise UrdfError(
                 f"{self._place(self._parser.CurrentLineNumber)}: nested deeper than {DEPTH_CAP} "
-                f"or more than {self._most} elements; no URDF is"
+                f"or more than {self._max_elements} elements; no URDF is"
             )
         self._tree.start(tag, attributes)
 

@@ -27,7 +27,7 @@ from .runner import Result, Session, passed, run, unread
 from .shapes import Malformed
 
 #: Maximum characters of a line, which may include texts of the board.
-LONGEST = 2000
+MAX_LINE_LENGTH = 2000
 
 if TYPE_CHECKING:
     from ..client import ControlBoardClient
@@ -174,7 +174,7 @@ def summed_up(
 
 
 def print_result(result: Result) -> None:
-    print(clean(as_line(result), LONGEST), flush=True)
+    print(clean(as_line(result), MAX_LINE_LENGTH), flush=True)
 
 
 def goes_on() -> bool:
@@ -222,5 +222,7 @@ def connected(options: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardCl
 
 def complain(text: str) -> int:
     """Print one line on stderr; returns the exit code."""
-    print(f"control_board_conformance: {clean(text, LONGEST)}", file=sys.stderr, flush=True)
+    print(
+        f"control_board_conformance: {clean(text, MAX_LINE_LENGTH)}", file=sys.stderr, flush=True
+    )
     return NOT_HELD

@@ -23,7 +23,7 @@ from .rules import OutOfTime
 from .shapes import Malformed, check_modes, check_state
 
 #: States and mode messages kept: 10 s at 1 kHz.
-KEPT = 10_000
+MAX_MESSAGES = 10_000
 #: Queue length of a topic: none may be lost.
 DEPTH = 100
 
@@ -42,8 +42,8 @@ class Channel:
 
     def __init__(self, node: Node, board: str, patience: float) -> None:
         self.node, self.board, self.patience = node, board, patience
-        self.states: deque[State] = deque(maxlen=KEPT)
-        self.modes: deque[Any] = deque(maxlen=KEPT)
+        self.states: deque[State] = deque(maxlen=MAX_MESSAGES)
+        self.modes: deque[Any] = deque(maxlen=MAX_MESSAGES)
         self.states_received = self.modes_received = 0
         self.malformed: Malformed | None = None
         self._allowed, self._deadline = 0.0, math.inf
@@ -159,7 +159,7 @@ class Channel:
         with self._came:
             return dict(received)
 
-    def wait_for(self, found: Callable[[], bool], patience: float) -> bool:
+    def wait_for(self, condition: Callable[[], bool], patience: float) -> bool:
         """Wait for a condition on states and modes; false on timeout.
 
         Raises:
@@ -168,7 +168,7 @@ class Channel:
         self.check()
         left = min(patience, self._deadline - time.monotonic())
         with self._came:
-            there = self._came.wait_for(lambda: self.malformed is not None or found(), left)
+            there = self._came.wait_for(lambda: self.malformed is not None or condition(), left)
         if not there or self.malformed is not None:
             self.check()
         return there

@@ -26,13 +26,13 @@ LONGEST_MOVE = 0.8
 class Range:
     """Test range of a joint; m and N where it slides.
 
-    Attributes: found (initial position, rad), start (nearest position with room for a step on both
-    sides, rad), low and high (rad), step (rad), speed (mean speed of a move, rad/s; its peak is
+    Attributes: initial (position, rad), start (nearest one with room for a step both ways, rad),
+    low and high (rad), step (rad), speed (mean speed of a move, rad/s; its peak is
     1.875 times that), acceleration and hardest (reference and limit, rad/s²), output (percent),
     torque (of a freely moving joint, N·m), push (of one held by a spring, N·m).
     """
 
-    found: float
+    initial: float
     start: float
     low: float
     high: float
@@ -58,7 +58,7 @@ class Range:
         speed = fraction * limits.velocity / 1.875
         step = min(0.6 * half, speed * LONGEST_MOVE)
         return cls(
-            found=position,
+            initial=position,
             start=min(max(position, middle - half + step), middle + half - step),
             low=middle - half,
             high=middle + half,

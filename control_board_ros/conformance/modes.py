@@ -14,7 +14,7 @@ from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, offered, rule
 
 #: rad; a target this close to the present position causes no motion.
-STILL = 1e-3
+SAME_PLACE_RAD = 1e-3
 #: s in which a joint that has a brake is held by it.
 CLOSING = 0.1
 #: Modes that yield to a load.
@@ -156,7 +156,7 @@ def beside(bench: Bench, joint: str, before: float) -> float:
     """A position at the joint without noticeable motion, different from a reference."""
     there, limits = float(bench.client.get_encoder(joint)[0]), read_limits(bench.client, joint)
     inwards = 1.0 if there < 0.5 * (limits.lower + limits.upper) else -1.0
-    near = [there + inwards * part * STILL for part in (1.0, 0.5)]
+    near = [there + inwards * part * SAME_PLACE_RAD for part in (1.0, 0.5)]
     return max(near, key=lambda position: abs(position - before))
 
 

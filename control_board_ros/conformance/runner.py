@@ -27,7 +27,7 @@ from .shapes import Malformed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AsFound:
+class InitialState:
     """Initial state of the testable joints, as far as rules change it.
 
     Attributes: names, control_modes, interaction_modes, speeds, accelerations (reference),
@@ -43,7 +43,7 @@ class AsFound:
     damping: Floats
 
     @classmethod
-    def of(cls, client: ControlBoardClient) -> AsFound:
+    def of(cls, client: ControlBoardClient) -> InitialState:
         """The joints in a selectable mode that implement POSITION."""
         modes = client.get_control_mode()
         calibrated = client.get_state().calibrated
@@ -94,7 +94,7 @@ class AsFound:
         try:
             self.hold(client)
             bench.home()
-            bench.go(bench.range.found)
+            bench.go(bench.range.initial)
         except (NotTestable, NotTested, NotHeld, ValueError, LookupError) as error:
             wrong.append(f"{bench.joint} is not back at its initial position: {error}")
         except BoardError as error:
@@ -112,11 +112,11 @@ class AsFound:
 
 
 #: Load that counts as light, relative to the most loaded joint.
-LIGHT = 0.02
+LIGHT_LOAD_SHARE = 0.02
 #: Time limit of a rule, s; on an idle machine the longest needs less than 10 s.
 RULE_TIME = 60.0
 #: Rules out of time after which the rest is omitted.
-LATE = 3
+MAX_LATE_RULES = 3
 #: Maximum number of applicable rules not tested without failure.
 MAX_UNTESTED = 3
 
@@ -144,7 +144,7 @@ def passed(results: Sequence[Result]) -> bool:
     return Outcome.NOT_HELD not in outcomes and outcomes.count(Outcome.NOT_TESTED) <= MAX_UNTESTED
 
 
-def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> str:
+def choose(client: ControlBoardClient, initial: InitialState, wanted: str | None) -> str:
     """The joint to test: the requested one, else the last with most modes and least load.
 
     A loaded joint falls while unpowered; the last ones move the least mass.
@@ -153,19 +153,19 @@ def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> st
         NotTestable: the requested one is not testable.
     """
     if wanted is not None:
-        if wanted not in found.names:
-            raise NotTestable(f"{wanted} cannot be tried; these can: {', '.join(found.names)}")
+        if wanted not in initial.names:
+            raise NotTestable(f"{wanted} cannot be tried; these can: {', '.join(initial.names)}")
         return wanted
-    available = dict(zip(found.names, client.get_available_modes(found.names), strict=True))
+    available = dict(zip(initial.names, client.get_available_modes(initial.names), strict=True))
     offers = {name: len(modes) + 2 * len(ways) for name, (modes, ways) in available.items()}
-    candidates = [name for name in found.names if offers[name] == max(offers.values())]
+    candidates = [name for name in initial.names if offers[name] == max(offers.values())]
     loads = np.nan_to_num(np.abs(client.get_torque(candidates)))
     return candidates[lightest(loads)]
 
 
 def lightest(loads: Floats) -> int:
     """The last of the lightly loaded joints, else the least loaded."""
-    return int(np.flatnonzero(loads <= max(LIGHT * loads.max(), loads.min()))[-1])
+    return int(np.flatnonzero(loads <= max(LIGHT_LOAD_SHARE * loads.max(), loads.min()))[-1])
 
 
 class Session:
@@ -213,10 +213,10 @@ class Session:
         channel = self.channel
         channel.allow(self.rule_time)
         channel.wait_for(lambda: bool(channel.modes and channel.states), channel.patience)
-        self.found = AsFound.of(client)
-        name = choose(client, self.found, joint)
+        self.initial = InitialState.of(client)
+        name = choose(client, self.initial, joint)
         number = client.names.index(name)
-        partner = next((other for other in self.found.names if other != name), None)
+        partner = next((other for other in self.initial.names if other != name), None)
         position = float(client.get_encoder(name)[0])
         limits = Range.of(read_limits(client, name), position, fraction)
         kind = JointKind.of(described(client, name).kind)
@@ -228,7 +228,7 @@ class Session:
     def restore(self) -> list[str]:
         """Restore the joints; returns the problems."""
         self.channel.allow(self.rule_time)
-        return self.found.restore(self.bench)
+        return self.initial.restore(self.bench)
 
     def try_one(self, rule: Rule) -> Result:
         """Test a rule, starting at rest."""
@@ -237,8 +237,8 @@ class Session:
         self.channel.allow(self.rule_time)
         try:
             with reading():
-                self.found.hold(self.bench.client)
-                self.found.give_back(self.bench.client)
+                self.initial.hold(self.bench.client)
+                self.initial.give_back(self.bench.client)
                 self.bench.home()
                 evidence = rule.check(self.bench)
         except NotTestable as error:
@@ -291,8 +291,8 @@ def run(
             else:
                 result = session.try_one(rule)
                 late += result.outcome is Outcome.NOT_TESTED and result.seconds > session.rule_time
-                if late == LATE:
-                    why = f"{LATE} rules took longer than {session.rule_time:g} s each"
+                if late == MAX_LATE_RULES:
+                    why = f"{MAX_LATE_RULES} rules took longer than {session.rule_time:g} s each"
                 elif result.outcome is Outcome.NOT_HELD and not session.is_there():
                     why = "the board is gone"
             results.append(result)

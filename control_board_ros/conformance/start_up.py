@@ -17,7 +17,7 @@ from .bench import STIFF, Bench, Fate, K, M
 from .rules import assume, expect, inside, offered, rule
 
 #: s for a calibration of one joint, or for a board to configure itself.
-LONGEST = 60.0
+MAX_CALIBRATION_S = 60.0
 
 
 def begin(bench: Bench) -> None:
@@ -33,7 +33,7 @@ def begin(bench: Bench) -> None:
 
 
 def finish(bench: Bench) -> None:
-    bench.poll(lambda: bench.mode is not M.CALIBRATING, LONGEST)
+    bench.poll(lambda: bench.mode is not M.CALIBRATING, MAX_CALIBRATION_S)
 
 
 @rule("K1", "calibration on request")
@@ -147,5 +147,5 @@ def power_cycle(bench: Bench) -> None:
 def settled_modes(bench: Bench) -> list[ControlMode]:
     """The modes once no joint is NOT_CONFIGURED or CALIBRATING, or the timeout."""
     starting = {M.NOT_CONFIGURED, M.CALIBRATING}
-    bench.poll(lambda: starting.isdisjoint(bench.client.get_control_mode()), LONGEST)
+    bench.poll(lambda: starting.isdisjoint(bench.client.get_control_mode()), MAX_CALIBRATION_S)
     return bench.client.get_control_mode()

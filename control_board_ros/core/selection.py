@@ -131,7 +131,7 @@ class Selector:
     def _resolve(self, joints: tuple[int | str, ...]) -> Selection:
         seen: dict[int, None] = {}
         for joint in joints:
-            j = self._one(joint)
+            j = self._number(joint)
             if j in seen:
                 raise RequestError(
                     f"joint {self.names[j]!r} named twice; name each joint once, or none for all"
@@ -139,7 +139,7 @@ class Selector:
             seen[j] = None
         return Selection.of([self._first + j for j in seen], [self.names[j] for j in seen])
 
-    def _one(self, joint: int | str) -> int:
+    def _number(self, joint: int | str) -> int:
         if isinstance(joint, str):
             if (j := self._index.get(joint)) is not None:
                 return j

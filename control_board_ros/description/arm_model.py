@@ -56,10 +56,10 @@ def arm_model(
     """
     tree = urdf.tree
     places = dict(standing)
-    for one in urdf.coupled:
-        at = np.array([standing.get(axis, 0.0) for axis in one.coupling.axes])
-        where = one.coupling.positions(at).tolist()
-        places |= dict(zip(one.coupling.physical_joints, where, strict=True))
+    for group in urdf.coupled:
+        at = np.array([standing.get(axis, 0.0) for axis in group.coupling.axes])
+        where = group.coupling.positions(at).tolist()
+        places |= dict(zip(group.coupling.physical_joints, where, strict=True))
     for mimic in urdf.mimics.values():
         places.setdefault(
             mimic.follower, mimic.multiplier * places.get(mimic.leader, 0.0) + mimic.offset
@@ -82,8 +82,8 @@ def arm_model(
         elif joint.get("type") != "fixed":
             position, rotation = _moved(tree, joint, position, rotation, places.get(name, 0.0))
         frames[child] = carrier, position, rotation
-        if carrier != BASE and (own := inertial_of(tree.links[child])) is not None:
-            bodies[carrier] += own.moved(position, rotation)
+        if carrier != BASE and (inertial := inertial_of(tree.links[child])) is not None:
+            bodies[carrier] += inertial.moved(position, rotation)
     slides = {joint.name: joint.kind.slides for joint in urdf.axes}
     links = tuple(
         _axis(name, motors, slides=slides[name])

@@ -30,7 +30,9 @@ def couple(urdf: Urdf, name: str, coupling: Coupling) -> Urdf:
         ValueError: a joint or an axis that cannot be coupled; what would be allowed.
     """
     free = {joint.name: joint for joint in urdf.joints if joint.mimic is None}
-    owner = {joint: one.name for one in urdf.coupled for joint in one.coupling.physical_joints}
+    owner = {
+        joint: group.name for group in urdf.coupled for joint in group.coupling.physical_joints
+    }
     for joint in coupling.physical_joints:
         if joint in owner:
             raise ValueError(f"{joint} in one coupling; {owner[joint]} has it")

@@ -346,7 +346,7 @@ def _travel(values: dict[str, Any], joint: UrdfJoint) -> None:
 
 #: Parameters whose absence implies that a whole part of the joint is derived.
 PARTS = {"motor.torque_constant": "motors", "position_pid.kp": "gains"}
-SHOWN = 6
+MAX_NAMES = 6
 
 
 class Assumed:
@@ -392,5 +392,5 @@ class Assumed:
 
 
 def _shown(names: list[str]) -> str:
-    more = len(names) - SHOWN
-    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - MAX_NAMES
+    return ", ".join(names[:MAX_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -80,7 +80,7 @@ class MeshFinder:
         package = source_package(folder)
         # Files beside the URDF must really be there; an installed share may be links into
         # a workspace (colcon build --symlink-install).
-        self.own = [folder] + ([package] if package else [])
+        self.near_roots = [folder] + ([package] if package else [])
         self.installed = share_folders()
         data = package_folder("pybullet_data")
         if data is not None:
@@ -109,7 +109,7 @@ class MeshFinder:
         places = [Path(os.path.normpath(path)) for path in candidates]
         package = rest.partition("/")[0] if scheme in ("package", "model") and mark else ""
         top = above(self.folder, package) if package else None
-        roots = self.own if top is None else [*self.own, top]
+        roots = self.near_roots if top is None else [*self.near_roots, top]
         allowed = [path for path in places if self._allowed(path, roots)]
         if not allowed:
             raise MeshPathError(
@@ -123,7 +123,7 @@ class MeshFinder:
         if package in ("", ".", ".."):
             raise MeshPathError(f"mesh 'package://{path}' names no package")
         candidates = [share / package / inside for share in self.installed]
-        candidates += [root / inside for root in self.own if root.name == package]
+        candidates += [root / inside for root in self.near_roots if root.name == package]
         if (top := above(self.folder, package)) is not None:
             candidates.append(top / inside)
         # pybullet_data writes package://meshes/… for a folder beside the URDF.

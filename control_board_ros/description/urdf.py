@@ -283,7 +283,7 @@ def of_tree(name: str, tree: Tree, warnings: Sequence[str] = ()) -> Urdf:
 
 
 #: Magnitude of a joint's limits at most, rad, m, rad/s, m/s, N·m, N.
-MOST = 1e6
+MAX_LIMIT = 1e6
 
 
 def _joint(element: ET.Element, source: str) -> UrdfJoint:
@@ -306,10 +306,10 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
     bounded = () if kind == "continuous" else ("lower", "upper")
     for what in (*bounded, "effort", "velocity"):
         value = getattr(has, what)
-        if value is not None and not abs(value) <= MOST:
+        if value is not None and not abs(value) <= MAX_LIMIT:
             raise UrdfError(
                 f"{source}: joint {name!r} has <limit {what}={value:g}>; give it a number within "
-                f"±{MOST:g}"
+                f"±{MAX_LIMIT:g}"
             )
     return UrdfJoint(
         name=name,

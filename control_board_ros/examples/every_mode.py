@@ -26,7 +26,7 @@ J = 3
 
 STYLES = ("C0", "C1--")
 #: Modes in which a reference acts and is drawn.
-SHOWN = {
+REFERENCE_MODES = {
     "position_reference": ("POSITION", "DIRECT", "VELOCITY", "MIXED", "COMPLIANT\npushed"),
     "torque_reference": ("TORQUE", "COMPLIANT\npushed"),
 }
@@ -131,7 +131,7 @@ def plot(recording: Recording, path: str) -> None:
         for name, label, style in zip(names, ("measured", "reference"), STYLES, strict=False):
             values = np.array([getattr(shot, name)[J] for shot in shots]) * scale
             for start, end, title in recording.bands:
-                if title not in SHOWN.get(name, title):
+                if title not in REFERENCE_MODES.get(name, title):
                     values[(time > start) & (time <= end)] = np.nan
             axes[axis].plot(time, values, style, label=label, linewidth=1.4)
         axes[axis].set_ylabel(unit)

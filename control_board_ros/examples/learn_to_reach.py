@@ -77,8 +77,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Learn to reach with PPO.")
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args(arguments)
-    before, after = learn(given.steps, given.seed)
+    options = parser.parse_args(arguments)
+    before, after = learn(options.steps, options.seed)
     print(f"mean distance from the goal: {before:.3f} m before, {after:.3f} m after")
 
 

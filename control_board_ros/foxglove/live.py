@@ -232,7 +232,9 @@ class Live(ServerListener):
     ) -> list[Parameter]:
         """Parameters by ``/control_board.name``; without names all."""
         try:
-            names = [self._own(name) for name in param_names] or self._client.list_parameters()
+            names = [
+                self._board_parameter(name) for name in param_names
+            ] or self._client.list_parameters()
             return self._shown_parameters(names)
         except (BoardError, RequestError) as error:
             self._report(str(error))
@@ -242,7 +244,10 @@ class Live(ServerListener):
         self, client: Any, parameters: list[Parameter], request_id: str | None = None
     ) -> list[Parameter]:
         """Set parameters, all or none; returns the values in force."""
-        values = {self._own(parameter.name): parameter.get_value() for parameter in parameters}
+        values = {
+            self._board_parameter(parameter.name): parameter.get_value()
+            for parameter in parameters
+        }
         try:
             if not self._operate:
                 self._report("parameters are not set: start cbctl foxglove with --operate")
@@ -299,7 +304,7 @@ class Live(ServerListener):
             raise TimeoutError(f"no answer from {name} within {self._timeout:g} s; call it again")
         return bytes(serialize_message(future.result()))
 
-    def _own(self, name: str) -> str:
+    def _board_parameter(self, name: str) -> str:
         return name.removeprefix(f"{self.board}.")
 
     def _shown_parameters(self, names: Sequence[str]) -> list[Parameter]:

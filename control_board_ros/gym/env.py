@@ -111,11 +111,11 @@ class Episodes:
             "torque": arms.torque,
             "target": arms.target,
         } | self.task.observe(self.steps)
-        found: Observation = {
+        observation: Observation = {
             key: np.clip(np.nan_to_num(values), *self._bounds[key], dtype=np.float32)
             for key, values in seen.items()
         }
-        return found | {"mode": arms.modes(), "fault": arms.faults()}
+        return observation | {"mode": arms.modes(), "fault": arms.faults()}
 
     def step(self, actions: NDArray[Any], passed: int = 0) -> None:
         """Act for one step, of which ``passed`` cycles are done.
@@ -260,7 +260,7 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         max_episode_steps: int = 100,
         render_mode: str | None = None,
     ) -> None:
-        self.num_envs, self._most, self.render_mode = num_envs, max_episode_steps, render_mode
+        self.num_envs, self._max_steps, self.render_mode = num_envs, max_episode_steps, render_mode
         self._episodes = Episodes(made(task, robot, control, rate, MUJOCO, num_envs), task)
         self.single_observation_space = self._episodes.observations
         self.single_action_space = self._episodes.actions
@@ -294,7 +294,7 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         reward, success, faulty = self._episodes.judge()
         self._episodes.steps[begun] = 0
         terminated = (success | faulty) & ~ended
-        truncated = (self._episodes.steps >= self._most) & ~ended & ~terminated
+        truncated = (self._episodes.steps >= self._max_steps) & ~ended & ~terminated
         self._over = terminated | truncated
         info = {"is_success": success & ~ended, "_is_success": ~ended}
         return (

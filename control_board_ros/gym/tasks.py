@@ -20,9 +20,9 @@ from .arms import Arms
 #: Range of initial positions and goals, as a share of the way from home to each limit.
 SPREAD = 0.25
 #: Distance at which a goal is reached, m.
-REACHED = 0.05
+GOAL_RADIUS_M = 0.05
 #: Bound of goals and tips, m.
-FAR = 3.0
+MAX_DISTANCE_M = 3.0
 
 Bounds = tuple[Floats, Floats]
 Judged = tuple[Floats, NDArray[np.bool_]]
@@ -46,7 +46,7 @@ class Reach:
     def __init__(self, arms: Arms) -> None:
         self._arms = arms
         self._goal = np.zeros((arms.count, 3))
-        far = np.full(3, FAR)
+        far = np.full(3, MAX_DISTANCE_M)
         self.spaces: dict[str, Bounds] = {"tip": (-far, far), "to_goal": (-far, far)}
 
     def begin(self, indices: Sequence[int], randoms: Sequence[Generator]) -> Floats:
@@ -67,7 +67,7 @@ class Reach:
 
     def judge(self, actions: Floats, shown: dict[str, Floats]) -> Judged:
         distance = np.linalg.norm(shown["to_goal"], axis=1)
-        reached = distance < REACHED
+        reached = distance < GOAL_RADIUS_M
         return reached - distance - 0.01 * np.mean(actions**2, axis=1), reached
 
 

@@ -22,7 +22,7 @@ EVERY = 2
 #: Mean speed of the move to the centre, as a share of the speed limit; s of rest there.
 APPROACH, REST = 0.1, 0.3
 #: s after the end of a motion in which the joint must have arrived.
-LATE = 1.0
+ARRIVAL_TIME_S = 1.0
 
 
 class Bench:
@@ -91,7 +91,7 @@ class Bench:
             raise IdentificationError(str(error)) from error
         rows: list[np.ndarray] = []
         times: list[float] = []
-        until = board.time + motion.duration + LATE
+        until = board.time + motion.duration + ARRIVAL_TIME_S
         while goal.outcome is None and board.time < until and not ended:
             for _ in range(EVERY):
                 measurement = simulation.plant.read()

@@ -24,7 +24,7 @@ GRID, REST = 0.02, 0.4
 #: Default of half the range, rad and m.
 RANGE, RANGE_SLIDING = 0.35, 0.05
 #: Speeds of ramps, as shares of a joint's bound; slow ones are short, for the breakaway.
-SLOW, RAMPS = 0.03, (0.3, 0.6, 1.0, 1.0)
+CRAWL_SPEED, RAMPS = 0.03, (0.3, 0.6, 1.0, 1.0)
 #: Duration of slow ramps, half of it accelerating and half braking, s; their number.
 CRAWL, CRAWLS = 2.4, 6
 #: Frequencies of the two tones of a sine, Hz, with their shares; duration, s.
@@ -32,13 +32,13 @@ TONES, SINES = ((0.5, 1.0), (1.3, 0.5)), 8.0
 #: Steps there and back.
 STEPS = 3
 #: Duration of a motion of all joints, s, its lowest frequency and the ratio from joint to joint.
-TOGETHER, LOWEST, RATIO = 16.0, 0.25, 1.17
+ALL_JOINTS_S, MIN_FREQUENCY_HZ, FREQUENCY_RATIO = 16.0, 0.25, 1.17
 #: s in which the amplitude of sines grows and falls.
 FADE = 1.5
 #: Distance that motions keep from software limits, rad and m.
-CLEAR, CLEAR_SLIDING = 0.02, 0.002
+CLEARANCE_RAD, CLEARANCE_M = 0.02, 0.002
 #: Minimum range, as a share of the requested one.
-LEAST = 0.2
+MIN_RANGE_SHARE = 0.2
 
 RAMP, SINE, STEP, ALL = "ramps", "sines", "steps", "together"
 
@@ -109,10 +109,10 @@ def bounds_of(
         NoRoomError: the limits leave less than LEAST of the range.
     """
     wanted = kind.choose(RANGE, RANGE_SLIDING) if reach is None else reach
-    clear = kind.choose(CLEAR, CLEAR_SLIDING)
+    clear = kind.choose(CLEARANCE_RAD, CLEARANCE_M)
     low, high = limits.lower + clear, limits.upper - clear
     travel = min(wanted, 0.5 * (high - low))
-    if not travel > LEAST * wanted:
+    if not travel > MIN_RANGE_SHARE * wanted:
         raise NoRoomError(
             f"{joint} has {kind.position(limits.upper - limits.lower)} between its limits, too "
             f"little to move {kind.position(wanted)} to either side; make --range smaller"
@@ -145,7 +145,7 @@ def _motion(what: str, joints: tuple[str, ...], columns: list[Floats]) -> Motion
 
 def _ramps(bounds: Bounds) -> Floats:
     """Ways at constant speeds with rests between, first short ones with slow starts."""
-    slow = SLOW * bounds.speed
+    slow = CRAWL_SPEED * bounds.speed
     short = min(0.5 * slow * CRAWL, bounds.reach)
     crawls = [(short if k % 2 == 0 else -short, slow) for k in range(CRAWLS)]
     gentle = _ways(replace(bounds, acceleration=2.0 * slow / CRAWL), crawls)
@@ -207,9 +207,9 @@ def _sines(bounds: Bounds) -> Floats:
 
 def _tones_of(k: int, bounds: Bounds) -> Floats:
     """Three tones of joint k, at frequencies that differ from joint to joint."""
-    base = LOWEST * RATIO ** (k % 8)
+    base = MIN_FREQUENCY_HZ * FREQUENCY_RATIO ** (k % 8)
     tones = [(base, 1.0, 0.9 * k), (2.3 * base, 0.5, 2.1 * k), (4.1 * base, 0.25, 0.4 * k)]
-    return _filled(bounds, TOGETHER, tones)
+    return _filled(bounds, ALL_JOINTS_S, tones)
 
 
 def _filled(bounds: Bounds, seconds: float, tones: Sequence[tuple[float, float, float]]) -> Floats:

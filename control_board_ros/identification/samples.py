@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ..protocols import Floats
 from ..recording.figures import MOST_EVEN
-from .motions import CRAWL, CRAWLS, RAMP, SLOW
+from .motions import CRAWL, CRAWL_SPEED, CRAWLS, RAMP
 
 Bools = NDArray[np.bool_]
 Signals = dict[str, Floats]
@@ -38,9 +38,9 @@ WIDTH, READINGS = 0.02, 2.0
 #: Cut at both ends, and around reversals, in standard deviations.
 TAIL = 4.0
 #: Minimum duration of a used record, s.
-SHORTEST = 0.5
+MIN_RECORD_S = 0.5
 #: How far apart the peaks of friction of several starts are, s.
-NEAR = 0.2
+START_SPREAD_S = 0.2
 #: Share of a joint's speed from which on its friction is that of motion.
 FRICTION = 0.25
 
@@ -114,7 +114,7 @@ def samples_of(
     parts: list[dict[str, Floats]] = []
     blocks, since = 0, 0.0
     for record in records:
-        if record.time.size < 8 or record.time[-1] - record.time[0] < SHORTEST:
+        if record.time.size < 8 or record.time[-1] - record.time[0] < MIN_RECORD_S:
             continue
         if np.ptp(record.time) > MOST_EVEN * record.time.size * np.median(np.diff(record.time)):
             continue  # mostly a gap, or a step of the clock
@@ -133,7 +133,9 @@ def samples_of(
         if record.what == RAMP:
             (joint, speed), *_ = record.speeds.items()
             column = list(names).index(joint)
-            begins = np.array(starts(whole, step, column, float(gain[column]), SLOW * speed), int)
+            begins = np.array(
+                starts(whole, step, column, float(gain[column]), CRAWL_SPEED * speed), int
+            )
             begins = begins[~near_gaps(record.time - record.time[0], time[begins], width)]
             part = joined([part, of_starts(whole, begins, column, time)])
         part["block"] = blocks + np.floor(part["time"])
@@ -143,7 +145,7 @@ def samples_of(
         parts.append(part)
     if not parts:
         raise ValueError(
-            f"no motion was recorded for {SHORTEST:g} s without gaps of more than "
+            f"no motion was recorded for {MIN_RECORD_S:g} s without gaps of more than "
             f"{1e3 * WIDTH:g} ms between readings; is the machine or the network overloaded?"
         )
     made = joined(parts)
@@ -237,7 +239,7 @@ def starts(signals: Signals, step: float, column: int, gain: float, slow: float)
     friction = friction - measured if np.isfinite(measured).all() else friction
     ways = np.array([np.sign(rate[b + window // 2]) * friction[b : b + window] for b in begins])
     ways = gaussian_filter1d(ways, 2.0 * WIDTH / step, axis=1, mode="nearest")
-    peak, near = int(np.argmax(ways.mean(axis=0))), round(NEAR / step)
+    peak, near = int(np.argmax(ways.mean(axis=0))), round(START_SPREAD_S / step)
     first = max(peak - near, 0)
     return [
         int(begin) + first + int(np.argmax(way[first : peak + near]))

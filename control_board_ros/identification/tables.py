@@ -27,7 +27,7 @@ from ..recording.errors import RecordingError, library
 from ..recording.reading import stamp_of
 from . import IdentificationError
 from .robot import Robot
-from .samples import SHORTEST, SIGNALS, Record
+from .samples import MIN_RECORD_S, SIGNALS, Record
 
 TIME, POSITION, VELOCITY, REFERENCE = "time", "position", "velocity", "position_reference"
 #: Units, in SI, of turning and sliding joints; of the first one where none is given.
@@ -49,17 +49,17 @@ UNITS: dict[str, dict[str, float]] = {
     "motor_position": ANGLES,
 }
 #: Lowest rate of readings, Hz; a gap, s and median periods: no value is made up within.
-LOWEST, GAP, GAP_PERIODS = 50.0, 0.1, 10.0
+MIN_RATE_HZ, MAX_GAP_S, MAX_GAP_PERIODS = 50.0, 0.1, 10.0
 #: Period beyond which a log is taken to have another unit of time, s.
 MAX_PERIOD = 1.0
 #: Numbers that nothing measures: what a torn cell reads as. Times are below, in ns, too.
-BEYOND = 1e20
+MAX_READING = 1e20
 #: A multiple of the limits of speed, torque and position that nothing is at: a torn row.
-TORN = 5.0
+MAX_LIMIT_RATIO = 5.0
 #: Travel below which a joint did not move, rad and m.
-MOVED, MOVED_SLIDING = 0.05, 5e-3
+MIN_TRAVEL_RAD, MIN_TRAVEL_M = 0.05, 5e-3
 #: Fields of messages with the names of joints.
-NAMED = ("name", "names", "joint_names")
+NAME_FIELDS = ("name", "names", "joint_names")
 #: Files of bags.
 BAGS = (".mcap", ".db3")
 #: Kind of motion of a log.
@@ -202,7 +202,7 @@ def table_of(path: Path) -> dict[str, Floats]:
     except ValueError as error:
         why = str(error).partition("; use ")[0]
         raise IdentificationError(f"{path} is no table of numbers: {why}") from error
-    values[np.abs(values) > BEYOND] = np.nan
+    values[np.abs(values) > MAX_READING] = np.nan
     table: dict[str, Floats] = {str(k + 1): row for k, row in enumerate(values.T)}
     return table | dict(zip(head, values.T, strict=False)) if titled else table
 
@@ -301,7 +301,7 @@ def field_of(message: Any, field: Sequence[str], column: str) -> float:
                 return math.nan
             value = value[place]
         elif hasattr(value, part):
-            names = next((list(getattr(value, n)) for n in NAMED if hasattr(value, n)), [])
+            names = next((list(getattr(value, n)) for n in NAME_FIELDS if hasattr(value, n)), [])
             value = getattr(value, part)
         else:
             raise IdentificationError(f"{column}: the messages have no {part}")
@@ -356,29 +356,29 @@ def stretches(time: Floats, signals: dict[str, Floats], names: Sequence[str]) ->
     if time.size < 8:
         raise IdentificationError(f"the log has {time.size} whole rows; is a column empty?")
     period = float(np.median(np.diff(time)))
-    if period > 1.05 / LOWEST:
+    if period > 1.05 / MIN_RATE_HZ:
         raise IdentificationError(
-            f"the log has {1.0 / period:.3g} readings a second, and {LOWEST:.0f} are needed"
+            f"the log has {1.0 / period:.3g} readings a second, and {MIN_RATE_HZ:.0f} are needed"
             + ("; is the unit of time right?" if period > MAX_PERIOD else "")
         )
-    cuts = np.flatnonzero(np.diff(time) > max(GAP, GAP_PERIODS * period)) + 1
+    cuts = np.flatnonzero(np.diff(time) > max(MAX_GAP_S, MAX_GAP_PERIODS * period)) + 1
     records = []
     for rows in np.split(np.arange(time.size), cuts):
-        if time[rows[-1]] - time[rows[0]] >= SHORTEST and rows.size >= 8:
+        if time[rows[-1]] - time[rows[0]] >= MIN_RECORD_S and rows.size >= 8:
             piece = {name: values[rows] for name, values in signals.items()}
             records.append(record_of(time[rows], piece, names))
     if not records:
-        raise IdentificationError(f"no part of the log is {SHORTEST:g} s long without a gap")
+        raise IdentificationError(f"no part of the log is {MIN_RECORD_S:g} s long without a gap")
     return records
 
 
 def on_times(columns: Sequence[Series], time: Floats) -> Floats:
     """Columns at other times, linearly between theirs; shape (m, n)."""
     rows = [
-        one.values
-        if one.time is time or np.array_equal(one.time, time)
-        else np.interp(time, one.time, one.values, left=np.nan, right=np.nan)
-        for one in columns
+        column.values
+        if column.time is time or np.array_equal(column.time, time)
+        else np.interp(time, column.time, column.values, left=np.nan, right=np.nan)
+        for column in columns
     ]
     return np.column_stack(rows)
 
@@ -404,9 +404,9 @@ def read_log(path: Path, words: Mapping[str, str], robot: Robot) -> list[Record]
     whole = series_of_bag(path, sources) if bag else series_of_table(path, sources)
     ends = [np.abs(robot.numbers(f"limits.hard_{side}")) for side in ("lower", "upper")]
     bounds = {
-        POSITION: TORN * np.maximum(*ends),
-        VELOCITY: TORN * robot.numbers("limits.velocity"),
-        "torque": TORN * robot.numbers("limits.torque"),
+        POSITION: MAX_LIMIT_RATIO * np.maximum(*ends),
+        VELOCITY: MAX_LIMIT_RATIO * robot.numbers("limits.velocity"),
+        "torque": MAX_LIMIT_RATIO * robot.numbers("limits.torque"),
     }
     return records_of(whole, robot.names, bounds)
 
@@ -435,5 +435,5 @@ def moved(
         name
         for k, name in enumerate(names)
         if max(np.ptp(record.signals[POSITION][:, k]) for record in records)
-        > kinds[k].choose(MOVED, MOVED_SLIDING)
+        > kinds[k].choose(MIN_TRAVEL_RAD, MIN_TRAVEL_M)
     ]

@@ -18,9 +18,9 @@ from .robot import Robot
 from .samples import Record
 
 #: Minimum travel of a joint, and of a motor with a torn belt, as shares of the reference's.
-MOVED, TURNED = 0.2, 0.5
+MIN_JOINT_TRAVEL, MIN_MOTOR_TRAVEL = 0.2, 0.5
 #: Relative deviation of a gear ratio beyond the inaccuracy of encoders.
-OFF = 0.02
+RATIO_TOLERANCE = 0.02
 #: Play beyond that of encoders and a stiff gearbox, rad and m.
 PLAY, PLAY_SLIDING = 2e-3, 2e-4
 #: Minimum speed with a certain side of the play, as a share of the greatest speed.
@@ -35,12 +35,12 @@ TRAVEL, TRAVEL_SLIDING = 5e-3, 5e-4
 
 
 def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) -> dict[str, str]:
-    found = {}
+    texts = {}
     for joint in joints:
-        own = [record for record in records if joint in record.speeds]
-        if text := trouble(robot, own, joint):
-            found[joint] = text
-    return found
+        joint_records = [record for record in records if joint in record.speeds]
+        if text := trouble(robot, joint_records, joint):
+            texts[joint] = text
+    return texts
 
 
 def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
@@ -56,8 +56,8 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
     wanted, moved = float(np.ptp(rows["position_reference"])), float(np.ptp(rows["position"]))
     why = next((r.ended for r in records if r.ended and blamed(r, joint)), "")
     turned = float(np.ptp(rows["motor_position"])) / ratio
-    if moved < MOVED * wanted:
-        if turned > TURNED * wanted:
+    if moved < MIN_JOINT_TRAVEL * wanted:
+        if turned > MIN_MOTOR_TRAVEL * wanted:
             return (
                 f"its motor turns and the joint does not follow: {kind.position(turned)} at the "
                 f"motor, {kind.position(moved)} at the joint; a torn or loose belt, or a joint "
@@ -70,7 +70,7 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
             )
     if (text := of_gearbox(rows, kind, ratio) or of_current(rows)) or not why:
         return text
-    if moved < MOVED * wanted:
+    if moved < MIN_JOINT_TRAVEL * wanted:
         ways = f"{kind.position(moved)} of {kind.position(wanted)} requested"
         return f"does not move: {ways}{after(why)}"
     return f"was stopped: {why}"
@@ -106,19 +106,19 @@ def of_gearbox(rows: dict[str, Floats], kind: JointKind, ratio: float) -> str:
     both = bool((dq > 0.0).any() and (dq < 0.0).any())
     if both:
         columns.append(np.sign(dq))
-    found = np.linalg.lstsq(np.column_stack(columns), shaft, rcond=None)[0]
-    turns = float(found[0])
-    if turns < 0.0 < ratio * OFF:
+    solution = np.linalg.lstsq(np.column_stack(columns), shaft, rcond=None)[0]
+    turns = float(solution[0])
+    if turns < 0.0 < ratio * RATIO_TOLERANCE:
         return (
             f"motor and joint turn in opposite directions, {abs(turns):.4g} motor turns per joint "
             "turn; the sign of one encoder, or the motor's phases, are the wrong way round"
         )
-    if abs(turns / ratio - 1.0) > OFF:
+    if abs(turns / ratio - 1.0) > RATIO_TOLERANCE:
         return (
             f"wrong gear ratio: its motor turns {turns:.4g} times per joint turn, "
             f"motor.gear_ratio is {ratio:g}; correct the parameter and identify it again"
         )
-    play = 2.0 * float(found[3]) / ratio if both else 0.0
+    play = 2.0 * float(solution[3]) / ratio if both else 0.0
     if play > kind.choose(PLAY, PLAY_SLIDING):
         shown = f"{kind.shown_factor * play:.2f} {kind.shown_unit}"
         return (

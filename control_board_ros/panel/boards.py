@@ -114,8 +114,8 @@ class Board:
 
     def repeats(self, other: Board) -> bool:
         """Whether it includes another board's joints: it is the robot of a part."""
-        own, others = set(self.names), set(other.names)
-        return self.space == other.space and bool(others) and others < own
+        names, others = set(self.names), set(other.names)
+        return self.space == other.space and bool(others) and others < names
 
     @property
     def names(self) -> list[str]:

@@ -28,11 +28,11 @@ from .protocol import KINDS, Request
 #: s between repetitions of a held reference.
 REPEAT = 0.04
 #: Requests that move joints: STOP cancels active ones.
-LASTING = ("position", "direct", "move", "calibrate", "pose", "step", "chirp")
+MOTION_REQUESTS = ("position", "direct", "move", "calibrate", "pose", "step", "chirp")
 #: Modes without an effect of the board's stop: STOP makes these joints hold their position.
-UNHELD = frozenset(mode.code for mode in NOT_HOLDING)
+FREE_MODES = frozenset(mode.code for mode in NOT_HOLDING)
 #: Modes with a position reference: the board's stop acts.
-HELD = frozenset(mode.code for mode in STOPPABLE)
+POSITION_MODES = frozenset(mode.code for mode in STOPPABLE)
 
 
 class Dispatcher:
@@ -267,7 +267,7 @@ class Dispatcher:
     def _cancel_motions(self) -> None:
         for browser in self._state.browsers.values():
             for task in list(browser.running.values()):
-                if task.get_name() in LASTING:
+                if task.get_name() in MOTION_REQUESTS:
                     task.cancel()
 
     async def _stop_everything(self) -> dict[str, Any]:
@@ -286,8 +286,8 @@ class Dispatcher:
         board.requesting()
         dropped = [self.holds.release(board.name, name) for name in names]
         modes = dict(zip(board.names, board.modes.get("control", ()), strict=True))
-        unheld = [name for name in names if modes.get(name) in UNHELD]
-        moving = [name for name in names if modes.get(name) in HELD]
+        unheld = [name for name in names if modes.get(name) in FREE_MODES]
+        moving = [name for name in names if modes.get(name) in POSITION_MODES]
         aio, answers = board.client.aio, []
         if moving:
             answers.append(handlers.reply_fields(await aio.stop(moving)))

@@ -19,7 +19,7 @@ from .bag import Bag
 from .topics import Topic
 
 #: Maximum bytes in memory, of any duration.
-MOST = 512_000_000
+MAX_MEMORY_BYTES = 512_000_000
 #: Recordings that are kept, and their bytes; the oldest are removed.
 KEEP, KEEP_SIZE = 50, 2_000_000_000
 
@@ -54,7 +54,7 @@ class BlackBox:
         self._folder, self._make = folder, make
         self._pause, self._after = round(1e9 * seconds), round(1e9 * after)
         self._span = self._pause + self._after
-        self._most, self._most_bytes = keep, keep_size
+        self._max_count, self._max_bytes = keep, keep_size
         self._kept: deque[tuple[Path, int]] = deque()
         self._free = 0  # time from which a recording is written, ns
         self._held: deque[tuple[Topic, int, bytes]] = deque()
@@ -99,7 +99,9 @@ class BlackBox:
         """Keep a message, and drop expired ones."""
         self._held.append((topic, stamp, data))
         self.size += len(data)
-        while self._held and (stamp - self._held[0][1] > self._span or self.size > MOST):
+        while self._held and (
+            stamp - self._held[0][1] > self._span or self.size > MAX_MEMORY_BYTES
+        ):
             old, _, gone = self._held.popleft()
             self.size -= len(gone)
             if old.latched:
@@ -132,7 +134,8 @@ class BlackBox:
     def _remove_old(self) -> None:
         """Remove the oldest recordings beyond those to keep."""
         while len(self._kept) > 1 and (
-            len(self._kept) > self._most or sum(size for _, size in self._kept) > self._most_bytes
+            len(self._kept) > self._max_count
+            or sum(size for _, size in self._kept) > self._max_bytes
         ):
             path, _ = self._kept.popleft()
             shutil.rmtree(path, ignore_errors=True)

@@ -19,7 +19,7 @@ from .moves import FOLLOWING, Move
 from .reading import BoardRecording
 
 #: Implausible values in any unit, which do not extend a chart's axis.
-BEYOND = 1e30
+MAX_PLAUSIBLE = 1e30
 #: The colours of the control modes, light enough as a background of text.
 MODE_COLOURS = {
     "idl": "#f2d64b",
@@ -83,7 +83,7 @@ class Chart:
 
     def y_range(self) -> tuple[float, float]:
         """Range of the plausible values, with a margin."""
-        values = [trace.y[np.abs(trace.y) < BEYOND] for trace in self.traces]
+        values = [trace.y[np.abs(trace.y) < MAX_PLAUSIBLE] for trace in self.traces]
         known = np.concatenate([v for v in values if v.size] or [np.zeros(1)])
         if self.show_limits and self.limits:
             known = np.concatenate([known, np.array(self.limits)])

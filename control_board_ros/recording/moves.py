@@ -25,7 +25,7 @@ from .reading import BoardRecording
 #: Modes with a position reference.
 FOLLOWING = frozenset(mode.code for mode in STOPPABLE)
 #: Minimum travel of a reference, rad and m.
-LEAST, LEAST_SLIDING = 2e-3, 2e-4
+MIN_TRAVEL_RAD, MIN_TRAVEL_M = 2e-3, 2e-4
 #: s without change between two moves; s evaluated after the end of a move.
 PAUSE, AFTER = 0.1, 2.0
 #: Share of the time after the end for the steady-state error.
@@ -66,7 +66,7 @@ class Move:
 
 
 def moves_of(recording: BoardRecording, joint: str, kind: JointKind) -> list[Move]:
-    least = kind.choose(LEAST, LEAST_SLIDING)
+    least = kind.choose(MIN_TRAVEL_RAD, MIN_TRAVEL_M)
     return [
         move(recording, joint, mode, *change)
         for begin, end, mode in recording.control_modes(joint)

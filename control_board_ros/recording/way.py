@@ -18,7 +18,7 @@ from .reading import BoardRecording
 #: s between points; motion within twice that is a hand's tremor.
 GRID = 0.05
 #: Minimum travel that counts as motion, rad or m.
-STILL = 2e-3
+MIN_MOTION = 2e-3
 #: Share of a joint's limits of speed and acceleration used by a replay.
 SHARE = 0.9
 
@@ -69,10 +69,10 @@ def way_of(
     measured = recording.signals["position"][:, columns]
     good = np.isfinite(measured).all(axis=1)
     time, measured = recording.time[good], measured[good]
-    if time.size < 2 or not np.ptp(measured, axis=0).max() > STILL:
+    if time.size < 2 or not np.ptp(measured, axis=0).max() > MIN_MOTION:
         raise RecordingError("no joint moves in the recording; guide it, then record")
-    away = np.abs(measured - measured[0]).max(axis=1) > STILL
-    still = np.abs(measured - measured[-1]).max(axis=1) > STILL
+    away = np.abs(measured - measured[0]).max(axis=1) > MIN_MOTION
+    still = np.abs(measured - measured[-1]).max(axis=1) > MIN_MOTION
     first, last = int(np.argmax(away)), time.size - 1 - int(np.argmax(still[::-1]))
     begin, end = max(time[first] - 4.0 * GRID, time[0]), min(time[last] + 4.0 * GRID, time[-1])
     inside = (time >= begin) & (time <= end)

@@ -12,7 +12,7 @@ from .errors import RecordingError
 from .topics import Topic
 
 #: Maximum bytes that wait for the disk; beyond them messages are left out.
-MOST = 256_000_000
+MAX_WAITING_BYTES = 256_000_000
 #: s without a message after which the sink is synced all the same.
 PATIENCE = 0.25
 
@@ -36,8 +36,8 @@ class Writing:
         left_out: Messages for which there was no room.
     """
 
-    def __init__(self, sink: Sink, most: int = MOST) -> None:
-        self._sink, self._most = sink, most
+    def __init__(self, sink: Sink, max_waiting: int = MAX_WAITING_BYTES) -> None:
+        self._sink, self._max_waiting = sink, max_waiting
         self._messages = queue.SimpleQueue[tuple[Topic, int, bytes] | None]()
         self._put = self._taken = 0  # bytes, each counted by one thread
         self._error: Exception | None = None
@@ -55,7 +55,7 @@ class Writing:
             RecordingError: the sink failed earlier.
         """
         self._check()
-        if self._put - self._taken > self._most:
+        if self._put - self._taken > self._max_waiting:
             self.left_out += 1
             return
         self._put += len(data)

@@ -23,25 +23,25 @@ T = TypeVar("T")
 Values = Mapping[str, Any]
 
 
-def configure(made: type[T], values: Values, prefix: str, **given: Any) -> T:
+def configure(made: type[T], values: Values, prefix: str, **fields: Any) -> T:
     """A configuration of the values whose names begin with a prefix.
 
     Args:
         made: Its class.
         values: By full parameter name.
         prefix: Empty, or with a dot at its end.
-        given: Fields that are not parameters.
+        fields: Fields that are not parameters.
 
     Raises:
         ConfigError: a value is not allowed.
     """
     for row in parameters_of(made):
-        if row.name not in given:
-            given[row.name] = _typed(row, values[prefix + row.name])
+        if row.name not in fields:
+            fields[row.name] = _typed(row, values[prefix + row.name])
     for part in parts_of(made):
-        if part.name not in given:
-            given[part.name] = configure(part.made, values, f"{prefix}{part.name}.")
-    return made(**given)
+        if part.name not in fields:
+            fields[part.name] = configure(part.made, values, f"{prefix}{part.name}.")
+    return made(**fields)
 
 
 def _typed(row: Parameter, value: Any) -> Any:
@@ -56,16 +56,16 @@ def joint(values: Values, name: str, kind: str) -> JointConfig:
     none = {"calibration": None} if values[f"{name}.calibration.type"] == 0 else {}
     key = f"{name}.torque_sensor"
     external = values[key] == EXTERNAL
-    given = {**values, key: True} if external else values
+    values = {**values, key: True} if external else values
     more: dict[str, Any] = {"external_torque": external, **none}
-    return configure(JointConfig, given, f"{name}.", name=name, kind=kind, **more)
+    return configure(JointConfig, values, f"{name}.", name=name, kind=kind, **more)
 
 
 def board(
     values: Values, urdf: Urdf, names: tuple[str, ...], motors: Sequence[Motors] = ()
 ) -> BoardConfig:
     """The configuration of the board; raises ConfigError for a value that is not allowed."""
-    kinds = {one.name: one.kind for one in urdf.axes}
+    kinds = {axis.name: axis.kind for axis in urdf.axes}
     joints = tuple(joint(values, name, kinds[name]) for name in names)
     return board_of(values, joints, model(values, urdf, names), couplings(urdf, names, motors))
 
@@ -104,7 +104,9 @@ def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None
 def urdf_model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel:
     """The links of some joints as the URDF has them, whether or not the joints feel them."""
     homes = {
-        one.name: values[f"{one.name}.home"] for one in urdf.axes if f"{one.name}.home" in values
+        axis.name: values[f"{axis.name}.home"]
+        for axis in urdf.axes
+        if f"{axis.name}.home" in values
     }
     rotors = {
         name: values[f"{name}.motor.inertia"] * values[f"{name}.motor.gear_ratio"] ** 2
@@ -133,20 +135,20 @@ def board_of(
     Raises:
         ConfigError: a value is not allowed.
     """
-    coupling = coupled.joints or Coupling.plain([own.name for own in joints])
-    for own in joints:
-        if own.yields and own.name not in coupling.physical_joints:
-            key = f"{own.name}.admittance.dead_band"
+    coupling = coupled.joints or Coupling.plain([config.name for config in joints])
+    for config in joints:
+        if config.yields and config.name not in coupling.physical_joints:
+            key = f"{config.name}.admittance.dead_band"
             allowed = "0 for an axis of a coupling: its weight is unknown"
-            raise ConfigError(key, own.admittance.dead_band, allowed)
-        if not own.gravity_compensation:
+            raise ConfigError(key, config.admittance.dead_band, allowed)
+        if not config.gravity_compensation:
             continue
-        key = f"{own.name}.gravity_compensation"
+        key = f"{config.name}.gravity_compensation"
         if not values["base_fixed"]:
             raise ConfigError(
                 key, True, "false where base_fixed is false: the direction of gravity is unknown"
             )
-        if own.name not in coupling.physical_joints:
+        if config.name not in coupling.physical_joints:
             raise ConfigError(key, True, "false for an axis of a coupling: its weight is unknown")
     return configure(
         BoardConfig,

@@ -131,20 +131,20 @@ def coupled(urdf: Urdf, table: Entries) -> tuple[Urdf, tuple[Motors, ...]]:
     """
     motors: list[Motors] = []
     for name in dict.fromkeys(key.split(".")[1] for key in table):
-        given = {key: table.get(f"{COUPLINGS}.{name}.{key}", Entry([], "")) for key in ROWS}
-        if not given["axes"].value:
+        entries = {key: table.get(f"{COUPLINGS}.{name}.{key}", Entry([], "")) for key in ROWS}
+        if not entries["axes"].value:
             continue
-        if given["matrix"].value or given["joints"].value or not given["motor_matrix"].value:
-            urdf = _with_joints(urdf, name, given)
-        if given["motor_matrix"].value:
+        if entries["matrix"].value or entries["joints"].value or not entries["motor_matrix"].value:
+            urdf = _with_joints(urdf, name, entries)
+        if entries["motor_matrix"].value:
             for other in motors:
-                for axis in set(other.coupling.axes) & set(given["axes"].value):
+                for axis in set(other.coupling.axes) & set(entries["axes"].value):
                     allowed = f"{axis} in one coupling of motors; {other.key} has it"
-                    raise _refused(f"{COUPLINGS}.{name}.axes", given["axes"], allowed)
-            motors.append(_motors(name, given))
-    for one in motors:
-        key, known = one.key.replace("motor_matrix", "axes"), urdf.independent
-        for axis in one.coupling.axes:
+                    raise _refused(f"{COUPLINGS}.{name}.axes", entries["axes"], allowed)
+            motors.append(_motors(name, entries))
+    for group in motors:
+        key, known = group.key.replace("motor_matrix", "axes"), urdf.independent
+        for axis in group.coupling.axes:
             if axis not in known:
                 allowed = f"axes of the robot, not {axis!r}{nearest(axis, known)}; they are: "
                 raise _refused(key, table[key], allowed + ", ".join(known))
@@ -158,17 +158,17 @@ def motor_coupling(motors: Sequence[Motors], names: Sequence[str]) -> Coupling |
         ValueError: some of a coupling's axes are missing; what would be allowed.
     """
     matrix = np.eye(len(names))
-    for one in motors:
-        axes = one.coupling.axes
+    for group in motors:
+        axes = group.coupling.axes
         if not set(axes) & set(names):
             continue
         if missing := [axis for axis in axes if axis not in names]:
             raise ValueError(
-                f"all axes of {one.key.rpartition('.')[0]}, or none; {', '.join(missing)} is "
+                f"all axes of {group.key.rpartition('.')[0]}, or none; {', '.join(missing)} is "
                 "missing"
             )
         where = [names.index(axis) for axis in axes]
-        matrix[np.ix_(where, where)] = one.coupling.matrix
+        matrix[np.ix_(where, where)] = group.coupling.matrix
     if np.array_equal(matrix, np.eye(len(names))):
         return None
     return Coupling(tuple(names), tuple(names), tuple(map(tuple, matrix.tolist())))
@@ -184,9 +184,9 @@ def values_of(table: Entries, names: Collection[str]) -> dict[str, Any]:
     return {key: entry.value for key, entry in table.items() if key.split(".")[1] in kept}
 
 
-def _with_joints(urdf: Urdf, name: str, given: Entries) -> Urdf:
+def _with_joints(urdf: Urdf, name: str, entries: Entries) -> Urdf:
     axes, joints, matrix, offsets, functions = (
-        given[key].value for key in ("axes", "joints", "matrix", "offsets", "functions")
+        entries[key].value for key in ("axes", "joints", "matrix", "offsets", "functions")
     )
     joints, key = joints or axes, f"{COUPLINGS}.{name}.matrix"
     if not matrix and len(joints) == len(axes):
@@ -194,27 +194,27 @@ def _with_joints(urdf: Urdf, name: str, given: Entries) -> Urdf:
     rows = _rows(matrix, len(axes))
     for joint, row in zip(joints, rows, strict=False):
         if not any(row):
-            raise _refused(key, given["matrix"], f"a row that is not all zeros for {joint}")
+            raise _refused(key, entries["matrix"], f"a row that is not all zeros for {joint}")
     made = tuple(
-        _function(f"{COUPLINGS}.{name}.functions", given["functions"], f) for f in functions
+        _function(f"{COUPLINGS}.{name}.functions", entries["functions"], f) for f in functions
     )
     try:
         coupling = Coupling(tuple(axes), tuple(joints), rows, tuple(offsets), made)
     except ValueError as error:
-        raise _refused(key, given["matrix"], str(error)) from None
+        raise _refused(key, entries["matrix"], str(error)) from None
     try:
         return couple(urdf, name, coupling)
     except ValueError as error:
-        raise _refused(f"{COUPLINGS}.{name}.joints", given["joints"], str(error)) from None
+        raise _refused(f"{COUPLINGS}.{name}.joints", entries["joints"], str(error)) from None
 
 
-def _motors(name: str, given: Entries) -> Motors:
-    axes, matrix = given["axes"].value, given["motor_matrix"].value
+def _motors(name: str, entries: Entries) -> Motors:
+    axes, matrix = entries["axes"].value, entries["motor_matrix"].value
     key = f"{COUPLINGS}.{name}.motor_matrix"
     try:
         return Motors(key, Coupling(tuple(axes), tuple(axes), _rows(matrix, len(axes))))
     except ValueError as error:
-        raise _refused(key, given["motor_matrix"], str(error)) from None
+        raise _refused(key, entries["motor_matrix"], str(error)) from None
 
 
 def _rows(matrix: Sequence[float], count: int) -> tuple[tuple[float, ...], ...]:

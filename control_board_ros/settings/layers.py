@@ -61,8 +61,8 @@ def without_ros(layers: Sequence[Layer]) -> tuple[list[Entries], dict[str, Any]]
 
 def prefix_of(layers: Sequence[Entries]) -> str:
     """The joint prefix of the strongest layer; raises SettingsError for characters not allowed."""
-    name, given = "joint_prefix", [layer for layer in layers if "joint_prefix" in layer]
-    return str(convert(BOARD_BY_NAME[name], name, given[-1][name])) if given else ""
+    name, having = "joint_prefix", [layer for layer in layers if "joint_prefix" in layer]
+    return str(convert(BOARD_BY_NAME[name], name, having[-1][name])) if having else ""
 
 
 def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
@@ -71,7 +71,7 @@ def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
     def full(name: str) -> str:
         return prefix + name if name in joints else name
 
-    found: Entries = {}
+    prefixed_entries: Entries = {}
     for name, entry in entries.items():
         owner, dot, key = name.partition(".")
         value = entry.value
@@ -82,8 +82,8 @@ def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
         if owner == POSES:
             pose, mark, joint = key.partition(".")
             key = pose + mark + full(joint)
-        found[(full(owner) if dot else owner) + dot + key] = Entry(value, entry.where)
-    return found
+        prefixed_entries[(full(owner) if dot else owner) + dot + key] = Entry(value, entry.where)
+    return prefixed_entries
 
 
 def typed(entries: Entries, joints: Sequence[str]) -> Entries:
@@ -111,25 +111,25 @@ def _row(name: str, entry: Entry, joints: Sequence[str]) -> Parameter:
 
 def merged(layers: Iterable[Entries], urdf: Urdf) -> Entries:
     """The strongest entry per name; in a layer, a joint's own overrides ``joint_defaults``."""
-    found: Entries = {}
+    entries: Entries = {}
     for layer in layers:
         for name, entry in layer.items():
             owner, _, key = name.partition(".")
             if owner == JOINT_DEFAULTS:
-                found |= {f"{joint}.{key}": entry for joint in urdf.independent}
-        found |= layer
-    return found
+                entries |= {f"{joint}.{key}": entry for joint in urdf.independent}
+        entries |= layer
+    return entries
 
 
 def joints_of(
-    chosen: Sequence[str], urdf: Urdf, where: str, key: str = "joints"
+    requested: Sequence[str], urdf: Urdf, where: str, key: str = "joints"
 ) -> tuple[str, ...]:
     """The joints of the board: those chosen by the parameter ``key``, or all movable ones.
 
     Raises:
         SettingsError: a joint that cannot be chosen; the message says why.
     """
-    names = tuple(chosen) or urdf.independent
+    names = tuple(requested) or urdf.independent
     at = f"{where}: " if where else ""
     for name in names:
         if name in urdf.independent and names.count(name) == 1:

@@ -135,7 +135,7 @@ class Settings:
             coupling=couplings.joints,
             motor_coupling=couplings.motors,
         )
-        poses = {n: own for n, pose in self.poses.items() if (own := pose.of(names)) is not None}
+        poses = {n: part for n, pose in self.poses.items() if (part := pose.of(names)) is not None}
         values = {key: value for key, value in self.values.items() if not key.startswith(others)}
         values |= {
             "joints": list(names),
@@ -149,7 +149,7 @@ class Settings:
     @property
     def physical(self) -> Coupling | None:
         """The coupling of the joints with physical ones that a file declares; None: they are."""
-        declared = {axis for one in self.urdf.coupled for axis in one.coupling.axes}
+        declared = {axis for group in self.urdf.coupled for axis in group.coupling.axes}
         return self.board.coupling if declared.intersection(self.board.names) else None
 
     @property
@@ -177,11 +177,11 @@ class Settings:
             self._restart(name, values)
         try:
             joints = tuple(
-                build.joint(values, one.name, one.kind) if one.name in touched else one
-                for one in self.board.joints
+                build.joint(values, joint.name, joint.kind) if joint.name in touched else joint
+                for joint in self.board.joints
             )
-            own = build.Couplings(self.board.coupling, self.board.motor_coupling)
-            board = build.board_of(values, joints, self.board.model, own)
+            couplings = build.Couplings(self.board.coupling, self.board.motor_coupling)
+            board = build.board_of(values, joints, self.board.model, couplings)
         except ConfigError as error:
             raise SettingsError(_blame(error, changes, values)) from None
         return replace(self, board=board, values=values)
@@ -233,26 +233,26 @@ def _is_name(source: str) -> bool:
 
 def load_layers(layers: Iterable[Layer]) -> Settings:
     """Settings of layers in ascending priority, above the robot's shipped layer."""
-    given = list(layers)
-    robot, folder, where = robot_of(given)
+    all_layers = list(layers)
+    robot, folder, where = robot_of(all_layers)
     if robot in NAMES:
         for name in (robot, EXTENDS.get(robot)):
             base = find_config(name) if name else None
-            if base is not None and all(layer.path != base.absolute() for layer in given):
-                given.insert(0, read_file(base))
+            if base is not None and all(layer.path != base.absolute() for layer in all_layers):
+                all_layers.insert(0, read_file(base))
     try:
         urdf = load_robot(robot, folder)
     except UrdfError as error:
         raise SettingsError(f"{where}: robot: {error}" if where else f"robot: {error}") from None
-    ours, ros = without_ros(given)
+    ours, ros = without_ros(all_layers)
     prefix = prefix_of(ours)
     ours, couplings = take_couplings(ours)
     names = {*urdf.independent, *axes_of(couplings)}
-    ours = [prefixed(one, names, prefix) for one in ours]
+    ours = [prefixed(layer, names, prefix) for layer in ours]
     couplings = prefixed_couplings(couplings, prefix)
     urdf, motors = coupled(urdf.with_prefix(prefix), couplings)
     ours, table = take_parts(ours)
-    entries = merged([typed(one, urdf.independent) for one in ours], urdf)
+    entries = merged([typed(layer, urdf.independent) for layer in ours], urdf)
     if "robot" in entries:
         entries["robot"] = Entry(located(robot, folder), where)
     return _settings(entries, urdf, ros, table, Coupled(couplings, motors))
@@ -276,23 +276,25 @@ def _settings(
     values.setdefault("plant_timeout", VIRTUAL_TIMEOUT if virtual else PLANT_TIMEOUT)
     for part, joints_there in parts.items():
         joints_of(joints_there, urdf, table[part].where, f"parts.{part}")
-    chosen = [name for of_part in parts.values() for name in of_part]
-    names = joints_of(chosen or values["joints"], urdf, where.get("joints", ""))
+    part_joints = [name for of_part in parts.values() for name in of_part]
+    names = joints_of(part_joints or values["joints"], urdf, where.get("joints", ""))
     joints = {name: _values(JOINT, entries, f"{name}.") for name in names}
     try:
         x, y, z = values["gravity"]
         motors = build.couplings(urdf, names, coupled.motors).motors
         assumed = complete(joints, urdf, (x, y, z), rate, motors)
-        for name, found in joints.items():
-            if not found["torque_sensor"]:  # I7
-                found["control_modes"] = [m for m in found["control_modes"] if m not in SENSING]
-                if found["admittance.dead_band"]:
-                    found["drive"] = found["drive"] or [SetPoint.POSITION.code]
+        for name, joint_values in joints.items():
+            if not joint_values["torque_sensor"]:  # I7
+                joint_values["control_modes"] = [
+                    m for m in joint_values["control_modes"] if m not in SENSING
+                ]
+                if joint_values["admittance.dead_band"]:
+                    joint_values["drive"] = joint_values["drive"] or [SetPoint.POSITION.code]
                 else:
-                    found["interaction_modes"] = [
-                        m for m in found["interaction_modes"] if m not in SENSING
+                    joint_values["interaction_modes"] = [
+                        m for m in joint_values["interaction_modes"] if m not in SENSING
                     ]
-            values |= {f"{name}.{key}": value for key, value in found.items()}
+            values |= {f"{name}.{key}": value for key, value in joint_values.items()}
         if parts:
             values["calibration_groups"] = groups_of(
                 values["calibration_groups"], set(urdf.independent) - set(names)
@@ -325,13 +327,13 @@ def _values(
     rows: Iterable[Parameter], entries: Mapping[str, Entry], prefix: str = ""
 ) -> dict[str, Any]:
     """Given values and defaults of some parameters, without those to derive."""
-    found = {}
+    values = {}
     for row in rows:
         if (entry := entries.get(prefix + row.name)) is not None:
-            found[row.name] = entry.value
+            values[row.name] = entry.value
         elif row.default is not None:
-            found[row.name] = row.default
-    return found
+            values[row.name] = row.default
+    return values
 
 
 def _slow(rate: float) -> tuple[str, ...]:

@@ -184,12 +184,12 @@ def convert(row: Parameter, name: str, entry: Entry) -> Any:
     value = _typed(row, entry.value)
     if value is None:
         at = f"{entry.where}: " if entry.where else ""
-        given = shown(entry.value)
+        value_text = shown(entry.value)
         items = entry.value if isinstance(entry.value, list) else [entry.value]
         text = row.kind in (Kind.STRING, Kind.STRINGS) and not row.choices
         quotes = text and any(isinstance(item, (int, float)) for item in items)
         hint = ", numbers in quotes" if quotes else ""
-        raise SettingsError(f"{at}{name}: {given} is not allowed; use {row.range_text}{hint}")
+        raise SettingsError(f"{at}{name}: {value_text} is not allowed; use {row.range_text}{hint}")
     return value
 
 

@@ -29,7 +29,7 @@ import yaml
 
 from ..core.config.config import BoardConfig
 from ..core.config.parameter import Kind, Parameter
-from ..core.goals.pose import HOME, LARGEST, NAME, PARK, Pose
+from ..core.goals.pose import HOME, MAX_VALUE, NAME, PARK, Pose
 from ..core.selection import RequestError
 from .params_file import Entry, SettingsError, read_text
 from .yaml_tree import Leaf, parse_yaml, shown
@@ -88,13 +88,13 @@ def poses_of(
     Raises:
         SettingsError: a pose without joints.
     """
-    given: dict[str, dict[str, Entry]] = {HOME: {}, PARK: {}}
+    tables: dict[str, dict[str, Entry]] = {HOME: {}, PARK: {}}
     for name, entry in entries.items():
-        if found := split(name):
-            given.setdefault(found[0], {})[found[1]] = entry
+        if words := split(name):
+            tables.setdefault(words[0], {})[words[1]] = entry
     poses: dict[str, Pose] = {}
     warnings: list[str] = []
-    for name, parts in given.items():
+    for name, parts in tables.items():
         speed = float(parts[SPEED].value) if SPEED in parts else 0.0
         wanted = {joint: float(e.value) for joint, e in parts.items() if joint != SPEED}
         if not wanted and name == HOME:
@@ -136,7 +136,7 @@ def values_of(poses: Mapping[str, Pose]) -> dict[str, Any]:
 
 
 #: Maximum number of poses in a file.
-MOST = 100
+MAX_POSES = 100
 #: Attempts to lock the file, and s between them: saving takes a few ms and blocks all other
 #: services.
 TRIES, PAUSE = 10, 0.005
@@ -181,8 +181,10 @@ class UserPoses:
                 poses = self.read()
                 old = poses.get(pose.name, Pose(pose.name, (), ()))
                 poses[pose.name] = old.besides({*names, *pose.joints}).joined(pose)
-                if len(poses) > MOST:
-                    raise RequestError(f"{self.path}: holds {MOST} poses already; delete some")
+                if len(poses) > MAX_POSES:
+                    raise RequestError(
+                        f"{self.path}: holds {MAX_POSES} poses already; delete some"
+                    )
                 self._write(poses)
         except OSError as error:
             raise RequestError(
@@ -274,8 +276,8 @@ def poses_in(text: str, source: str) -> dict[str, Pose]:
 def number(node: Any, name: str, source: str) -> float:
     """A number of the file; raises SettingsError for anything else."""
     value = getattr(node, "value", None)
-    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST:
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < MAX_VALUE:
         return float(value)
     raise SettingsError(
-        f"{source}:{node.line}: {name}: {shown(value)} is no number below {LARGEST:g}"
+        f"{source}:{node.line}: {name}: {shown(value)} is no number below {MAX_VALUE:g}"
     )

@@ -196,9 +196,9 @@ def brake_torque(d: Drive, velocity: cython.double) -> cython.double:
 
 @cython.cfunc
 @cython.inline
-def bounded(value: cython.double, most: cython.double) -> cython.double:
+def bounded(value: cython.double, limit: cython.double) -> cython.double:
     """The value, or the bound of either sign that it passes."""
-    return max(min(value, most), -most)
+    return max(min(value, limit), -limit)
 
 
 @cython.cfunc
@@ -263,7 +263,7 @@ class Drives:
 
     drives: list[Drive]
     sources: tuple[object, object]  # of the views below: made anew where other arrays come
-    given = cython.declare("const double[:]")
+    pwm_in = cython.declare("const double[:]")
     bridges = cython.declare("const double[:]")
     position: cython.double[::1]
     velocity: cython.double[::1]
@@ -289,9 +289,9 @@ class Drives:
     def look_at(self, pwm: object, powered: object) -> None:
         """View other arrays; a copy of what is no such array is made again in every cycle."""
         shape = (len(self.drives),)
-        given, bridges = doubles(pwm, shape), doubles(powered, shape)
-        self.sources = (pwm, powered) if given is pwm and bridges is powered else (None, None)
-        self.given, self.bridges = given, bridges
+        pwm_in, bridges = doubles(pwm, shape), doubles(powered, shape)
+        self.sources = (pwm, powered) if pwm_in is pwm and bridges is powered else (None, None)
+        self.pwm_in, self.bridges = pwm_in, bridges
 
     def take(self, pwm: object, powered: object) -> bool:
         """Set the PWM, percent, and close (1) or open (0) bridges, shape (n,) each.
@@ -306,7 +306,7 @@ class Drives:
             self.look_at(pwm, powered)
         for k in range(len(self.drives)):
             d = self.drives[k]
-            self.pwm[k] = self.given[k]
+            self.pwm[k] = self.pwm_in[k]
             if (self.bridges[k] > 0.0) != d.powered:
                 d.powered, switched = not d.powered, True
         return switched

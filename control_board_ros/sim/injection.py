@@ -124,7 +124,7 @@ KINDS: dict[str, Corruption] = {
 BRAKES = ("brake_stuck", "brake_worn")
 #: Of joints whose drive closes loops of its own: it receives nothing until this is cleared.
 DEAF = "drive_deaf"
-LASTING = (*BRAKES, DEAF)
+LASTING_FAULTS = (*BRAKES, DEAF)
 
 
 class Injector:
@@ -139,8 +139,8 @@ class Injector:
     def check(self, joint: int, kind: str) -> None:
         """Raise ValueError where a joint cannot have a fault: unknown kind, or no such sensor."""
         config = self._joints[joint]
-        if kind not in KINDS and kind not in LASTING:
-            raise ValueError(unknown_word("fault", kind, (*KINDS, *LASTING), "faults:"))
+        if kind not in KINDS and kind not in LASTING_FAULTS:
+            raise ValueError(unknown_word("fault", kind, (*KINDS, *LASTING_FAULTS), "faults:"))
         if kind == "torque_sensor" and not config.torque_sensor:
             raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
         if kind in BRAKES and not config.brake.present:
@@ -166,7 +166,9 @@ class Injector:
             joint,
             config.limits,
             cycle,
-            math.inf if persistent or kind in LASTING else cycle + self._least(kind, config),
+            math.inf
+            if persistent or kind in LASTING_FAULTS
+            else cycle + self._least(kind, config),
             truth[:, joint].tolist(),
             driven=bool(self._powered[joint]),
         )

@@ -101,18 +101,20 @@ class Motors:
         self.pwm, self.current, self.torque, self.applied, self.acted = rows
         self._at_joints = rows[2:4]  # torque and applied
         self._coupling = board.motor_coupling
-        self.shafts, given, acting = self.state, self.torque, self.applied
+        self.shafts, torques, acting = self.state, self.torque, self.applied
         if self._coupling is not None:
             self.shafts = np.zeros((2, n))
-            self._torques = given, acting = np.zeros((2, n))
+            self._torques = torques, acting = np.zeros((2, n))
         models = [joint.motor for joint in simulation.joints]
         inertia = smoothing_inertia(board, simulation).tolist()
         self._drives = [
-            make_drive(joint, own, least, simulation.physics_step)
-            for joint, own, least in zip(board.joints, simulation.joints, inertia, strict=True)
+            make_drive(joint, joint_simulation, least, simulation.physics_step)
+            for joint, joint_simulation, least in zip(
+                board.joints, simulation.joints, inertia, strict=True
+            )
         ]
         turn, speed = self.shafts
-        used = (turn, speed, self.pwm, self.current, given, acting, self.acted)
+        used = (turn, speed, self.pwm, self.current, torques, acting, self.acted)
         drives = Drives(self._drives, [row.data for row in used])
         self.take, self.step, self.follow = drives.take, drives.step, drives.follow
         if self._coupling is not None:
@@ -175,16 +177,18 @@ class Motors:
         self.temperature[joints] = self._ambient[joints]
 
 
-def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: float) -> Drive:
+def make_drive(
+    joint: JointConfig, joint_simulation: JointSimulation, inertia: float, step: float
+) -> Drive:
     """The drive of a joint; its own loops have the gains and limits of the board's.
 
     Args:
         joint: Its configuration.
-        own: Its properties beyond the name plate.
+        joint_simulation: Its properties beyond the name plate.
         inertia: Minimum moved inertia, kg·m².
         step: The physics step h, s.
     """
-    plate, model = joint.motor, own.motor
+    plate, model = joint.motor, joint_simulation.motor
     ratio = step * plate.resistance / plate.inductance
     response = -math.expm1(-ratio)
     stiction_torque, bristle_stiffness, bristle_damping = bristle_constants(
@@ -215,7 +219,7 @@ def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: f
         clutch_damping=CLUTCH * inertia / step,
         release_steps=math.ceil(brake.release_time / step - 1e-9),
         engage_steps=math.ceil(brake.engage_time / step - 1e-9),
-        **loop_constants(joint, own.drive_model, step, ratio),
+        **loop_constants(joint, joint_simulation.drive_model, step, ratio),
     )
 
 
@@ -260,8 +264,12 @@ def reflected_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array
 
 def rotors_at_axes(board: BoardConfig, simulation: SimulationConfig) -> Array:
     """The same as each axis feels it alone: of all motors that turn with it, shape (n,), kg·m²."""
-    own = reflected_inertia(board, simulation)
-    return own if board.motor_coupling is None else rotors_of_motors(board.motor_coupling, own)
+    inertia = reflected_inertia(board, simulation)
+    return (
+        inertia
+        if board.motor_coupling is None
+        else rotors_of_motors(board.motor_coupling, inertia)
+    )
 
 
 def smoothing_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array:

@@ -223,9 +223,9 @@ class SimulatedPlant:
             ValueError: unknown joint or kind, or no such sensor; the message lists what is
             allowed,     and no fault is injected.
         """
-        one = isinstance(joints, str) or not isinstance(joints, Sequence)
-        chosen = cast("Sequence[int | str]", [joints] if one else joints)
-        indices = [self._index(joint) for joint in chosen]
+        is_single = isinstance(joints, str) or not isinstance(joints, Sequence)
+        requested = cast("Sequence[int | str]", [joints] if is_single else joints)
+        indices = [self._index(joint) for joint in requested]
         for index in indices:
             self._faults.check(index, kind)
         for index in indices:

@@ -74,12 +74,12 @@ class BoardProcess:
             AssertionError: no such line within the timeout (s).
         """
 
-        def found() -> str | None:
+        def find_line() -> str | None:
             return next((line for line in self._lines if text in line), None)
 
         with self._printed:
-            self._printed.wait_for(lambda: found() or not self._reader.is_alive(), timeout)
-            line = found()
+            self._printed.wait_for(lambda: find_line() or not self._reader.is_alive(), timeout)
+            line = find_line()
         assert line is not None, f"no line with {text!r} in {timeout:g} s:\n{self.tail()}"
         return line
 

@@ -20,7 +20,7 @@ from . import TuningError
 from .files import summary, write_parameters, write_report
 from .outcome import accept
 from .scenes import usual_payload
-from .search import Found, Plan, run_all, settings_of
+from .search import Plan, SearchResult, run_all, settings_of
 from .space import COMPLIANT, POSITION
 from .storage import optuna, redacted, storage_of
 
@@ -49,7 +49,7 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def tune(given: argparse.Namespace) -> None:
+def tune(options: argparse.Namespace) -> None:
     """Search for the gains of a robot.
 
     Raises:
@@ -58,29 +58,29 @@ def tune(given: argparse.Namespace) -> None:
         SettingsError: the robot cannot be loaded.
     """
     optuna()
-    if given.trials < 1 or (given.jobs is not None and given.jobs < 1):
+    if options.trials < 1 or (options.jobs is not None and options.jobs < 1):
         raise TuningError("--trials and --jobs are whole numbers from 1")
-    output = Path(given.output)
+    output = Path(options.output)
     if not output.absolute().parent.is_dir():
         raise TuningError(f"{output.parent} is no folder; make it first")
-    found = "" if given.found is None else str(given.found)
-    settings = settings_of(given.robot, found)
-    payload = payload_of(given.payload, settings)
-    storage = given.storage or str(output.with_suffix(".journal"))
+    identification = "" if options.identification is None else str(options.identification)
+    settings = settings_of(options.robot, identification)
+    payload = payload_of(options.payload, settings)
+    storage = options.storage or str(output.with_suffix(".journal"))
     storage_of(storage)
-    plan = Plan(given.robot, payload, given.trials, given.seed, storage, found)
-    tasks = tasks_of(settings, given.joints)
-    jobs = given.jobs or os.cpu_count() or 1
+    plan = Plan(options.robot, payload, options.trials, options.seed, storage, identification)
+    tasks = tasks_of(settings, options.joints)
+    jobs = options.jobs or os.cpu_count() or 1
     say(
         f"{len(tasks)} controllers, {plan.trials} trials each, payload up to {payload:.3g} kg, "
         f"{min(jobs, len(tasks))} processes; trials are kept in {redacted(storage)}"
     )
     start = time.monotonic()
 
-    def show(found: Found, done: int, whole: int) -> None:
+    def show(result: SearchResult, done: int, whole: int) -> None:
         say(
-            f"{done}/{whole}  {found.joint}, {found.stage}: cost {found.cost:.2f} of before, "
-            f"{found.trials} trials, {time.monotonic() - start:.0f} s"
+            f"{done}/{whole}  {result.joint}, {result.stage}: cost {result.cost:.2f} of before, "
+            f"{result.trials} trials, {time.monotonic() - start:.0f} s"
         )
 
     outcomes = accept(plan, run_all(plan, tasks, jobs, show))

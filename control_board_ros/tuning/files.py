@@ -30,7 +30,7 @@ CAUTION = (
 #: Names of the stages.
 TITLES = {POSITION: "position", "compliant": "impedance and torque"}
 #: Displayed figures, with the factor to their unit.
-SHOWN = {
+FIGURE_NAMES = {
     "tracking": "RMS tracking error",
     "push": "RMS error under a push",
     "settling": "settling",
@@ -72,7 +72,7 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
         "# In poses that the search did not see, mean figures before -> after:",
         *(f"#   {line}" for line in summary(outcomes, plan)),
     ]
-    below = [file for file in (plan.robot, plan.found) if file and Path(file).is_file()]
+    below = [file for file in (plan.robot, plan.identification) if file and Path(file).is_file()]
     if below:
         files = " ".join(f"--params-file {file}" for file in (*below, path.name))
         lines.append(f"# Use it on top: {files}")
@@ -95,7 +95,7 @@ def line_of(outcome: Outcome, kind: JointKind) -> str:
         head += f"the derived gains ({outcome.why}), "
     texts = []
     for name in ("tracking", "push") if outcome.stage == POSITION else ("torque", "tracking"):
-        text = f"{SHOWN[name]} {before_and_after(outcome, name, kind, '->')}"
+        text = f"{FIGURE_NAMES[name]} {before_and_after(outcome, name, kind, '->')}"
         if outcome.derived and not outcome.why:
             text += f" (derived gains: {mean_text(name, outcome.derived, kind)})"
         texts.append(text)
@@ -149,7 +149,7 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
 
 def section(outcome: Outcome, kind: JointKind) -> str:
     facts = [
-        (SHOWN[name], before_and_after(outcome, name, kind, "→"))
+        (FIGURE_NAMES[name], before_and_after(outcome, name, kind, "→"))
         for name in WEIGHTS[outcome.stage]
     ]
     facts += [
@@ -162,7 +162,7 @@ def section(outcome: Outcome, kind: JointKind) -> str:
         return chart_section(f"{title}, as before", [("kept, because", outcome.why)], [])
     if outcome.derived:
         facts += [
-            (f"{SHOWN[name]}, derived gains", mean_text(name, outcome.derived, kind))
+            (f"{FIGURE_NAMES[name]}, derived gains", mean_text(name, outcome.derived, kind))
             for name in GUARDED[outcome.stage]
         ]
     if outcome.why:

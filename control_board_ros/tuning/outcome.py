@@ -18,7 +18,7 @@ from ..settings.loading import Settings
 from .bench import Bench, Faulted, Motion
 from .cost import GUARDED, SLACK, WEIGHTS, Figures, cost, figures
 from .scenes import Scene, scenes
-from .search import Found, Plan
+from .search import Plan, SearchResult
 from .space import space_of
 
 #: A controller: joint and stage. Parameters of the board, by name.
@@ -27,7 +27,7 @@ Changes = Mapping[str, float]
 #: Minimum improvement by a search.
 LEAST_GAIN = 0.02
 #: Relative difference below which derived gains equal the present ones.
-SAME = 0.01
+GAIN_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ def harm(stage: str, before: Played, after: Played) -> str:
     return ""
 
 
-def accept(plan: Plan, searches: Sequence[Found]) -> list[Outcome]:
+def accept(plan: Plan, searches: Sequence[SearchResult]) -> list[Outcome]:
     """Accept gains that are better alone and combined; the others keep the present gains."""
     settings = plan.settings
     fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
@@ -113,7 +113,7 @@ def derived_gains(settings: Settings, joint: str, stage: str) -> Changes:
     """The gains implied by the URDF; empty where the joint has them."""
     space = space_of(settings, joint, stage)
     if all(
-        math.isclose(space.given[name], value, rel_tol=SAME)
+        math.isclose(space.initial[name], value, rel_tol=GAIN_TOLERANCE)
         for name, value in space.derived.items()
     ):
         return {}
@@ -121,39 +121,41 @@ def derived_gains(settings: Settings, joint: str, stage: str) -> Changes:
 
 
 def decide(
-    found: Sequence[Found],
+    results: Sequence[SearchResult],
     derived: Mapping[Key, Changes],
     play: Callable[[Key, Changes], Played],
 ) -> list[Outcome]:
     """Choose the gains of each controller, the best first, and evaluate their combination."""
-    searches = {(f.joint, f.stage): f for f in found}
+    searches = {(f.joint, f.stage): f for f in results}
     before = {key: play(key, {}) for key in searches}
     plain = {key: play(key, changes) for key, changes in derived.items() if changes}
-    chosen: dict[Key, Changes] = {}
+    selection: dict[Key, Changes] = {}
     why = dict.fromkeys(searches, "")
     for key, search in sorted(searches.items(), key=lambda item: item[1].cost):
-        stage, others = key[1], together(chosen)
+        stage, others = key[1], together(selection)
         after = play(key, {**others, **search.changes})
         why[key] = objection(stage, before[key], after)
         if not why[key] and key in plain and objection(stage, plain[key], after, -LEAST_GAIN):
             why[key] = "the derived gains are better in other poses"
         if not why[key]:
-            chosen[key] = search.changes
+            selection[key] = search.changes
         elif key in plain and not objection(
             stage, before[key], play(key, {**others, **derived[key]})
         ):
-            chosen[key] = derived[key]
-    after_all = revert_worse(chosen, why, searches, before, play)
+            selection[key] = derived[key]
+    after_all = revert_worse(selection, why, searches, before, play)
     return [
-        Outcome(*key, chosen.get(key, {}), before[key], plain.get(key), after_all[key], why[key])
+        Outcome(
+            *key, selection.get(key, {}), before[key], plain.get(key), after_all[key], why[key]
+        )
         for key in searches
     ]
 
 
 def revert_worse(
-    chosen: dict[Key, Changes],
+    selection: dict[Key, Changes],
     why: dict[Key, str],
-    searches: Mapping[Key, Found],
+    searches: Mapping[Key, SearchResult],
     before: Mapping[Key, Played],
     play: Callable[[Key, Changes], Played],
 ) -> dict[Key, Played]:
@@ -162,22 +164,22 @@ def revert_worse(
     Where a controller with present gains degrades, the least useful gains of another revert.
     """
     while True:
-        whole = together(chosen)
+        whole = together(selection)
         after = {key: play(key, whole) for key in searches}
-        worse = {key: objection(key[1], before[key], after[key]) for key in chosen}
+        worse = {key: objection(key[1], before[key], after[key]) for key in selection}
         worse = {key: reason for key, reason in worse.items() if reason}
-        if not worse and chosen:
-            for key in searches.keys() - chosen.keys():
+        if not worse and selection:
+            for key in searches.keys() - selection.keys():
                 if spoilt := harm(key[1], before[key], after[key]):
-                    last = max(chosen, key=lambda k: searches[k].cost)
+                    last = max(selection, key=lambda k: searches[k].cost)
                     worse[last] = f"{key[0]}: {spoilt}"
         if not worse:
             return after
         for key, reason in worse.items():
             why[key] = reason
-            del chosen[key]
+            del selection[key]
 
 
-def together(chosen: Mapping[Key, Changes]) -> dict[str, float]:
+def together(selection: Mapping[Key, Changes]) -> dict[str, float]:
     """The gains of all controllers in one."""
-    return {name: value for changes in chosen.values() for name, value in changes.items()}
+    return {name: value for changes in selection.values() for name, value in changes.items()}

@@ -41,11 +41,11 @@ class Plan:
     trials: int
     seed: int
     storage: str
-    found: str = ""
+    identification: str = ""
 
     @property
     def settings(self) -> Settings:
-        return settings_of(self.robot, self.found)
+        return settings_of(self.robot, self.identification)
 
     @property
     def digest(self) -> str:
@@ -57,7 +57,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SearchResult:
     """The best of a study: joint, stage, changes (parameters), cost (1: as before), trials."""
 
     joint: str
@@ -68,9 +68,9 @@ class Found:
 
 
 @cache
-def settings_of(robot: str, found: str = "") -> Settings:
+def settings_of(robot: str, identification: str = "") -> Settings:
     """The robot, without calibrations: they cost time and do not affect gains; see ``Plan``."""
-    on_top = [found] if found else []
+    on_top = [identification] if identification else []
     settings = load(robot, {"gui": False}, on_top=on_top)
     free = {f"{joint}.calibration.required": False for joint in settings.board.names}
     startup = {f"{joint}.startup_mode": "pos" for joint in settings.board.names}
@@ -88,7 +88,7 @@ def bench_of(plan: Plan) -> Bench:
     return Bench(plan.settings, scenes(plan.settings, plan.payload, plan.seed, fresh=False))
 
 
-def run(plan: Plan, joint: str, stage: str) -> Found:
+def run(plan: Plan, joint: str, stage: str) -> SearchResult:
     """Search until the study has its trials; returns the best.
 
     Raises:
@@ -98,7 +98,7 @@ def run(plan: Plan, joint: str, stage: str) -> Found:
         return search(plan, space_of(plan.settings, joint, stage))
 
 
-def search(plan: Plan, space: Space) -> Found:
+def search(plan: Plan, space: Space) -> SearchResult:
     """Search in a space.
 
     The present and the derived gains are always tried: where the process of such a trial died, by
@@ -114,7 +114,7 @@ def search(plan: Plan, space: Space) -> Found:
     study.sampler = library.samplers.TPESampler(
         seed=plan.seed + len(done), n_startup_trials=8, multivariate=True
     )
-    starts = [space.exponents(space.given), dict.fromkeys(space.ranges, 0.0)][: plan.trials]
+    starts = [space.exponents(space.initial), dict.fromkeys(space.ranges, 0.0)][: plan.trials]
     if not study.trials:
         for start in starts:
             study.enqueue_trial(start, skip_if_exists=True)
@@ -132,7 +132,9 @@ def search(plan: Plan, space: Space) -> Found:
         study.optimize(objective, n_trials=1)
         done = finished(study)
     best = study.best_trial
-    return Found(space.joint, space.stage, space.changes(best.params), best.value, len(done))
+    return SearchResult(
+        space.joint, space.stage, space.changes(best.params), best.value, len(done)
+    )
 
 
 def untried(starts: Sequence[Mapping[str, float]], done: list[Any]) -> list[Mapping[str, float]]:
@@ -181,13 +183,13 @@ def value_of(
     return (1.0 - MARGIN_SHARE) * cost(stage, measured, before) + MARGIN_SHARE * at_edge
 
 
-def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, show: Any) -> list[Found]:
+def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, show: Any) -> list[SearchResult]:
     """Search for every joint and stage in ``jobs`` processes; ``show`` receives each result.
 
     Raises:
         TuningError: a search cannot begin.
     """
-    results: dict[tuple[str, str], Found] = {}
+    results: dict[tuple[str, str], SearchResult] = {}
     with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as pool:
         futures = {pool.submit(run, plan, joint, stage): (joint, stage) for joint, stage in tasks}
         try:

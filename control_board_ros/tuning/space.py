@@ -29,7 +29,7 @@ LEAST_DAMPING = 0.5
 #: The position gains set by a search, in both modes with position references.
 PIDS, GAINS = ("position_pid", "direct_pid"), ("kp", "ki", "kd")
 #: Base of exponents where the derived gain is 0.
-LEAST = 1e-6
+MIN_GAIN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Space:
     joint: str
     stage: str
     derived: Mapping[str, float]
-    given: Mapping[str, float]
+    initial: Mapping[str, float]
     inertia: float
 
     @property
@@ -61,7 +61,7 @@ class Space:
     def exponents(self, values: Mapping[str, float]) -> dict[str, float]:
         """The exponents nearest to given gains."""
         return {
-            name: min(max(math.log2(max(values[name], LEAST) / self.derived[name]), low), high)
+            name: min(max(math.log2(max(values[name], MIN_GAIN) / self.derived[name]), low), high)
             for name, (low, high) in self.ranges.items()
         }
 
@@ -79,23 +79,23 @@ def named(joint: str, stage: str, values: Mapping[str, float]) -> dict[str, floa
 
 def space_of(settings: Settings, joint: str, stage: str) -> Space:
     """The search space of a joint, around the gains implied by its URDF and limits."""
-    (config,) = [one for one in settings.board.joints if one.name == joint]
-    given = gains_of(config, stage)
-    own = {
+    (config,) = [each for each in settings.board.joints if each.name == joint]
+    initial = gains_of(config, stage)
+    values = {
         name.removeprefix(f"{joint}."): value
         for name, value in settings.values.items()
         if name.startswith(f"{joint}.")
     }
     for name in (*(f"{pid}.{gain}" for pid in PIDS for gain in GAINS), "impedance.damping"):
-        own.pop(name, None)
-    own |= {"inertia_min": config.inertia_min, "inertia_max": config.inertia_max}
-    gains(own, settings.board.period, config.kind)
+        values.pop(name, None)
+    values |= {"inertia_min": config.inertia_min, "inertia_max": config.inertia_max}
+    gains(values, settings.board.period, config.kind)
     if stage == POSITION:
-        derived = {name: own[f"position_pid.{name}"] for name in GAINS}
+        derived = {name: values[f"position_pid.{name}"] for name in GAINS}
     else:
-        derived = {"ki": TORQUE_KI, "damping": own["impedance.damping"]}
-    derived = {n: max(v, LEAST) for n, v in derived.items()}
-    return Space(joint, stage, derived, given, config.inertia_max)
+        derived = {"ki": TORQUE_KI, "damping": values["impedance.damping"]}
+    derived = {n: max(v, MIN_GAIN) for n, v in derived.items()}
+    return Space(joint, stage, derived, initial, config.inertia_max)
 
 
 #: Integral gain of the torque loop where none is given, 1/s.

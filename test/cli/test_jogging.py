@@ -45,9 +45,9 @@ def test_joints_and_speeds() -> None:
     """Up and down go round; the speed stays within its bounds."""
     jog = Jog(3, 0.2)
     jog.press("up", 0.0)
-    assert jog.chosen == 2
+    assert jog.joint_index == 2
     jog.press("down", 0.0)
-    assert jog.chosen == 0
+    assert jog.joint_index == 0
     jog.press("slower", 0.0)
     assert jog.speed == pytest.approx(0.2 / 1.5)
     for _ in range(30):

@@ -7,7 +7,15 @@ import math
 
 import pytest
 
-from control_board_ros.cli.text.plotting import EMPTY, Signal, Trace, chart, dots, line, scale
+from control_board_ros.cli.text.plotting import (
+    BLANK_BRAILLE,
+    Signal,
+    Trace,
+    chart,
+    dots,
+    line,
+    scale,
+)
 
 WIDTH, HEIGHT = 40, 6
 
@@ -86,7 +94,7 @@ def test_a_chart_fits_and_names_its_traces() -> None:
     assert lines[HEIGHT - 1].startswith("-12.0°│")
     assert "● joint_1.position 30.0°" in lines[HEIGHT]
     assert "● joint_1.reference -12.0°" in lines[HEIGHT]
-    assert any(ord(c) > EMPTY for c in lines[0])
+    assert any(ord(c) > BLANK_BRAILLE for c in lines[0])
 
 
 def test_a_chart_without_values() -> None:

@@ -23,7 +23,7 @@ from control_board_ros.conformance.motion import fitted
 from control_board_ros.conformance.report import too_few
 from control_board_ros.conformance.rules import NotHeld, NotTestable, NotTested, OutOfTime
 from control_board_ros.conformance.runner import (
-    LATE,
+    MAX_LATE_RULES,
     MAX_UNTESTED,
     Session,
     passed,
@@ -221,7 +221,7 @@ class Fake:
     """Of a session, what run and try_one use."""
 
     def __init__(self) -> None:
-        self.channel, self.bench, self.found, self.rule_time = Channel(), self, self, -1.0
+        self.channel, self.bench, self.initial, self.rule_time = Channel(), self, self, -1.0
         self.client = None
         self.there = True
 
@@ -266,10 +266,10 @@ def test_every_end_of_a_rule_is_a_result(error: Exception, outcome: Outcome) -> 
 
 def test_rules_that_last_too_long_end_the_run() -> None:
     session: Any = Fake()
-    late = [rule(f"M{k}", raises(OutOfTime("it took longer"))) for k in range(LATE)]
+    late = [rule(f"M{k}", raises(OutOfTime("it took longer"))) for k in range(MAX_LATE_RULES)]
     found, _ = run(session, [*late, rule("P1")])
-    assert [result.outcome for result in found] == [NOT_TESTED] * (LATE + 1)
-    assert found[-1].evidence == f"{LATE} rules took longer than -1 s each"
+    assert [result.outcome for result in found] == [NOT_TESTED] * (MAX_LATE_RULES + 1)
+    assert found[-1].evidence == f"{MAX_LATE_RULES} rules took longer than -1 s each"
 
 
 def test_a_board_that_is_gone_ends_the_run() -> None:
@@ -290,7 +290,7 @@ def test_a_board_that_answers_late_ends(capsys: pytest.CaptureFixture[str]) -> N
     out, err = capsys.readouterr()
     found = json.loads(out)["results"]
     late = [row["evidence"] for row in found if "longer than 1 s;" in row["evidence"]]
-    assert len(late) == LATE
+    assert len(late) == MAX_LATE_RULES
     assert "set_control_mode" not in late[0]
     assert "get_control_mode is answered after 0.2" in late[0]
     assert "were not tested though the board offers" in err
@@ -303,7 +303,7 @@ def test_a_joint_at_its_limit_has_room_for_a_step() -> None:
     limits = JointLimits(-2.0, 2.0, velocity=3.0, acceleration=20.0, torque=60.0)
     for position in (-2.0, -1.9, 0.3, 2.0):
         tried = Range.of(limits, position, 0.1)
-        assert tried.found == position
+        assert tried.initial == position
         assert tried.low <= tried.start - tried.step < tried.start + tried.step <= tried.high
         assert limits.lower <= tried.low < tried.high <= limits.upper
 

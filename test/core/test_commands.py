@@ -49,7 +49,7 @@ def test_the_mask_agrees_with_the_verdicts(
         given_ = (value,) if along is None else (value, along[j])
         fits = True
         if along is not None and row.standing is not None:
-            fits = 0.0 < along[j] <= getattr(LIMITS, row.most or "")[j]
+            fits = 0.0 < along[j] <= getattr(LIMITS, row.along_limit or "")[j]
         expected.append(
             decide_reference(board.engine.machine.facts(j), kind, given_, fits=fits).answer
         )

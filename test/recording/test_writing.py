@@ -56,7 +56,7 @@ def test_a_slow_disk_delays_nobody_and_loses_nothing() -> None:
 
 def test_what_waits_is_bounded_and_counted() -> None:
     disk = Disk()
-    writing = Writing(disk, most=1000)
+    writing = Writing(disk, max_waiting=1000)
     writing.begin({})
     for _ in range(100):
         writing.write(TOPIC, 1, bytes(100))

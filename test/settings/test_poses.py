@@ -14,7 +14,7 @@ from control_board_ros.core.goals.pose import HOME, PARK, Pose
 from control_board_ros.core.selection import RequestError
 from control_board_ros.settings.loading import load
 from control_board_ros.settings.params_file import SettingsError
-from control_board_ros.settings.poses import MOST, UserPoses, pose_file
+from control_board_ros.settings.poses import MAX_POSES, UserPoses, pose_file
 
 ROBOTS = ("iiwa", "panda", "panda_pair", "iiwa_gripper", "icub_left_arm", "icub_right_arm", "icub")
 ARM = str(Path(__file__).parents[1] / "support" / "arm.urdf")
@@ -170,13 +170,13 @@ def test_a_file_that_cannot_be_written_is_reported(user: UserPoses) -> None:
 
 def test_the_number_of_poses_is_limited(user: UserPoses) -> None:
     """A flood of requests makes no file that cannot be read again."""
-    text = "".join(f"p{k}: {{positions: {{a: 0.0}}}}\n" for k in range(MOST))
+    text = "".join(f"p{k}: {{positions: {{a: 0.0}}}}\n" for k in range(MAX_POSES))
     user.path.parent.mkdir(parents=True)
     user.path.write_text(text)
     user.save(Pose("p7", ("a",), (1.0,)))
     with pytest.raises(RequestError, match="holds 100 poses already"):
         user.save(Pose("one_more", ("a",), (1.0,)))
-    assert len(user.read()) == MOST
+    assert len(user.read()) == MAX_POSES
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from rig import Rig
 from control_board_ros.client import BoardError, State
 from control_board_ros.client.freeze_frame import FreezeFrame
 from control_board_ros.client.state import SETTLING_MESSAGES
-from control_board_ros.conformance.channel import KEPT
+from control_board_ros.conformance.channel import MAX_MESSAGES
 from control_board_ros.conformance.rules import NotTestable, OutOfTime, in_order
 from control_board_ros.conformance.runner import Session, run, unread
 from control_board_ros.conformance.shapes import Malformed, check_modes, check_state
@@ -73,8 +73,8 @@ class InProcess:
         self._message = prepared_state(BoardState(names=self.names), BOARD_STATE, group.count)
         self._snapshots = Snapshots(group, TimeBase(simulated=True, shrinkage=0))
         self._snapshots.note_changes()
-        self.states: deque[State] = deque(maxlen=KEPT)
-        self.modes: deque[Any] = deque(maxlen=KEPT)
+        self.states: deque[State] = deque(maxlen=MAX_MESSAGES)
+        self.modes: deque[Any] = deque(maxlen=MAX_MESSAGES)
         self.states_received = self.modes_received = 0
         self._malformed: Malformed | None = None
         member: Any = SimpleNamespace(

@@ -24,7 +24,7 @@ from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
 from control_board_ros.tuning.files import line_of, mean_text, parameters, write_parameters
 from control_board_ros.tuning.outcome import Played, accept, decide, objection
 from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload, with_payload
-from control_board_ros.tuning.search import Found, Plan, run, settings_of
+from control_board_ros.tuning.search import Plan, SearchResult, run, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, space_of
 
 pytestmark = pytest.mark.physics
@@ -84,7 +84,7 @@ def test_exponents_of_zero_are_the_derived_gains(stage: str) -> None:
     settings = load("iiwa")
     space = space_of(settings, settings.board.names[1], stage)
     none = dict.fromkeys(space.ranges, 0.0)
-    assert space.exponents(space.given) == pytest.approx(none, abs=0.01)
+    assert space.exponents(space.initial) == pytest.approx(none, abs=0.01)
     twice = space.changes(none | {next(iter(none)): 1.0})
     name = f"{settings.board.names[1]}." + (
         "position_pid.kp" if stage == POSITION else "torque_pid.ki"
@@ -94,7 +94,7 @@ def test_exponents_of_zero_are_the_derived_gains(stage: str) -> None:
 
 def test_poor_gains_are_far_from_the_derived_ones(crane: str) -> None:
     exponents = space_of(settings_of(crane), "lift", POSITION)
-    assert exponents.exponents(exponents.given)["kp"] == -3.0
+    assert exponents.exponents(exponents.initial)["kp"] == -3.0
 
 
 def test_gains_of_a_trial_are_those_of_the_board(crane: str) -> None:
@@ -179,7 +179,7 @@ def test_a_search_improves_poor_gains_and_resumes(crane: str, tmp_path: Path) ->
 def test_gains_worse_than_the_derived_ones_are_rejected(crane: str, tmp_path: Path) -> None:
     """Gains that a search would have praised, and that are worse elsewhere."""
     bad = {f"lift.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
-    (outcome,) = accept(plan_of(crane, tmp_path), [Found("lift", POSITION, bad, 0.1, 6)])
+    (outcome,) = accept(plan_of(crane, tmp_path), [SearchResult("lift", POSITION, bad, 0.1, 6)])
     assert outcome.why
     space = space_of(settings_of(crane), "lift", POSITION)
     assert outcome.changes == space.changes(dict.fromkeys(space.ranges, 0.0))
@@ -193,7 +193,7 @@ def test_worse_gains_are_rejected(tmp_path: Path) -> None:
     plan = Plan("iiwa", 0.5, 6, 1, str(tmp_path / "iiwa.journal"))
     joint = settings_of("iiwa").board.names[3]
     bad = {f"{joint}.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
-    (outcome,) = accept(plan, [Found(joint, POSITION, bad, 0.1, 6)])
+    (outcome,) = accept(plan, [SearchResult(joint, POSITION, bad, 0.1, 6)])
     assert outcome.why
     assert outcome.changes == {}
     assert outcome.derived is None
@@ -219,7 +219,9 @@ def played(value: float) -> Played:
 
 
 #: Three searches, the best first, each with one gain; the derived gains of the last.
-SEARCHES = [Found(name, POSITION, {name: 1.0}, 0.1 * k, 6) for k, name in enumerate("abc", 1)]
+SEARCHES = [
+    SearchResult(name, POSITION, {name: 1.0}, 0.1 * k, 6) for k, name in enumerate("abc", 1)
+]
 DERIVED = {("a", POSITION): {}, ("b", POSITION): {}, ("c", POSITION): {"c": 2.0}}
 
 

@@ -16,7 +16,7 @@ Rows = dict[str, dict[str, Any]]
 UNCALIBRATED = "not calibrated"
 
 #: Fields of the state that are shown.
-SHOWN = (
+STATE_FIELDS = (
     "position",
     "velocity",
     "position_reference",
@@ -79,7 +79,7 @@ def read_state(session: Session, names: list[str]) -> Rows:
     modes = read_modes(session, names)
     faults = read_faults(session, names)
     columns = [state.names.index(name) for name in names]
-    rows = rows_of(names, {field: getattr(state, field)[columns] for field in SHOWN})
+    rows = rows_of(names, {field: getattr(state, field)[columns] for field in STATE_FIELDS})
     return {
         name: modes[name]
         | rows[name]

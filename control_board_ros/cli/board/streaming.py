@@ -22,7 +22,7 @@ RATE = 50.0
 #: s to wait for the end of a ramp.
 RAMP_TIMEOUT = 5.0
 #: Maximum number of joints whose positions are shown.
-SHOWN = 2
+MAX_JOINTS_SHOWN = 2
 
 #: Sends values of joints, and returns the board's reply; takes ``valid_for`` (P12).
 Send = Callable[..., Reply]
@@ -118,7 +118,9 @@ def where(session: Session, names: list[str]) -> str:
         for j, name in enumerate(state.names)
         if name in names
     ]
-    return ", ".join(positions[:SHOWN]) + (", …" if len(positions) > SHOWN else "")
+    return ", ".join(positions[:MAX_JOINTS_SHOWN]) + (
+        ", …" if len(positions) > MAX_JOINTS_SHOWN else ""
+    )
 
 
 def end(session: Session, send: Send, names: list[str]) -> Reply:

@@ -52,7 +52,7 @@ class Jog:
 
     count: int
     speed: float
-    chosen: int = 0
+    joint_index: int = 0
     direction: int = 0
     until: float = -math.inf
     ended: bool = False
@@ -67,7 +67,7 @@ class Jog:
             return
         self.direction = 0
         if key in ("up", "down"):
-            self.chosen = (self.chosen + (1 if key == "down" else -1)) % self.count
+            self.joint_index = (self.joint_index + (1 if key == "down" else -1)) % self.count
         elif key in ("faster", "slower"):
             factor = FASTER if key == "faster" else 1.0 / FASTER
             self.speed = min(max(self.speed * factor, SLOWEST), FASTEST)

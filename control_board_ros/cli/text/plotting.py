@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: Bits of the dots of a braille character, by column and row from the top.
 DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
-EMPTY = 0x2800
+BLANK_BRAILLE = 0x2800
 
 #: Kind of signal -> field of the client's State, quantity.
 SIGNALS = {
@@ -35,7 +35,7 @@ SIGNALS = {
 }
 
 #: Minimum span of a chart, in the units of the state.
-LEAST = {
+MIN_SPAN = {
     "position": DEGREE,
     "velocity": DEGREE,
     "torque": 1.0,
@@ -72,7 +72,7 @@ def signal_of(joint: JointKind, name: str, kind: str, label: str) -> Signal:
     field, quantity = SIGNALS[kind]
     texts = {"position": joint.position, "velocity": joint.velocity, "torque": joint.force}
     show = texts.get(quantity, lambda value: f"{value:.1f} {UNITS[quantity]}")
-    least = LEAST[quantity] * joint.choose(1.0, SLIDING)
+    least = MIN_SPAN[quantity] * joint.choose(1.0, SLIDING)
     return Signal(name, field, label, f"{quantity} {joint.unit}", show, least)
 
 
@@ -125,7 +125,7 @@ def chart(traces: Sequence[Trace], width: int, height: int) -> Text:
     for row in range(height):
         text.append(f"{labels.get(row, ''):>{margin}}│")
         for bits, style in zip(cells[row], styles[row], strict=True):
-            text.append(chr(EMPTY | bits) if bits else " ", style)
+            text.append(chr(BLANK_BRAILLE | bits) if bits else " ", style)
         text.append("\n")
     for k, trace in enumerate(traces):
         text.append(f"{'' if k else ' ' * margin} ● ", STYLES[k % len(STYLES)])

@@ -29,7 +29,7 @@ LOOK, LOOK_AT_MODES = 0.05, 0.5
 KEYS = "p saves a pose, q ends"
 YES = argument("--yes", action="store_true", help="Move without confirmation.")
 #: Distance from the start of a motion that requires no move to it, rad or m.
-NEAR = 5e-3
+START_TOLERANCE = 5e-3
 
 
 @with_arguments(
@@ -255,7 +255,7 @@ def motion_in_words(session: Session, starts: dict[str, float], seconds: float) 
     ways = [
         f"{name} {session.position(name, here[name])} → {session.position(name, goal)}"
         for name, goal in starts.items()
-        if abs(goal - here[name]) > NEAR
+        if abs(goal - here[name]) > START_TOLERANCE
     ]
     there = f"first the joints move to its start: {', '.join(ways)}; then " if ways else ""
     return f"{there}{', '.join(starts)} follow the motion for {seconds:.1f} s"

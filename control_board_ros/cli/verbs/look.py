@@ -29,7 +29,12 @@ if TYPE_CHECKING:
     from control_board_ros.client.freeze_frame import FreezeFrame
 
 #: Charts of a freeze frame.
-SHOWN = (("position", "reference"), ("velocity", "velocity_reference"), ("torque",), ("current",))
+FRAME_CHARTS = (
+    ("position", "reference"),
+    ("velocity", "velocity_reference"),
+    ("torque",),
+    ("current",),
+)
 #: Lines of each chart.
 HEIGHT = 6
 
@@ -52,7 +57,7 @@ def frame_charts(session: Session, frame: FreezeFrame) -> Any:
     drawn: list[Any] = [
         f"{name}: {frame.fault.text}; from {times[0]:.3g} s to {times[-1]:.3g} s around it"
     ]
-    for kinds in SHOWN:
+    for kinds in FRAME_CHARTS:
         traces = []
         for kind in kinds:
             trace = Trace(signal_of(session.kind(name), name, kind, kind), span + 1.0)

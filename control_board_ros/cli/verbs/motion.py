@@ -129,7 +129,7 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
             while not keys.ended:
                 for key in pressed(terminal, 1.0 / RATE):
                     keys.press(key, time.monotonic())
-                velocity, name = keys.velocity(time.monotonic()), names[keys.chosen]
+                velocity, name = keys.velocity(time.monotonic()), names[keys.joint_index]
                 if moving and (moving != name or not velocity):
                     session.client.velocity_move(moving, 0.0)
                 moving = name if velocity else ""

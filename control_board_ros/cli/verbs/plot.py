@@ -17,7 +17,7 @@ from ..text.output import console, put, put_json
 from ..text.plotting import SIGNALS, Signal, Trace, chart, signal_of
 
 #: Minimum and maximum lines of a chart, with its line of labels.
-LOWEST, HIGHEST = 5, 16
+MIN_LINES, MAX_LINES = 5, 16
 #: s between readings of the state.
 PERIOD = 0.05
 
@@ -127,7 +127,7 @@ def draw_charts(
             for trace, value in zip(traces, values_of(state, signals), strict=True):
                 trace.add(state.stamp, value)
             room = screen.height // len(charts) - 2
-            height = min(max(room, LOWEST), HIGHEST)
+            height = min(max(room, MIN_LINES), MAX_LINES)
             live.update(
                 Group(*(chart(together, screen.width, height) for together in charts.values())),
                 refresh=True,

@@ -12,7 +12,7 @@ from ..board.session import Session
 from ..line.arguments import argument, with_arguments
 
 #: Options whose values have another name.
-OPTION_OF = {"found": "--from"}
+OPTION_OF = {"identification": "--from"}
 
 
 @with_arguments(*(argument(*names, **settings) for names, settings in TUNING))

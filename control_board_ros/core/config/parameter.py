@@ -225,7 +225,7 @@ def configuration(cls: type[T]) -> type[T]:
             kind, length = _kind(types[item.name])
             parameters.append(Parameter(name=item.name, kind=kind, length=length, **known))
         elif (known := item.metadata.get("part")) is not None:
-            parts.append(Part(name=item.name, made=_given(types[item.name]), **known))
+            parts.append(Part(name=item.name, made=_part_class(types[item.name]), **known))
     _PARAMETERS[cls], _PARTS[cls] = tuple(parameters), tuple(parts)
     return cls
 
@@ -255,7 +255,7 @@ def _kind(hint: Any) -> tuple[Kind, int | None]:
     return kinds.get(hint, Kind.STRING), None
 
 
-def _given(hint: Any) -> type:
+def _part_class(hint: Any) -> type:
     """The class of a part, None left out."""
     made: type = next((option for option in get_args(hint) if option is not NoneType), hint)
     return made

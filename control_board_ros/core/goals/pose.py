@@ -12,7 +12,7 @@ HOME, PARK = "home", "park"
 #: Names of poses.
 NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
 #: Positions and speeds of poses are below it, in requests and in files, rad or m, per second.
-LARGEST = 1e9
+MAX_VALUE = 1e9
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,7 @@ from ..terms.modes import (
 )
 from ..terms.reply import Answer, joints_of, summary
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
-from .pose import LARGEST, NAME, Pose
+from .pose import MAX_VALUE, NAME, Pose
 
 if TYPE_CHECKING:
     from ..group import JointGroup
@@ -526,9 +526,9 @@ def made_pose(
             f"pose {name!r}: {len(positions)} positions for {len(selection.names)} joints; give "
             "each joint one, or none for as measured"
         )
-    if not 0.0 <= speed < LARGEST:
+    if not 0.0 <= speed < MAX_VALUE:
         raise RequestError(
-            f"pose {name!r}: speed {speed:g} is not valid; above 0 and below {LARGEST:g}, or 0 "
+            f"pose {name!r}: speed {speed:g} is not valid; above 0 and below {MAX_VALUE:g}, or 0 "
             "for the reference speeds"
         )
     for joint, position in zip(board.get_config(selection.names), positions, strict=True):

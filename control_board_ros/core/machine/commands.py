@@ -52,7 +52,7 @@ class Command:
     ± that; None: to lower and upper, a position), start (what it starts), timeout (attribute of
     Timeouts; None: it never expires), along (name of the accompanying value in messages),
     standing (attribute of References: the stored value where none is given; values are then above
-    0), most (attribute of BoardLimits: the greatest accompanying value).
+    0), along_limit (attribute of BoardLimits: the greatest accompanying value).
     """
 
     field: str
@@ -61,7 +61,7 @@ class Command:
     timeout: str | None = None
     along: str | None = None
     standing: str | None = None
-    most: str | None = None
+    along_limit: str | None = None
 
 
 COMMANDS = {
@@ -70,10 +70,10 @@ COMMANDS = {
         start=References.move,
         along="speeds",
         standing="speed",
-        most="velocity",
+        along_limit="velocity",
     ),
     K.POSITION_DIRECT: Command(  # P4
-        field="positions", start=References.step, along="velocities", most="velocity"
+        field="positions", start=References.step, along="velocities", along_limit="velocity"
     ),
     K.VELOCITY: Command(  # P5
         field="velocities",
@@ -82,7 +82,7 @@ COMMANDS = {
         timeout="velocity",
         along="accelerations",
         standing="acceleration",
-        most="acceleration",
+        along_limit="acceleration",
     ),
     K.TORQUE: Command(  # P7
         field="torques", start=References.set_torque, limit="torque", timeout="torque"
@@ -131,7 +131,9 @@ class Commands:
     def reconfigure(self, limits: BoardLimits) -> None:
         """Apply new limits."""
         self._refused = limits.refused if limits.refused.any() else None
-        self._low, self._high, self._most = (dict.fromkeys(K, limits.lower) for _ in range(3))
+        self._low, self._high, self._along_limits = (
+            dict.fromkeys(K, limits.lower) for _ in range(3)
+        )
         lower, upper = (
             np.clip(ends, -FARTHEST, FARTHEST) for ends in (limits.lower, limits.upper)
         )
@@ -139,8 +141,8 @@ class Commands:
             high = upper if row.limit is None else getattr(limits, row.limit)
             self._high[kind] = high
             self._low[kind] = lower if row.limit is None else -high
-            if row.most is not None:
-                self._most[kind] = getattr(limits, row.most)
+            if row.along_limit is not None:
+                self._along_limits[kind] = getattr(limits, row.along_limit)
 
     def command(
         self,
@@ -192,8 +194,8 @@ class Commands:
         if indices.size:
             bounded, notes = self._start(kind, indices, requested, extra, time, valid_for)
         if not (answers or notes):
-            given = (Answer.ACCEPTED,) * len(selection.names)
-            return Reply(selection.names, given, values=tuple(bounded.tolist()))
+            all_accepted = (Answer.ACCEPTED,) * len(selection.names)
+            return Reply(selection.names, all_accepted, values=tuple(bounded.tolist()))
         started = dict(zip(indices.tolist(), bounded.tolist(), strict=True))
         answers = answers or [JointAnswer()] * len(selection.names)
         return reply_of(selection, answers, started, notes)
@@ -218,7 +220,7 @@ class Commands:
         """Whether accompanying values are in range: above 0 up to the most, or finite."""
         if COMMANDS[kind].standing is None:
             return np.isfinite(extra)
-        return (extra > 0.0) & (extra <= self._most[kind][indices])
+        return (extra > 0.0) & (extra <= self._along_limits[kind][indices])
 
     def _start(
         self,
@@ -322,7 +324,9 @@ class Commands:
                 bounds = float(self._low[kind][j]), float(self._high[kind][j])
                 allowed = explain_refused(facts.joint, kind, values[0], bounds)
             else:
-                allowed = range_text(COMMANDS[kind].along, values[-1], float(self._most[kind][j]))
+                allowed = range_text(
+                    COMMANDS[kind].along, values[-1], float(self._along_limits[kind][j])
+                )
             text = explain_reference(verdict.reason, facts, kind, values, allowed)
             answers.append(JointAnswer(verdict.answer, text, verdict.reason))
         return answers

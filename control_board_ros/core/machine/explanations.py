@@ -188,10 +188,10 @@ def explain_contact(joint: JointConfig, torque: float) -> str:
 
 
 #: Moves shorter than this are slower than requested without a remark: rad, m of a slider.
-WORTH_A_WORD, SLIDE_WORTH_A_WORD = 5e-4, 5e-5
+MIN_TRAVEL_RAD, MIN_TRAVEL_M = 5e-4, 5e-5
 #: What makes a move slower than requested.
-ALONE = "its limits of speed and acceleration"
-TOGETHER = "the torque limits of the joints that move together"
+JOINT_LIMITS_TEXT = "its limits of speed and acceleration"
+TORQUE_LIMITS_TEXT = "the torque limits of the joints that move together"
 
 
 def explain_slower(
@@ -206,13 +206,13 @@ def explain_slower(
         time: of the move, s.
         factor: by which the torques of the whole arm lengthen it.
     """
-    least = joint.kind.choose(WORTH_A_WORD, SLIDE_WORTH_A_WORD)
+    least = joint.kind.choose(MIN_TRAVEL_RAD, MIN_TRAVEL_M)
     if way >= 0.99 * speed * time or way <= least:
         return ""
     mean, speed_text = joint.kind.velocity(way / time), joint.kind.velocity(speed)
     return (
         f"{joint.name}: {time:.3g} s at a mean speed of {mean} ({speed_text} was requested), "
-        f"bounded by {TOGETHER if factor > 1.0 else ALONE}"
+        f"bounded by {TORQUE_LIMITS_TEXT if factor > 1.0 else JOINT_LIMITS_TEXT}"
     )
 
 

@@ -298,7 +298,7 @@ class Arm:
             samples: in each joint's own move; twice as many in the longest, and three where a
                 joint brakes.
         """
-        most: cython.double = 0.0
+        peak: cython.double = 0.0
         longest: cython.double = 0.0
         end: cython.double
         k: cython.int
@@ -306,22 +306,22 @@ class Arm:
         for b in self.ordered:
             longest = max(longest, ending(b))
         for k in range(2 * samples + 1):
-            most = max(most, self.taken(longest * k / (2 * samples)))
+            peak = max(peak, self.taken(longest * k / (2 * samples)))
         for b in self.ordered:
             end = ending(b)
             if 0.0 < end < 0.9 * longest:
                 for k in range(1, samples):
-                    most = max(most, self.taken(end * k / samples))
+                    peak = max(peak, self.taken(end * k / samples))
             end = b.brake - b.past
             if end > 0.0:
                 for k in range(1, 4):
-                    most = max(most, self.taken(0.25 * k * end))
-        return most
+                    peak = max(peak, self.taken(0.25 * k * end))
+        return peak
 
     @cython.cfunc
     def taken(self, time: cython.double) -> cython.double:
         """``excess`` at a time from now, s."""
-        most: cython.double = 0.0
+        peak: cython.double = 0.0
         strained: cython.bint = False
         b: Body
         for b in self.ordered:
@@ -335,8 +335,8 @@ class Arm:
         self.solve(0.0)
         for b in self.ordered:
             if beyond(b) > 0.0:
-                most = max(most, share(b))
-        return most
+                peak = max(peak, share(b))
+        return peak
 
 
 @cython.cfunc

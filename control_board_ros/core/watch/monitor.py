@@ -44,18 +44,18 @@ OVERLOAD = cython.declare(cython.int, 11)
 OVERSPEED = cython.declare(cython.int, 12)
 
 #: Fresh readings in a row that are a joint's overspeed (F7).
-RACES = cython.declare(cython.int, 5)
+OVERSPEED_READINGS = cython.declare(cython.int, 5)
 
 #: Longest time between two readings over which a motor's travel is integrated, s.
-LONGEST = cython.declare(cython.double, 0.03)
+MAX_GAP_S = cython.declare(cython.double, 0.03)
 
 #: Hysteresis of the warnings: part of the budget, K.
-RELIEF = cython.declare(cython.double, 0.1)
-COOLER = cython.declare(cython.double, 2.0)
+BUDGET_HYSTERESIS = cython.declare(cython.double, 0.1)
+HYSTERESIS_K = cython.declare(cython.double, 2.0)
 
 INFINITE = cython.declare(cython.double, float("inf"))
 
-BEYOND = cython.declare(cython.double, CREDIBLE)
+CREDIBLE_BOUND = cython.declare(cython.double, CREDIBLE)
 
 
 @cython.cclass
@@ -119,7 +119,9 @@ class JointMonitor:
     slipped = cython.declare(cython.bint, visibility="public")  # beyond max_travel
     overran = cython.declare(cython.bint, visibility="public")  # beyond max_overrun
     overloaded = cython.declare(cython.bint, visibility="public")  # beyond max_overload
-    raced = cython.declare(cython.bint, visibility="public")  # beyond max_velocity for RACES
+    raced = cython.declare(
+        cython.bint, visibility="public"
+    )  # beyond max_velocity for OVERSPEED_READINGS
 
     def __init__(self) -> None:
         self.switched = self.strained = self.hot = False
@@ -166,7 +168,7 @@ if not cython.compiled:
 @cython.inline
 def known(value: cython.double, before: cython.double) -> cython.double:
     """The value, or the one before it where it is not valid."""
-    return value if fabs(value) <= BEYOND else before
+    return value if fabs(value) <= CREDIBLE_BOUND else before
 
 
 @cython.cfunc
@@ -196,7 +198,7 @@ def check_speed(m: JointMonitor, velocity: cython.double) -> cython.void:
         m.fast, m.raced = 0, False
     elif m.live > 0.0 and not m.raced:
         m.fast += 1
-        m.raced = m.fast >= RACES
+        m.raced = m.fast >= OVERSPEED_READINGS
 
 
 @cython.cfunc
@@ -292,8 +294,8 @@ def check_overload(m: JointMonitor, current: cython.double, elapsed: cython.doub
 @cython.cfunc
 def warn(m: JointMonitor, temperature: cython.double) -> cython.bint:
     """Whether a warning of heat begins or ends (F6)."""
-    strained: cython.bint = m.used > m.warn_used - (RELIEF if m.strained else 0.0)
-    hot: cython.bint = temperature > m.warn_temperature - (COOLER if m.hot else 0.0)
+    strained: cython.bint = m.used > m.warn_used - (BUDGET_HYSTERESIS if m.strained else 0.0)
+    hot: cython.bint = temperature > m.warn_temperature - (HYSTERESIS_K if m.hot else 0.0)
     news: cython.bint = strained != m.strained or hot != m.hot
     m.temperature, m.strained, m.hot = temperature, strained, hot
     return news
@@ -330,8 +332,8 @@ class Monitor:
     forget: cython.double
     joints: list[JointMonitor]
     sources: tuple[object, object]  # of the views below: made anew where other arrays come
-    given = cython.declare("const double[:, :]")
-    given_motors = cython.declare("const double[:, :]")
+    readings = cython.declare("const double[:, :]")
+    motor_readings = cython.declare("const double[:, :]")
     raw: cython.double[:, ::1]
     measured: cython.double[:, ::1]
     before: cython.double[:, ::1]
@@ -392,7 +394,7 @@ class Monitor:
         plain = doubles(values, (ROWS, n))
         shafts = None if motors is None else doubles(motors, (MOTOR_ROWS, n))
         self.sources = (values, motors) if plain is values and shafts is motors else (None, None)
-        self.given, self.given_motors = plain, self.motors if shafts is None else shafts
+        self.readings, self.motor_readings = plain, self.motors if shafts is None else shafts
 
     def take(self, values: object, motors: object) -> None:
         """Store a reading, shapes (ROWS, n) and (MOTOR_ROWS, n), the latter or None.
@@ -406,10 +408,10 @@ class Monitor:
         for row in range(len(self.raw)):
             for k in range(len(self.joints)):
                 self.before[row, k] = self.measured[row, k]
-                self.raw[row, k] = self.measured[row, k] = self.given[row, k]
+                self.raw[row, k] = self.measured[row, k] = self.readings[row, k]
         for row in range(len(self.motors)):
             for k in range(len(self.joints)):
-                self.motors[row, k] = self.given_motors[row, k]
+                self.motors[row, k] = self.motor_readings[row, k]
         for k in range(len(self.joints)):
             self.applied[k] = self.output[k]
 
@@ -439,7 +441,7 @@ class Monitor:
             if between > 1.0:
                 expect_later(m, between)
             m.passed = self.first_passed(m, k)
-            if fabs(self.position[k]) <= BEYOND:
+            if fabs(self.position[k]) <= CREDIBLE_BOUND:
                 m.read = True
                 if not again:
                     expect(m, self.position[k])
@@ -451,7 +453,7 @@ class Monitor:
             if not again:
                 current = known(self.joint_current[k], m.current)
                 integrate(m, current, self.applied[k], between)
-            if m.switched or (between > 1.5 and between * self.period > LONGEST):
+            if m.switched or (between > 1.5 and between * self.period > MAX_GAP_S):
                 restart(m, m.last, m.current)
                 m.switched = m.switched and not is_shown(m, periods * self.period)
             if slowly:
@@ -471,15 +473,20 @@ class Monitor:
             return CURRENT
         if not fabs(self.encoder_age[k]) <= m.max_encoder_age:
             return ENCODER_AGE
-        if not (m.lowest <= self.position[k] <= m.highest and fabs(self.position[k]) <= BEYOND):
+        if not (
+            m.lowest <= self.position[k] <= m.highest and fabs(self.position[k]) <= CREDIBLE_BOUND
+        ):
             return POSITION
-        if not fabs(self.velocity[k]) <= BEYOND:
+        if not fabs(self.velocity[k]) <= CREDIBLE_BOUND:
             return VELOCITY
         if not fabs(self.torque_age[k]) <= m.max_torque_age:
             return TORQUE_AGE
         if not fabs(self.torque[k]) <= m.max_torque:
             return TORQUE
-        if not (self.temperature[k] <= m.max_temperature and fabs(self.temperature[k]) <= BEYOND):
+        if not (
+            self.temperature[k] <= m.max_temperature
+            and fabs(self.temperature[k]) <= CREDIBLE_BOUND
+        ):
             return TEMPERATURE
         return NOTHING
 
@@ -495,7 +502,7 @@ class Monitor:
         travelled: cython.double = motor_travel(m, current)
         self.travelled[k] += travelled
         check_travel(m, travelled, position, current, self.forget)
-        if fabs(self.joint_position[k]) <= BEYOND:
+        if fabs(self.joint_position[k]) <= CREDIBLE_BOUND:
             check_overrun(m, self.joint_position[k])
         check_overload(m, m.drawn, self.elapsed)
         self.used[k] = m.used

@@ -33,7 +33,7 @@ from ...core.terms.measurement import (
 from .pulse import Pulse
 from .snapshots import Snapshots
 from .timing import (
-    KEPT,
+    LATENESS_COUNT,
     NANOSECONDS,
     Divider,
     Pacer,
@@ -99,7 +99,7 @@ class ControlLoop:
         self._stopping = self._paused = False
         self._stepping = Stepping()
         self._clock: Callable[[], float] | None = None  # of the phases, while they are timed
-        self._cycles: deque[list[float]] = deque(maxlen=KEPT)
+        self._cycles: deque[list[float]] = deque(maxlen=LATENESS_COUNT)
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(self._read().time, time.time_ns())

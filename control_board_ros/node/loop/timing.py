@@ -36,14 +36,14 @@ import numpy as np
 #: Periods that the loop of a simulation may lag before it gives up catching up and skips the rest.
 MAX_LAG = 100
 #: s before a deadline from which on the thread sleeps exactly, and is not woken.
-EXACT = 0.05
+FINAL_SLEEP_S = 0.05
 #: Lateness values kept between two looks at the statistics.
-KEPT = 1 << 14
+LATENESS_COUNT = 1 << 14
 PR_SET_TIMERSLACK = 29
 #: Time between two readings of clocks that count as simultaneous, ns.
-AT_ONCE = 20_000
+READING_GAP_NS = 20_000
 #: Tries to read them so.
-TRIES = 4
+MAX_READINGS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +114,8 @@ class Pacer:
         self.period, self._wake = period, wake or threading.Event()
         self._max_lag = MAX_LAG if catches_up else 1
         self.cycles = self.overruns = self.skipped = 0
-        self._lateness = np.zeros(KEPT)
-        self._kept = 0
+        self._lateness = np.zeros(LATENESS_COUNT)
+        self._late_count = 0
         self._since = time.monotonic()
         self._cycles_since = 0
         self._deadline = self.due = self.began = self._since
@@ -146,8 +146,8 @@ class Pacer:
             self.due = self.began = time.monotonic()
             return True
         ahead = self._deadline - time.monotonic()
-        if ahead > EXACT:
-            if self._woken(ahead - EXACT):
+        if ahead > FINAL_SLEEP_S:
+            if self._woken(ahead - FINAL_SLEEP_S):
                 return False
             ahead = self._deadline - time.monotonic()
         self.cycles += 1
@@ -158,9 +158,9 @@ class Pacer:
         else:
             self.began, self.late = self._deadline - ahead, -ahead
             late = self._overrun(-ahead, period)
-        kept = self._kept
-        self._lateness[kept % KEPT] = late
-        self._kept = kept + 1
+        count = self._late_count
+        self._lateness[count % LATENESS_COUNT] = late
+        self._late_count = count + 1
         self.due = self._deadline
         self._deadline += period
         return True
@@ -189,11 +189,11 @@ class Pacer:
     def take(self) -> Statistics:
         """The statistics; starts the next window."""
         now = time.monotonic()
-        cycles, kept = self.cycles, self._kept
-        self._kept = 0
-        lateness = self._lateness[: min(kept, KEPT)]
+        cycles, count = self.cycles, self._late_count
+        self._late_count = 0
+        lateness = self._lateness[: min(count, LATENESS_COUNT)]
         median, p99, worst = (0.0, 0.0, 0.0)
-        if kept:
+        if count:
             # np.percentile would be right, too, and load 3 MB of numpy for it.
             ordered = np.sort(lateness)
             last = len(ordered) - 1
@@ -214,7 +214,7 @@ class Standstill:
     """
 
     #: s that a cycle may begin late.
-    LONGEST = 0.5
+    LIMIT_S = 0.5
 
     def __init__(self, pacer: Pacer) -> None:
         self._pacer = pacer
@@ -222,7 +222,7 @@ class Standstill:
 
     def note(self) -> None:
         """In each cycle, after :meth:`Pacer.wait`."""
-        if self._pacer.late > self.LONGEST:
+        if self._pacer.late > self.LIMIT_S:
             set_back = max(self._pacer.ahead - system_ahead(), 0)
             self._ended, self._ended_at = time.monotonic(), time.time_ns() + set_back
             self._lasted = self._pacer.late
@@ -234,7 +234,7 @@ class Standstill:
             sent: System time, ns.
         """
         now = time.monotonic()
-        if (late := self._pacer.lag(now)) > self.LONGEST:
+        if (late := self._pacer.lag(now)) > self.LIMIT_S:
             return late
         waited = sent < self._ended_at and now < self._ended + self._lasted
         return self._lasted if waited else 0.0
@@ -278,11 +278,11 @@ def system_ahead() -> int:
     set; such readings are repeated, and the closest pair counts.
     """
     best, ahead = math.inf, 0
-    for _ in range(TRIES):
+    for _ in range(MAX_READINGS):
         started, now, ended = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
         if ended - started < best:
             best, ahead = ended - started, now - (started + ended) // 2
-        if best < AT_ONCE:
+        if best < READING_GAP_NS:
             break
     return ahead
 
@@ -298,9 +298,9 @@ def sharpen_timers() -> None:
 NANOSECONDS = 1_000_000_000
 
 #: Part of the simulated time that passes by which the offset may grow.
-GROWTH = 0.1
+OFFSET_GROWTH = 0.1
 #: What the system's clock may be ahead before stamps jump there at once, ns.
-JUMP = NANOSECONDS
+MAX_LEAD_NS = NANOSECONDS
 
 
 class TimeBase:
@@ -340,11 +340,11 @@ class TimeBase:
             return
         now = round(simulated * NANOSECONDS)
         error = system - now - self.offset
-        if self._noted is None or error > JUMP or (self._jump and error > 0):
+        if self._noted is None or error > MAX_LEAD_NS or (self._jump and error > 0):
             self.offset += error
         else:
             passed = max(now - self._noted, 0)
-            self.offset += max(min(error, round(GROWTH * passed)), -self._shrinkage)
+            self.offset += max(min(error, round(OFFSET_GROWTH * passed)), -self._shrinkage)
         self._noted, self._jump = now, False
 
     def stamp(self, simulated: float) -> int:

@@ -210,7 +210,7 @@ def _as_slice(indices: list[int]) -> Indices:
 
 FIELD_OF_VIEW = np.radians(50.0)
 YAW, PITCH = np.radians(50.0), np.radians(-20.0)
-LIGHT = np.array([1.0, -1.0, 2.0]) / np.sqrt(6.0)
+LIGHT_DIRECTION = np.array([1.0, -1.0, 2.0]) / np.sqrt(6.0)
 AMBIENT = 0.35
 BACKGROUND = np.array([1.0, 1.0, 1.0])
 FURTHEST = 1e3
@@ -261,7 +261,7 @@ class RayCamera:
             FURTHEST,
         )
         colours = self._model.geom_rgba[geoms, :3]
-        lit = np.maximum(normals.reshape(-1, 3) @ LIGHT, 0.0)[:, None]
+        lit = np.maximum(normals.reshape(-1, 3) @ LIGHT_DIRECTION, 0.0)[:, None]
         shown = np.where(
             (geoms >= 0)[:, None], colours * (AMBIENT + (1 - AMBIENT) * lit), BACKGROUND
         )

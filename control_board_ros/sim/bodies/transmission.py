@@ -52,8 +52,8 @@ class CoupledBody:
     def link_position(self, axis: int) -> tuple[float, float, float]:
         """Origin of the child link of the first joint that an axis moves, m, in world axes."""
         first = int(np.argmax(np.abs(self.coupling.matrix[:, axis]) > 0.0))
-        found: tuple[float, float, float] = self.engine.link_position(first)
-        return found
+        position: tuple[float, float, float] = self.engine.link_position(first)
+        return position
 
     def _read(self) -> None:
         """Update the state of the axes from that of the joints."""

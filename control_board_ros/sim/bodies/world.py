@@ -25,10 +25,10 @@ def check_display() -> None:
         raise PlantError("gui: no display (DISPLAY is not set); set gui to false or start X")
     import ctypes.util  # heavy, needed for a window only
 
-    found = ctypes.util.find_library("X11")
-    if found is None:
+    library = ctypes.util.find_library("X11")
+    if library is None:
         raise PlantError("gui: libX11 is not installed; set gui to false or install libx11-6")
-    x11 = ctypes.CDLL(found)
+    x11 = ctypes.CDLL(library)
     x11.XOpenDisplay.restype = ctypes.c_void_p
     x11.XOpenDisplay.argtypes = [ctypes.c_char_p]
     x11.XCloseDisplay.argtypes = [ctypes.c_void_p]

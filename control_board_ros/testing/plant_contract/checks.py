@@ -34,7 +34,7 @@ from .bench import (
 #: Percent: too small to move most joints, yet distinguishable from zero.
 SMALL_PWM = 1.0
 #: rad or m that a joint may move while it is held where it is.
-STILL = 0.01
+MAX_DRIFT = 0.01
 #: Exchanges in which a fault appears, and is gone after its reset.
 CYCLES_TO_REACT = 500
 
@@ -215,7 +215,9 @@ def it_holds_a_joint_where_it_is(subject: Subject) -> None:
             readings = subject.drive(plant, resting(kinds, start))
             mine = [kind in j.set_points for j in joints]
             moved = float(np.abs(readings.position - start)[mine].max())
-            expect(moved <= STILL, f"{kind.name}: held where it is, a joint moved by {moved:.3g}")
+            expect(
+                moved <= MAX_DRIFT, f"{kind.name}: held where it is, a joint moved by {moved:.3g}"
+            )
             expect(not any(readings.faults), f"{kind.name}: {_first(readings)}")
 
 
