@@ -68,8 +68,13 @@ def prefix_of(layers: Sequence[Entries]) -> str:
 def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
     """Add a prefix to joint names in parameters; files name joints as in the URDF."""
 
-    def full(name: str) -> str:
-        return prefix + name if name in joints else name
+    def full(name: Any) -> Any:
+        return prefix + name if isinstance(name, str) and name in joints else name
+
+    def group_of(names: Any) -> Any:
+        return (
+            ",".join(map(full, map(str.strip, names.split(",")))) if type(names) is str else names
+        )
 
     prefixed_entries: Entries = {}
     for name, entry in entries.items():
@@ -78,7 +83,7 @@ def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
         if isinstance(value, list) and owner in LISTS:
             value = [full(item) for item in value]
         elif isinstance(value, list) and owner == GROUPS:
-            value = [",".join(full(n.strip()) for n in group.split(",")) for group in value]
+            value = [group_of(names) for names in value]
         if owner == POSES:
             pose, mark, joint = key.partition(".")
             key = pose + mark + full(joint)

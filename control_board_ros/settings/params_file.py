@@ -197,7 +197,8 @@ def _typed(row: Parameter, value: Any) -> Any:
     """The typed value, None where it is not allowed."""
     low, high = row.bounds
     if row.kind is Kind.BOOL:
-        return value if isinstance(value, bool) or value in row.choices else None
+        chosen = isinstance(value, str) and value in row.choices
+        return value if isinstance(value, bool) or chosen else None
     if row.kind is Kind.INTEGER:
         return value if type(value) is int and low <= value <= high else None
     if row.kind is Kind.DOUBLE:

@@ -252,6 +252,8 @@ BROKEN = {
     "joint_default: {home: 0.1}": "did you mean 'joint_defaults.home'",
     "robot: iwa": "did you mean 'iiwa'",
     "robot: 7": "robot: 7 is not allowed; use text, numbers in quotes",
+    "plant_process: [true]": "plant_process: [True] is not allowed; use ",
+    "calibration_groups: [1]": "calibration_groups: [1] is not allowed; use ",
     "robot: none.urdf": "No such file",
     "robot: /": "folder",
     "robot:": "no value",
@@ -550,3 +552,11 @@ def test_a_reserved_name_is_refused_with_its_purpose(name: str) -> None:
     assert f"{name!r} is not allowed as a joint's name" in str(raised.value)
     assert f"the parameters {name}.* are those of {RESERVED[name]}" in str(raised.value)
     assert joints_of(("elbow",), urdf, "", "joints") == ("elbow",)
+
+
+@pytest.mark.parametrize("value", [[[1]], [None], [{}], 2**80, b"x"])
+def test_values_of_programs_are_refused_whatever_they_are(value: Any) -> None:
+    """A: one line, for every parameter of the board, also where no file could hold the value."""
+    for name in ("joints", "calibration_groups", "plant_process", "timing", "robot"):
+        with pytest.raises(SettingsError, match=f"{name}: .* is not allowed; use "):
+            load("iiwa", {name: value})
