@@ -67,7 +67,8 @@ Error of the load on the shipped arms: below 0.01 % of the torque limit at rest;
 
 ## In every mode
 
-* Limits hold (P9, P14): towards a software limit a joint is only as fast as it can brake.
+* No joint is driven faster than its speed limit, or towards a software limit faster than it can
+  brake (0.7 of `limits.acceleration`); beyond a limit it is brought back.
 * A position reference does not run ahead of a blocked joint: it waits at the torque limit, and
   continues when the joint is free.
 """
