@@ -99,8 +99,9 @@ def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     """
     from difflib import get_close_matches  # only where something is misspelt
 
-    near = get_close_matches(word[:200], list(known), n=1, cutoff=likeness)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    names = {name.casefold(): name for name in known}
+    near = get_close_matches(word[:200].casefold(), names, n=1, cutoff=likeness)
+    return f"; did you mean {names[near[0]]!r}?" if near else ""
 
 
 def unknown_word(

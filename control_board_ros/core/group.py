@@ -330,14 +330,33 @@ class JointGroup(ModeShortcuts):
         limits = self.engine.limits
         try:
             selection = self.selector.select(joints)
-            spring = all_within(selection, "stiffness", stiffness, limits.stiffness, zero=True)
+            units = ("N·m/rad", "N/m")
+            spring = self._within(selection, "stiffness", stiffness, limits.stiffness, units, True)
             damper = None
             if damping is not None:
-                damper = all_within(selection, "damping", damping, limits.damping, zero=True)
+                units = ("N·m·s/rad", "N·s/m")
+                damper = self._within(selection, "damping", damping, limits.damping, units, True)
         except RequestError as error:
             return self.selector.refuse(joints, error)
         self.engine.controller.set_impedance(selection.joints, spring, damper)
         return accepted(selection.names)
+
+    def _within(
+        self,
+        selection: Selection,
+        what: str,
+        values: Values,
+        highest: Array,
+        units: tuple[str, str],
+        zero: bool = False,
+    ) -> Array:
+        """As ``all_within``; an error has the unit of the joint, which turns or slides."""
+        kinds = self.engine.config.joints
+        return all_within(
+            *(selection, what, values, highest),
+            zero=zero,
+            unit=lambda joint: kinds[joint].kind.choose(*units),
+        )
 
     def get_max_impedance(self, joints: Joints = None) -> tuple[Array, Array]:
         """Maximum stiffness, N·m/rad, and damping, N·m·s/rad (or N/m, N·s/m); shape (k,) each."""
@@ -361,11 +380,15 @@ class JointGroup(ModeShortcuts):
             if speeds is None and accelerations is None:
                 raise RequestError("neither speeds nor accelerations given; send one or both")
             selection = self.selector.select(joints)
+            of_speed, of_acceleration = limits.velocity, limits.acceleration
             rows = [
-                (target, all_within(selection, what, values, highest))
-                for target, what, values, highest in (
-                    (references.speed, "speed", speeds, limits.velocity),
-                    (references.acceleration, "acceleration", accelerations, limits.acceleration),
+                (target, self._within(selection, what, values, highest, units))
+                for target, what, values, highest, units in (
+                    (references.speed, "speed", speeds, of_speed, ("rad/s", "m/s")),
+                    (
+                        *(references.acceleration, "acceleration", accelerations, of_acceleration),
+                        ("rad/s²", "m/s²"),
+                    ),
                 )
                 if values is not None
             ]

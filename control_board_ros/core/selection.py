@@ -208,7 +208,13 @@ def one_text(value: object, what: str) -> str:
 
 
 def all_within(
-    selection: Selection, what: str, values: Any, highest: Array, *, zero: bool = False
+    selection: Selection,
+    what: str,
+    values: Any,
+    highest: Array,
+    *,
+    zero: bool = False,
+    unit: Callable[[int], str] = lambda _: "",
 ) -> Array:
     """The values of a request, one per joint, shape (k,); one value goes to all of them.
 
@@ -218,6 +224,7 @@ def all_within(
         values: as a user gave them.
         highest: the greatest allowed of every joint of the board, shape (n,).
         zero: whether 0 is allowed, too.
+        unit: of the values of a joint, by its number.
 
     Raises:
         RequestError: a value is not above 0 and up to the most, or there are too many.
@@ -231,7 +238,7 @@ def all_within(
         allowed = f"from 0 to {high[k]:.6g}" if zero else f"above 0, up to {high[k]:.6g}"
         raise RequestError(
             f"{what} {array[k]:.6g} of {selection.names[k]} is not allowed; "
-            f"send a number {allowed}",
+            f"send a number {allowed} {unit(selection.numbers[k])}".rstrip(),
             Reason.OUT_OF_RANGE if np.isfinite(array[k]) else Reason.NOT_FINITE,
         )
     return array

@@ -304,6 +304,8 @@ def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
     limit = client.get_velocity_limits(0)[0]
     assert client.position_move(0, 0.2, limit)
     assert not client.position_move(0, 0.3, 1.001 * limit)
+    reply = client.set_ref_speed(0, 30.0)  # deg/s
+    assert reply.message.endswith(f"send a number above 0, up to {limit:.6g} rad/s")
     assert "1 speeds for 2 joints" in client.position_move([0, 1], 0.1, [0.2]).message
     assert client.set_control_mode(2, "vel")
     assert (

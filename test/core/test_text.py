@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rig import joint
 
 from control_board_ros.core.config.config import ConfigError
-from control_board_ros.text import clean, clean_lines, clean_name, file_name, unknown_word
+from control_board_ros.text import clean, clean_lines, clean_name, file_name, nearest, unknown_word
 
 SHOWN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 
@@ -40,6 +40,7 @@ def test_an_unknown_word_is_named_with_the_known_ones() -> None:
     assert unknown_word("joint", "ellbow", names, "joints:") == (
         "joint 'ellbow' unknown; did you mean 'elbow'?; joints: shoulder, elbow"
     )
+    assert nearest("ELBOW", names) == "; did you mean 'elbow'?"
     assert unknown_word("joint", 7, names) == "joint 7 unknown; one of shoulder, elbow"
     assert unknown_word("pose", "up", (), "poses:") == "pose 'up' unknown; poses: none"
     for word in ("x" * 1000, [1] * 1000):
