@@ -33,6 +33,7 @@ def joint(velocity: float, acceleration: float = 10.0, **changes: Any) -> Any:
         position=0.2, followed=0.2, followed_velocity=velocity, active=True, period=1e-3,
         stop_due=True, stopping=True, max_acceleration=acceleration, max_velocity=5.0,
         max_jerk=0.0, moved_acceleration=0.0,
+        torque=0.0, lead=0.0, lag=0.0,
         max_torque=100.0, coulomb=0.0, coulomb_negative=0.0, viscous=0.0, viscous_negative=0.0,
         lower=-math.inf, upper=math.inf, rate=None, plan=None, step=0.0,
     )  # fmt: skip
@@ -139,6 +140,27 @@ def test_where_torque_does_not_suffice_no_motor_is_asked_for_more() -> None:
     assert stops.furthest == pytest.approx(
         (np.maximum(beyond, 0.0) + places.max(axis=0) - places[-1]).max()
     )
+
+
+@pytest.mark.parametrize("module", [compiled, PLAIN], ids=["compiled", "plain"])
+@pytest.mark.parametrize(
+    ("way", "torque", "share"),
+    [
+        (1.0, 14.0, 0.971),  # the whole torque is turned round: Δτ (L/R)/T is 2 × 2 ms / 0.44 s
+        (-1.0, -14.0, 0.971),
+        (1.0, -14.0, 0.98),  # it brakes already
+        (1.0, math.nan, 0.98),  # not measured
+    ],
+)
+def test_a_stop_leaves_the_torque_that_its_motor_takes_to_turn_round(
+    way: float, torque: float, share: float, module: Any
+) -> None:
+    """M9: L/R is 2 ms; the most that the weak elbow is planned with, of its torque limit."""
+    weak = joint(3.0 * way, 20.0, torque=torque, lead=1.5, lag=0.5, **WEAK)
+    joints = [joint(3.0 * way, 20.0, max_torque=200.0), weak]
+    assert planned(*joints, model=ARM, module=module).rounds > 1
+    _, _, torques = run(joints)
+    assert np.abs(torques[:, 1]).max() / 14.0 == pytest.approx(share, abs=2e-3)
 
 
 def test_the_best_of_some_predictions_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:

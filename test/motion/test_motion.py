@@ -44,12 +44,12 @@ REACHED_BY = {
 }
 #: All joints at full speed into TORQUE: furthest way beyond v²/(2a), mrad, where braking at the
 #: limits would take up to 3.2 times the torque; and the time to rest over that of the fastest stop
-#: on the straight line. Of scara 1.5 is missed by what its motor takes to turn its torque round.
+#: on the straight line.
 STOPS = {
     "panda": (210.0, 1.5),
     "franka": (210.0, 1.5),
     "kuka": (120.0, 1.5),
-    "scara": (250.0, 1.6),
+    "scara": (250.0, 1.5),
     "snake": (30.0, 1.5),
 }
 #: The joint that overshoots most where a velocity is turned round.

@@ -17,7 +17,8 @@ enough for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes b
 joint that heavy ones pull along may have LEAP a_i, and its reference does too. z_i: what the joint
 runs beyond its braking distance v²/(2a), or comes back. The further a joint runs, the greater its
 ω_i in the next prediction. The best one is that whose furthest joint runs least, time counted as
-LATE.
+LATE. Turning its torque round takes a motor its winding's time, L/R, in which the plan brakes
+already; the torque to make up for it is left, Δτ (L/R)/T, and at most LOST of it.
 
 Plain Python in Cython's pure mode, as the laws are. Units: rad, rad/s, N·m, s; m and N where
 joints slide.
@@ -42,6 +43,8 @@ else:
 KEEPING = cython.declare(cython.double, 0.03)
 #: Part of the torque limits that a stop may use; the rest is for its control.
 SHARE = cython.declare(cython.double, 0.98)
+#: Part of a change of torque, at most, that a stop leaves for what the winding loses of it.
+LOST = cython.declare(cython.double, 0.02)
 #: Steps of a prediction until the slowest joint would rest, and the most.
 STEPS = cython.declare(cython.int, 24)
 MOST_STEPS = cython.declare(cython.int, 64)
@@ -278,6 +281,7 @@ class Stops:
         good: cython.bint
         for k in range(self.stopping):
             self.wanted[k] = self.hardest[k]
+            self.limit[k] -= self.lost_torque(k)
         while self.rounds < ROUNDS:
             self.rounds += 1
             z = self.predict()
@@ -292,6 +296,17 @@ class Stops:
             for k in range(self.stopping):
                 self.urge[k] *= GROWTH + self.beyond[k] / max(z, 1e-9)
         self.steps = steps
+
+    @cython.cfunc
+    def lost_torque(self, k: cython.Py_ssize_t) -> cython.double:
+        """What turning the torque round costs, spread over the stop: Δτ (L/R)/T, N·m."""
+        joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+        time: cython.double = joint.period * (joint.lead + joint.lag)
+        torque: cython.double = joint.torque if self.speed[k] > 0.0 else -joint.torque
+        change: cython.double = max(min(torque + joint.max_torque, 2.0 * joint.max_torque), 0.0)
+        if torque - torque != 0.0:  # not measured
+            return 0.0
+        return change * min(time / (self.steps * self.step), LOST)
 
     @cython.cfunc
     def predict(self) -> cython.double:
