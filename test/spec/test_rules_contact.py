@@ -276,3 +276,19 @@ def test_a_contact_stops_a_trajectory() -> None:
     assert still == pytest.approx(places, abs=1e-3)
     assert goal.outcome is not None
     assert "stopped" in goal.outcome.text
+
+
+def test_a_reaction_that_stops_nothing_says_so() -> None:
+    """X2, P3: in TORQUE no joint is stopped, and the log does not say that the arm is."""
+    pushed = "lbr_iiwa_joint_4__contact__"
+    reaction = {"threshold": 10.0, "time": 0.02, "reaction": "stop"}
+    arm = Arm("iiwa", "pybullet", **{pushed + key: value for key, value in reaction.items()})
+    assert arm.board.set_control_mode(range(3), "torq")
+    arm.simulation.run(0.2)
+    arm.board.take_events()
+    arm.plant.push(3, 20.0)
+    arm.simulation.run(0.1)
+    texts = [event.text for event in arm.board.take_events() if event.key == "contact"]
+    arm.simulation.close()
+    assert len(texts) == 1
+    assert "; not the whole arm stops: lbr_iiwa_joint_1 is TORQUE, where stop has no" in texts[0]

@@ -29,7 +29,7 @@ from ..terms.modes import (
     Stage,
     law_of,
 )
-from ..terms.reply import Answer, JointAnswer, Reply, decided
+from ..terms.reply import Answer, JointAnswer, Reply, accepted, decided
 from ..terms.vocabs import BrakeMode, ControlMode, InteractionMode
 from .decisions import Requested, Verdict, decide, decide_brake, decide_stop
 from .explanations import (
@@ -370,13 +370,14 @@ class Contacts:
             if reaction is Reaction.FAULT:
                 machine.raise_fault(j, FaultCode.CONTACT, text)
                 continue
-            machine.report("warning", "contact", j, f"contact, {text}; {REACTION_TEXTS[reaction]}")
-            self._carry_out(reaction, self._part[j])
+            done = self._carry_out(reaction, self._part[j])
+            machine.report("warning", "contact", j, f"contact, {text}; {done}")
 
-    def _carry_out(self, reaction: Reaction, part: Sequence[int]) -> None:
-        joints = self._machine.config.joints
+    def _carry_out(self, reaction: Reaction, part: Sequence[int]) -> str:
+        """React; returns what is done, or why it is not of all joints."""
+        joints, reply = self._machine.config.joints, accepted(())
         if reaction is Reaction.STOP:
-            self._requests.stop(Selection.of(part, [joints[j].name for j in part]))
+            reply = self._requests.stop(Selection.of(part, [joints[j].name for j in part]))
         elif reaction is Reaction.COMPLIANT:
             able = [
                 j
@@ -384,4 +385,8 @@ class Contacts:
                 if InteractionMode.COMPLIANT in self._machine.joint(j).interaction_modes
             ]
             selection = Selection.of(able, [joints[j].name for j in able])
-            self._requests.request(selection, [InteractionMode.COMPLIANT] * len(able))
+            reply = self._requests.request(selection, [InteractionMode.COMPLIANT] * len(able))
+        done = REACTION_TEXTS[reaction]
+        if reply:
+            return done
+        return f"{done.replace('the arm', 'not the whole arm')}: {reply.message}"
