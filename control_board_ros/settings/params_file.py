@@ -197,8 +197,8 @@ def _typed(row: Parameter, value: Any) -> Any:
     """The typed value, None where it is not allowed."""
     low, high = row.bounds
     if row.kind is Kind.BOOL:
-        chosen = isinstance(value, str) and value in row.choices
-        return value if isinstance(value, bool) or chosen else None
+        is_choice = isinstance(value, str) and value in row.choices
+        return value if isinstance(value, bool) or is_choice else None
     if row.kind is Kind.INTEGER:
         return value if type(value) is int and low <= value <= high else None
     if row.kind is Kind.DOUBLE:
