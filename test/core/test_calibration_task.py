@@ -57,3 +57,11 @@ def test_cancelled_its_joints_are_idle(rig: Rig) -> None:
     assert task.cancel() == "cancelled; a, b in IDLE, not calibrated"
     rig.tick()
     assert rig.modes() == [ControlMode.IDLE, ControlMode.IDLE, ControlMode.POSITION]
+
+
+def test_a_power_cycle_that_ends_it_is_the_reason(rig: Rig) -> None:
+    """N1: what is not required does not begin anew."""
+    task = CalibrationTask(rig.board, ["a"])
+    rig.tick(5)
+    rig.board.power_cycle()
+    assert task.outcome() == (False, "a is not calibrated: ended by a power cycle")

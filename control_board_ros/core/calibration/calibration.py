@@ -447,8 +447,8 @@ class Calibrations:
     def forget(self, joints: Sequence[int]) -> None:
         """Reset the calibrations of joints (N1)."""
         for j in joints:
-            self.running.pop(j, None)
-            self._status[j] = CalibrationStatus(self._machine.config.names[j])
+            ran = self.running.pop(j, None) is not None
+            self._show(j, message="ended by a power cycle" if ran else "")
         self.shifted = bool(self._state.offset.any())
 
     def start(self, j: int) -> None:
