@@ -11,7 +11,7 @@ try:
 except ImportError:
     from ... import nocython as cython
 
-from .formulas import INFINITE, brake_speed, clamp
+from .formulas import INFINITE, brake_speed, clamp, speed_ahead
 from .joint import AS_POSITION, AS_VELOCITY, REST_SPEED, REST_TIME, Joint, go_on_stopping, run_move
 from .observing import GAP, cross_gap
 from .stream import BRIEF, LAST, Stream, TimeBase, sine, versine
@@ -196,10 +196,10 @@ def advance_ramp(j: Joint) -> cython.void:
     if j.ramp_target == 0.0 and not j.driven:
         step = min(step, fading(j, j.ramp_velocity) * j.elapsed)
     v: cython.double = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
-    up = brake_speed(j.upper - j.reference, j.max_acceleration, j.elapsed)
-    down = brake_speed(j.reference - j.lower, j.max_acceleration, j.elapsed)
     top: cython.double = j.steady * j.max_velocity
-    total = clamp(j.moved_velocity + v, -min(down, top), min(up, top))
+    up = speed_ahead(j.upper - j.reference, j.max_acceleration, j.elapsed, top)
+    down = speed_ahead(j.reference - j.lower, j.max_acceleration, j.elapsed, top)
+    total = clamp(j.moved_velocity + v, -down, up)
     j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
     j.ramped += j.ramp_velocity * j.elapsed
     if j.ramp_target == 0.0:
@@ -260,9 +260,9 @@ def follow(j: Joint) -> cython.void:
             velocity = goal_velocity + brake_speed(rest, j.max_acceleration, j.elapsed)
         else:
             velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.elapsed)
-    up = brake_speed(j.upper - j.followed, j.max_acceleration, j.elapsed)
-    down = brake_speed(j.followed - j.lower, j.max_acceleration, j.elapsed)
-    velocity = clamp(velocity, -(down if down < top else top), up if up < top else top)
+    up = speed_ahead(j.upper - j.followed, j.max_acceleration, j.elapsed, top)
+    down = speed_ahead(j.followed - j.lower, j.max_acceleration, j.elapsed, top)
+    velocity = clamp(velocity, -down, up)
     change = INFINITE if j.stopping and j.plan_steps > 0 else step  # a plan has what torque allows
     velocity = clamp(velocity, j.followed_velocity - change, j.followed_velocity + change)
     if j.coasts:  # slower at most (B7)

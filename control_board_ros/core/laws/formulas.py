@@ -45,9 +45,24 @@ def brake_speed(
         return 0.0
     if distance > FAR:  # no limit is known
         return FAR
+    if distance < 0.99 * acceleration * period * period:  # in one cycle
+        return distance / period
     cycles = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
     cycles = max(cycles, 1.0)
     return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
+
+
+@cython.cfunc
+def speed_ahead(
+    distance: cython.double,
+    acceleration: cython.double,
+    period: cython.double,
+    top: cython.double,
+) -> cython.double:
+    """The same, at most ``top``: that where there is more room than braking from it takes."""
+    if distance > top * (0.5 * top / acceleration + period):
+        return top
+    return min(brake_speed(distance, acceleration, period), top)
 
 
 @cython.cfunc
