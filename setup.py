@@ -143,6 +143,8 @@ class Build(build_ext):
         """Compile one module; where that fails, the modules stay Python and the build goes on."""
         built = Path(self.get_ext_fullpath(ext.name))
         built.unlink(missing_ok=True)  # of an older source
+        names = [one.name for one in self.extensions]
+        print(f"laws {names.index(ext.name) + 1} of {len(names)}", flush=True)  # noqa: T201 - set_up.py shows it
         try:
             key = self.translation.key(ext.name)
             kept = store.find(ext.name, key)

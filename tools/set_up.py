@@ -245,7 +245,7 @@ class Environment:
     def compile(self, progress: Callable[[str], None]) -> None:
         """Build messages and laws, into the store; the installation finds them there."""
         command = [self.python, "setup.py", "-q", "build_ext", "--inplace"]
-        said = []
+        said, done = [], dict[str, str]()
         with (
             self.log.open("a", encoding="utf-8") as log,
             subprocess.Popen(
@@ -254,8 +254,9 @@ class Environment:
         ):
             assert made.stdout is not None
             for line in made.stdout:
-                if line.startswith("messages "):
-                    progress(line.strip().removeprefix("messages"))
+                if line.startswith(("messages ", "laws ")):
+                    done[line.split()[0]] = line.strip()
+                    progress(f" ({', '.join(done.values())})")
                 else:
                     log.write(line)
                     said.append(line.rstrip())
