@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
+from types import SimpleNamespace
 
 import pytest
 from cbctl_process import Cbctl
 from waiting import until
 
 from control_board_ros.cli.app import for_several
+from control_board_ros.cli.board import only_board
 from control_board_ros.cli.board.boards import is_pattern, robots_among
 from control_board_ros.cli.board.only_board import alone_among
 from control_board_ros.cli.board.session import Session
@@ -34,6 +36,40 @@ def test_a_line_that_names_no_board_takes_the_only_one() -> None:
     assert alone_among(icub) == "/icub/robot"
     for several in (["/a/board", "/b/board"], [*icub, "/lab/left"], [*icub, "/b/robot"]):
         assert alone_among(several) == ""
+
+
+@pytest.mark.parametrize(
+    ("seen", "board"),
+    [
+        ({0.5: ["/icub/head"]}, "/icub/head"),
+        ({0.5: ["/icub/head"], 1.2: ["/icub/head", "/icub/torso"]}, "control_board"),
+        (
+            {0.5: ["/icub/head"], 1.2: ["/icub/head", "/icub/torso"], 3.0: ["/icub/head",
+             "/icub/robot", "/icub/torso"]}, "/icub/robot",
+        ),
+        ({0.5: ["/lab/left"], 1.2: ["/control_board", "/lab/left"]}, "control_board"),
+        ({}, "control_board"),
+    ],
+)  # fmt: skip
+def test_boards_that_are_discovered_one_after_the_other(
+    monkeypatch: pytest.MonkeyPatch, seen: dict[float, list[str]], board: str
+) -> None:
+    """At these times, s: the parts of a robot on a busy machine, before the robot itself."""
+    clock = SimpleNamespace(now=0.0)
+
+    def sleep(seconds: float) -> None:
+        clock.now += seconds
+
+    def boards_on(_: object) -> list[str]:
+        return next((seen[at] for at in sorted(seen, reverse=True) if at <= clock.now), [])
+
+    monkeypatch.setattr(
+        only_board, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep)
+    )
+    monkeypatch.setattr("control_board_ros.client.ros_link.boards_on", boards_on)
+    node = SimpleNamespace(resolve_topic_name=lambda name: f"/{name}")
+    assert only_board.only_board(node, 5.0) == board  # type: ignore[arg-type]
+    assert clock.now <= 5.0 + only_board.POLL
 
 
 def test_the_environment_names_a_board(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,10 @@ from ..line.options import DEFAULT
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-#: s to wait for further boards after the first.
+#: s to wait for further boards after the last one.
 GATHERING = 1.0
+#: The same where the boards so far are several, and none is that of a robot: it may still come.
+SEVERAL = 3.0
 POLL = 0.05
 #: Name of the own node of a robot with parts.
 ROBOT = "robot"
@@ -29,16 +31,17 @@ def only_board(node: Node, timeout: float) -> str:
     from control_board_ros.client.ros_link import boards_on
 
     default = node.resolve_topic_name(DEFAULT)
-    deadline, first = time.monotonic() + timeout, 0.0
+    begun = since = time.monotonic()
     boards: list[str] = []
-    while time.monotonic() < deadline:
-        boards = boards_on(node)
-        if default in boards:
+    while (now := time.monotonic()) - begun < timeout:
+        found = boards_on(node)
+        if default in found:
             break
-        if boards:
-            first = first or time.monotonic()
-            if time.monotonic() - first >= GATHERING:
-                return alone_among(boards) or DEFAULT
+        if found != boards:
+            boards, since = found, now
+        alone = alone_among(boards)
+        if boards and now - since >= (GATHERING if alone else SEVERAL):
+            return alone or DEFAULT
         time.sleep(POLL)
     return DEFAULT
 

@@ -190,7 +190,8 @@ class JointMove:
             )
         return (
             f"{where}, {kind.position(away)} away from its target {target_text}: it is blocked, "
-            "its reference was moved by something else, or its gains are too low"
+            "its reference was moved by something else, its gains are too low, or the computer is "
+            "too slow"
         )
 
     def _cause(self, now: JointNow) -> str:
