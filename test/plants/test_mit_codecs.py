@@ -721,7 +721,7 @@ def test_faults_that_a_robstride_tells_unasked_last_until_they_are_cleared() -> 
     codec, motor = of(PRIVATE)
     dialogue(motor.set_up(TIMEOUT), far_of(codec).on_frame)
     off = "020001FD#85177d178f0f0136"
-    assert codec.heard("150001FD#0040000000000000", off) == [None, 0]
+    assert codec.heard("150001FD#0040000001000000", off) == [None, 0]
     assert codec.reported.fault == DriveFault(1 << 14, "stall overload")
     codec.sent(Action.OFF)
     codec.heard(off)
