@@ -96,6 +96,12 @@ def test_goals_of_a_dynamixel(kind: str, value: float, count: int) -> None:
     assert codec.driver._raw(0, kind_of, values(**{kind: value})) == count
 
 
+def test_full_pwm_of_a_dynamixel() -> None:
+    codec, _ = dynamixel()
+    codec.driver._servos[0].pwm = 2000
+    assert [codec.driver._raw(0, SetPoint.PWM, values(pwm=p)) for p in (100, -100)] == [885, -885]
+
+
 GOALS = {
     SetPoint.POSITION: (116, "000c0000"),
     SetPoint.VELOCITY: (104, "f6ffffff"),
@@ -456,6 +462,7 @@ def test_currents_of_dynamixels_are_those_of_their_pages() -> None:
     """Present Current of the maker's e-Manual: 2.69 mA a count; 1.34 mA of those of 24 V; 1 mA of
     the 330s; XL430, XC430 and those of two axes have none.
     """
+    assert len(d.MODELS) == 32
     for model in d.MODELS.values():
         series, _, winding = model.name.partition("-")
         none = series in ("XL430", "XC430") or series.startswith("2X")
