@@ -224,6 +224,33 @@ def test_faults_of_a_damiao_are_those_that_another_names() -> None:
     assert damiao.FAULTS.keys() == states - {damiao.DISABLED, damiao.ENABLED}
 
 
+def test_numbers_of_a_robstride_are_those_of_another() -> None:
+    """Kinds of frames and parameters; names of faults stand in the manual's order of bits."""
+    theirs = pytest.importorskip("robstride_dynamics", reason="it is not installed")
+    kinds, parameters = theirs.CommunicationType, theirs.ParameterType
+    for ours, name in {
+        private.IDENTIFY: "GET_DEVICE_ID", private.COMMAND: "OPERATION_CONTROL",
+        private.MOTION: "OPERATION_STATUS", private.ENABLE: "ENABLE", private.STOP: "DISABLE",
+        private.SET_ZERO: "SET_ZERO_POSITION", private.SET_ID: "SET_DEVICE_ID",
+        private.READ: "READ_PARAMETER", private.WRITE: "WRITE_PARAMETER",
+        private.FAULT: "FAULT_REPORT", private.STORE: "SAVE_PARAMETERS",
+        private.SET_BAUDRATE: "SET_BAUDRATE", private.SET_REPORT: "ACTIVE_REPORT",
+        private.SET_PROTOCOL: "SET_PROTOCOL",
+    }.items():  # fmt: skip
+        assert getattr(kinds, name) == ours, name
+    assert [parameters.MODE[0], parameters.TORQUE_LIMIT[0], parameters.VBUS[0],
+            parameters.CAN_TIMEOUT[0], parameters.EPSCAN_TIME[0], parameters.ZERO_STATE[0]] == [
+        private.RUN_MODE, private.TORQUE_LIMIT, private.VOLTAGE, private.CAN_TIMEOUT,
+        private.WHOLE[1], private.BYTES[1],
+    ]  # fmt: skip
+    assert [bit.bit_length() - 1 for bit in robstride.FAULTS] == [
+        0, 1, 2, 3, 4, 5, 7, 8, 9, 14, 16,
+    ]  # fmt: skip
+    assert [bit.bit_length() - 1 for bit in private.BITS] == [0, 1, 2, 3, 4, 5]
+    names = "under-voltage, over-current, over temperature, encoder, stall overload"
+    assert list(private.BITS.values()) == [*names.split(", "), "encoder not calibrated"]
+
+
 def made() -> Any:
     core = pytest.importorskip("damiao_motor.core.motor", reason="damiao-motor is not installed")
     return core.DaMiaoMotor(1, 0x11, SimpleNamespace(), motor_type="4310")
