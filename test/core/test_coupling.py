@@ -233,3 +233,27 @@ def test_a_linkage_is_not_crossed() -> None:
     bar = FourBar(ground=30.0, crank=10.0, coupler=30.0, rocker=10.0, zero=0.9)
     turns = np.array([-0.5, 0.0, 0.1, 0.5])
     assert bar.value(turns) == pytest.approx(turns)
+
+
+@pytest.mark.parametrize("function", [None, BAR])
+def test_an_axis_that_was_never_read_hides_its_own_joints_only(function: FourBar | None) -> None:
+    """B7, Y3: NaN reaches what depends on it, and no torque is an error."""
+    coupling = Coupling(
+        ("bend", "wrist"),
+        ("proximal", "distal", "wrist"),
+        ((0.8, 0.0), (0.8, 0.0), (0.0, 1.0)),
+        functions=(None, function, None),
+    )
+    whole = np.array([0.2, 0.3])
+    for missing, hidden in ((0, [True, True, False]), (1, [False, False, True])):
+        at = whole.copy()
+        at[missing] = np.nan
+        for made, expected in (
+            (coupling.positions(at), coupling.positions(whole)),
+            (coupling.velocities(at, at), coupling.velocities(whole, whole)),
+        ):
+            assert np.isnan(made).tolist() == hidden
+            shown = ~np.array(hidden)
+            assert made[shown] == pytest.approx(expected[shown])
+        torques = coupling.torques(whole, at)
+        assert np.isfinite(torques[~np.array(hidden)]).all()

@@ -198,15 +198,14 @@ class Coupling:
 
     def positions(self, axes: Array) -> Array:
         """Positions of the physical joints, shape (m,), for those of the axes, shape (n,)."""
-        joints: Array = self.matrix @ axes + self.offset
+        joints: Array = product(self.matrix, axes) + self.offset
         for i, function in self.curved.items():
             joints[i] = function.value(joints[i : i + 1])[0]
         return joints
 
     def velocities(self, axes: Array, at: Array | None = None) -> Array:
         """Velocities of the physical joints for those of the axes, at their positions."""
-        joints: Array = self.jacobian(at) @ axes
-        return joints
+        return product(self.jacobian(at), axes)
 
     def torques(self, axes: Array, at: Array | None = None) -> Array:
         """The smallest torques of the physical joints, shape (m,), that make those of the axes."""
@@ -269,11 +268,12 @@ class Coupling:
         """The pseudo-inverse of J, shape (n, m)."""
         if not self.curved:
             return self.inverse
-        return np.asarray(np.linalg.pinv(self.jacobian(at)), dtype=np.float64)
+        known = np.nan_to_num(self.jacobian(at))  # of axes that were not read yet (B7)
+        return np.asarray(np.linalg.pinv(known), dtype=np.float64)
 
     def _inputs(self, at: Array | None) -> Array:
         """x, shape (m,)."""
-        inputs: Array = self.offset if at is None else self.matrix @ at + self.offset
+        inputs: Array = self.offset if at is None else product(self.matrix, at) + self.offset
         return inputs
 
     def _slopes(self, at: Array | None) -> Array:
@@ -282,6 +282,14 @@ class Coupling:
         for i, function in self.curved.items():
             slopes[i] = function.slope(x[i : i + 1])[0]
         return slopes
+
+
+def product(matrix: Array, values: Array) -> Array:
+    """M x, where an unknown value, NaN, reaches only what depends on it: 0 · NaN = 0."""
+    made: Array = matrix @ values
+    if not np.isfinite(values).all():
+        made = np.where(matrix == 0.0, 0.0, matrix * values).sum(axis=1)
+    return made
 
 
 class MotorMix:

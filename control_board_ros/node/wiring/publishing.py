@@ -80,8 +80,9 @@ class Physical(NamedTuple):
         known = np.nan_to_num(torque)
         shared = coupling.torques(known, at)
         unknown = (np.abs(coupling.matrix) > 0.0) @ np.isnan(torque)
-        shared[unknown] = np.nan
-        return cls(coupling.positions(at), coupling.velocities(snapshot.velocity, at), shared)
+        positions = coupling.positions(at)
+        shared[unknown | np.isnan(positions)] = np.nan
+        return cls(positions, coupling.velocities(snapshot.velocity, at), shared)
 
 
 class StatePublisher:
