@@ -36,7 +36,7 @@ def install() -> None:
         if pacer not in known:
             known.append(pacer)
         path = folder / f"{os.getpid()}-{known.index(pacer)}"
-        lateness = pacer._lateness[: min(pacer._kept, LATENESS_COUNT)].tobytes()
+        lateness = pacer._lateness[: min(pacer._late_count, LATENESS_COUNT)].tobytes()
         statistics = take(pacer)
         with path.with_suffix(".lateness").open("ab") as file:
             file.write(lateness)

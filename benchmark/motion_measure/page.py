@@ -7,6 +7,7 @@ import inspect
 import json
 from collections.abc import Mapping
 from functools import partial
+from operator import ne
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ FIGURES = ROOT / "benchmark" / "motion.json"
 BEFORE = ROOT / "benchmark" / "motion_before.json"
 #: The arm on drives of each kind, and its figures by kind.
 DRIVEN, DRIVES = "iiwa", ROOT / "benchmark" / "motion_drives.json"
+#: A row that some robots miss: what it is, its goal, and the figures of these robots.
+Missed = tuple[str, str, list[str]]
 #: Marks a figure of a row of which some tests ended in a fault.
 FAULT = " †"
 FAILED = "†: some tests of the row ended in a fault."
@@ -68,7 +71,7 @@ def page(now: Mapping[str, Any], notes: str) -> str:
     robots = [name for name in ROBOTS if name in now]
     count, missed = _missed(now, robots)
     counts = f"{count - sum(len(cells) for _, _, cells in missed)} of {count} figures are reached"
-    rows = [[text, goal, ", ".join(cells)] for text, goal, cells in missed]
+    rows = [[text, goal, ", ".join(cells)] for text, goal, cells in merged(missed)]
     parts = [
         HEAD,
         f"## What is not reached\n\n{counts}, on {len(robots)} robots. The others:\n\n",
@@ -79,6 +82,35 @@ def page(now: Mapping[str, Any], notes: str) -> str:
         END,
     ]
     return "".join(parts)
+
+
+def merged(missed: list[Missed]) -> list[Missed]:
+    """Rows that differ in one word and in the figures of the same robots, in one row."""
+    groups: list[list[Missed]] = []
+    for row in missed:
+        if groups and _differ_in_one_word(groups[-1][-1], row):
+            groups[-1].append(row)
+        else:
+            groups.append([row])
+    return [_joined(group) for group in groups]
+
+
+def _differ_in_one_word(row: Missed, next_row: Missed) -> bool:
+    words, next_words = row[0].split(), next_row[0].split()
+    robots, next_robots = ([cell.rpartition(" ")[0] for cell in r[2]] for r in (row, next_row))
+    alike = len(words) == len(next_words) and row[1] == next_row[1] and robots == next_robots
+    return alike and sum(map(ne, words, next_words)) == 1
+
+
+def _joined(group: list[Missed]) -> Missed:
+    words = zip(*(text.split() for text, _, _ in group), strict=True)
+    text = " ".join(", ".join(dict.fromkeys(each)) for each in words)
+    cells = []
+    for each in zip(*(cells for _, _, cells in group), strict=True):
+        figures = list(dict.fromkeys(cell.rpartition(" ")[2] for cell in each))
+        ends = [min(figures, key=float), max(figures, key=float)] if len(figures) > 1 else figures
+        cells.append(f"{each[0].rpartition(' ')[0]} {' … '.join(ends)}")
+    return text, group[0][1], cells
 
 
 def tables(now: Mapping[str, Any], before: Mapping[str, Any], drives: Mapping[str, Any]) -> str:
@@ -159,9 +191,7 @@ def _overview(now: Mapping[str, Any], robots: list[str]) -> str:
     return f"{text}\n\nBold: not reached. {FAILED}\n"
 
 
-def _missed(
-    now: Mapping[str, Any], robots: list[str]
-) -> tuple[int, list[tuple[str, str, list[str]]]]:
+def _missed(now: Mapping[str, Any], robots: list[str]) -> tuple[int, list[Missed]]:
     """How many figures have a goal; and of each quantity that misses it: the robots that do."""
     count = 0
     missed = []
