@@ -14,8 +14,10 @@ import yaml
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
+from ..description.robots import located
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number, write_page
+from ..settings.loading import is_urdf
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
 from .outcome import Outcome, Played
@@ -48,14 +50,19 @@ Values = Callable[[Motion], Array]
 
 
 def parameters(outcomes: Sequence[Outcome], robot: str) -> dict[str, Any]:
-    """The file's contents: the name of a shipped robot, and the parameters of its joints."""
+    """The file's contents: a shipped robot, or the URDF, and the parameters of its joints."""
     joints: dict[str, Any] = {}
     for outcome in outcomes:
         for name, value in outcome.changes.items():
             joint, group, gain = name.rsplit(".", 2)
             joints.setdefault(joint, {}).setdefault(group, {})[gain] = value
-    named = {} if Path(robot).is_file() else {"robot": robot}
+    named = {} if is_parameter_file(robot) else {"robot": located(robot)}
     return {"/**": {"ros__parameters": named | joints}}
+
+
+def is_parameter_file(name: str | None) -> bool:
+    """Whether it is one, in place of a shipped robot or a URDF."""
+    return bool(name and Path(name).is_file() and not is_urdf(name))
 
 
 def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
@@ -72,7 +79,7 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
         "# In poses that the search did not see, mean figures before -> after:",
         *(f"#   {line}" for line in summary(outcomes, plan)),
     ]
-    below = [file for file in (plan.robot, plan.identification) if file and Path(file).is_file()]
+    below = [file for file in (plan.robot, plan.identification) if is_parameter_file(file)]
     if below:
         files = " ".join(f"--params-file {file}" for file in (*below, path.name))
         lines.append(f"# Use it on top: {files}")

@@ -357,6 +357,16 @@ def test_a_window_s_length_is_no_settling_time(tmp_path: Path) -> None:
     assert "Tuned on a simulation with ideal sensors" in head
 
 
+def test_the_file_of_a_urdf_names_it(crane: str, tmp_path: Path) -> None:
+    """It needs nothing below it; that of a parameter file goes on top of that."""
+    path, urdf = tmp_path / "tuned.yaml", Path(crane).with_suffix(".urdf")
+    write_parameters(path, [], Plan(str(urdf), 0.5, 6, 1, ""))
+    assert "on top" not in path.read_text("utf-8")
+    assert settings_of(str(path)).values["robot"] == str(urdf)
+    write_parameters(path, [], Plan(crane, 0.5, 6, 1, ""))
+    assert f"on top: --params-file {crane} --params-file tuned.yaml" in path.read_text("utf-8")
+
+
 def creeping() -> Motion:
     """A step that is still on its way at the end."""
     made = motion("step", 0.0)
