@@ -214,11 +214,20 @@ class Bench:
         self.go(self.range.start)
 
     def go(self, target: float) -> None:
-        """Move to a position and wait for the arrival."""
+        """Move to a position and wait for the arrival, at rest."""
         way = abs(target - float(self.state().position[self.j]))
         if way > 0.02 * self.range.step:
             self.client.position_move(self.joint, target, self.range.speed)
             self.until(self.reached(target), 2.0 + 2.0 * way / self.range.speed, guarded=False)
+            self.rest()
+
+    def rest(self) -> None:
+        """Wait for a joint that lags behind its profile on a soft drive, for a second at most."""
+        for _ in range(10):
+            before = float(self.latest().position[self.j])
+            self.until(lambda _: False, 0.1, guarded=False)
+            if abs(float(self.latest().position[self.j]) - before) < 0.1 * self.tolerance:
+                return
 
     def fault(self) -> None:
         """Set the joint into HW_FAULT by a user fault (M5).
