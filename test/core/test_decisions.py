@@ -18,11 +18,13 @@ from control_board_ros.core.machine.decisions import (
     Requested,
     Verdict,
     decide,
+    decide_feedforward,
     decide_reference,
     decide_stop,
 )
 from control_board_ros.core.machine.explanations import (
     explain,
+    explain_feedforward,
     explain_reference,
     explain_stop,
     range_text,
@@ -156,6 +158,19 @@ def test_stop(mode: ControlMode) -> None:
         assert f"a is {mode.name}, where stop has no effect; " in explain_stop(known)
     else:
         assert verdict.answer is Answer.ACCEPTED
+
+
+@pytest.mark.parametrize("mode", STATES)
+def test_feedforward(mode: ControlMode) -> None:
+    """P11, K6, N4: in every mode but a calibration, once it is configured."""
+    known = facts(mode)
+    verdict = decide_feedforward(known, (1.0, 2.0))
+    why = {
+        M.CALIBRATING: "mode is CALIBRATING, where it has no effect",
+        M.NOT_CONFIGURED: "mode is NOT_CONFIGURED; the board waits for configure",
+    }
+    text = explain_feedforward(verdict.reason, known, (1.0, 2.0))
+    assert text == (f"feedforward for a ignored: {why[mode]}" if mode in why else "")
 
 
 def test_a_range_is_written_so_that_its_end_and_the_value_differ() -> None:
