@@ -143,7 +143,7 @@ def test_it_stops_from_where_its_set_point_is(cycles: int, way: float) -> None:
         goals.append(servo.goal)
         speeds.append(servo.joint.reference_velocity)
     ways = [way * (b - a) for a, b in pairwise(goals)]
-    assert min(ways) >= 0.0
+    assert min(ways) >= -1e-12
     assert max(ways) <= abs(speed) * PERIOD + 1e-12
     assert max(way * (b - a) for a, b in pairwise(speeds)) <= 1e-12
     most = speed**2 / (2.0 * servo.joint.max_acceleration) + abs(speed) * PERIOD

@@ -73,7 +73,7 @@ def rest_in_place(j: Joint) -> cython.void:
         return
     if j.holds_place() and j.rest_cycles * j.period >= REST_TIME:
         j.comes_to_rest = False
-        j.sag = j.set_position - j.position
+        j.sag, j.trail = j.set_position - j.position, 0.0
         j.moved = j.reference = j.followed = j.position
         j.ramped, j.active = 0.0, True
 

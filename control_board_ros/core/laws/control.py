@@ -271,7 +271,7 @@ class Controller:
             self._set_law(j, law, direct)
             held = held and joint.kind == SetPoint.POSITION
             if not held:
-                joint.sag = 0.0  # its drive did not hold this place
+                joint.sag = joint.trail = 0.0  # its drive did not hold this place
                 joint.set_position = joint.followed if math.isfinite(joint.followed) else 0.0
             joint.start(int(law), resting[self._laws_of[j]], held)
             state.torque_reference[j] = joint.torque_reference

@@ -54,6 +54,8 @@ BRAKING = cython.declare(cython.double, 0.7)
 LIGHT = cython.declare(cython.double, 0.7)
 HEAVY = cython.declare(cython.double, 2.0)
 WIDE = cython.declare(cython.double, 4.0)
+#: Time constant in which the lag at a stop fades from set-points, once references follow, s.
+TRAIL_FADING = cython.declare(cython.double, 0.2)
 #: Largest lead of the followed reference over the joint, in errors worth the torque limit.
 LEAD = cython.declare(cython.double, 1.0)
 #: Way of a goal that gives way over which the load taken over fades, in hystereses of the limit
@@ -142,7 +144,7 @@ def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
 @cython.cfunc
 def wait_for_drive(j: Joint, place: cython.double) -> cython.void:
     """Stop the followed reference at a place that it has not passed, else where it was."""
-    before: cython.double = j.set_position - j.sag
+    before: cython.double = j.set_position - j.sag - j.trail
     low: cython.double = min(j.followed, place)
     high: cython.double = max(j.followed, place)
     place = clamp(before, low, high)
@@ -580,8 +582,10 @@ def hand_down_path(
     torque += friction(j, velocity)
     j.set_torque = clamp(torque, -j.max_torque, j.max_torque)
     j.set_position, j.set_velocity = place, velocity
-    if j.sag != 0.0:
-        j.set_position = clamp(place + j.sag, j.lower, j.upper)
+    if not j.comes_to_rest:
+        j.trail -= j.trail * min(j.elapsed / TRAIL_FADING, 1.0)
+    if j.sag + j.trail != 0.0:
+        j.set_position = clamp(place + j.sag + j.trail, j.lower, j.upper)
     if j.kind == AS_VELOCITY:
         j.set_position = 0.0
         if not j.blind:

@@ -20,9 +20,9 @@ from .pid import Pid
 from .stream import SLOWER, Stream
 
 if cython.compiled:
-    from cython.cimports.libc.math import fabs
+    from cython.cimports.libc.math import fabs, sqrt
 else:
-    from math import fabs
+    from math import fabs, sqrt
 
 #: The laws of source Fig. 2; modes.Law gives them names.
 OFF = cython.declare(cython.int, 0)
@@ -214,6 +214,7 @@ class Joint:
     goal = cython.declare(cython.double, visibility="public")  # of the drive, in COMPLIANT
     goal_velocity = cython.declare(cython.double, visibility="public")
     sag = cython.declare(cython.double, visibility="public")  # set-point beyond goal or reference
+    trail = cython.declare(cython.double, visibility="public")  # of a stop, fading, likewise
     comes_to_rest = cython.declare(cython.bint, visibility="public")  # no reference since a hold
     lifts = cython.declare(cython.bint, visibility="public")  # compensates, and the arm is known
     lift = cython.declare(cython.double, visibility="public")  # compensated gravity torque
@@ -260,7 +261,7 @@ class Joint:
         self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
         self.calm = self.spring = self.steady = 1.0
         self.contact = self.had_contact = False
-        self.dead_band = self.sag = self.felt = self.borne = 0.0
+        self.dead_band = self.sag = self.trail = self.felt = self.borne = 0.0
         self.feels = self.comes_to_rest = False
 
     # --- requests ---------------------------------------------------------------------------
@@ -269,9 +270,9 @@ class Joint:
     def hold(self, position: cython.double) -> cython.void:
         """Stop at a position: at rest there, or where the joint comes to rest (M9, P3).
 
-        With a jerk limit it stops from its reference where it follows that, without a jump; so
-        does one whose drive closes the loop of position, which lags and sags. Where the set-point
-        is at rest, what it is beyond the joint becomes the sag.
+        With a jerk limit it stops from its reference where it follows that, without a jump. A
+        drive that closes the loop of position goes on from its set-point, which is beyond the
+        joint by sag and lag; of the braking distance the set-point has gone that lag already.
         """
         speed: cython.double = self.velocity
         guided: cython.bint = self.law == IMPEDANCE and not self.settling
@@ -281,15 +282,17 @@ class Joint:
             speed = self.followed_velocity + 0.5 * self.period * self.followed_acceleration
         moves: cython.bint = fabs(self.velocity) > REST_SPEED * self.max_velocity
         if held:
-            if not smooth:  # no faster than the joint, whatever the lag
-                speed = clamp(speed, min(self.velocity, 0.0), max(self.velocity, 0.0))
+            if not smooth:
+                speed = self.speed_left(speed, self.set_position - self.sag - position)
             moves = speed != 0.0 and not guided  # its goal stops, whatever pushes the joint
-        if held and not moves and fabs(self.velocity) <= SAGGING * self.max_velocity:
-            self.sag = self.set_position - position
+        if smooth:
+            position = self.followed
+        elif held and not moves and fabs(self.velocity) <= SAGGING * self.max_velocity:
+            self.sag, self.trail = self.set_position - position, 0.0
         elif held and guided:
             position = self.goal
-        elif smooth or held:
-            position = self.followed
+        elif held:
+            self.trail = self.set_position - self.sag - position
         self.comes_to_rest = True
         self.moving = False
         self.moved = self.reference = self.followed = position
@@ -308,6 +311,14 @@ class Joint:
         self.followed_acceleration, self.direct_velocity = self.moved_acceleration, 0.0
         self.direct_age = INFINITE
         self.stream.count, self.stream.flows = 0.0, False
+
+    @cython.cfunc
+    def speed_left(self, speed: cython.double, lag: cython.double) -> cython.double:
+        """Of a stop whose set-point is ahead by a lag: ±√(v² − 2 a lag), v at most the joint's."""
+        v: cython.double = clamp(speed, min(self.velocity, 0.0), max(self.velocity, 0.0))
+        spent: cython.double = 2.0 * self.max_acceleration * (lag if v > 0.0 else -lag)
+        left: cython.double = sqrt(max(v * v - max(spent, 0.0), 0.0))
+        return left if v > 0.0 else -left
 
     @cython.ccall
     def brake(self, rate: cython.double) -> cython.void:

@@ -163,13 +163,13 @@ class Laws:
         if settling and self.modelled:
             self.sense_motion()
         for k in range(len(self.joints)):
+            rest_in_place(self.joints[k])
             weigh(self.joints[k])
         if settling:
             self.settle_joints()
         self.sense_external(yields and known)
         for k in range(len(self.joints)):
             j = self.joints[k]
-            rest_in_place(j)
             if j.active and not j.braked:
                 advance(j)
                 self.position_reference[k] = j.reference
