@@ -20,7 +20,7 @@ RUN = Path(__file__).resolve().parents[2] / "benchmark" / "run.py"
 #: How many figures a tiny run gives of each benchmark, and those that take seconds even so.
 HAS_ICUB = find_spec("icub_models") is not None
 FIGURES = {
-    "B1": 6 if HAS_ICUB else 4,
+    "B1": 7 if HAS_ICUB else 5,
     "B2": 4,
     "B3": 4,
     "B4": 6,
@@ -39,7 +39,7 @@ FIGURES = {
     "B17": 2,
     "B18": 3 if find_spec("gymnasium") and find_spec("mujoco") else 0,
     "B19": 2 * sum(HAS_ICUB and bool(find_spec(name)) for name in ("pybullet", "mujoco")),
-    "B20": 4 if find_spec("moteus") and find_spec("msgpack") else 0,
+    "B20": 7 if find_spec("moteus") and find_spec("msgpack") else 0,
     "B21": 2,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14", "B21")
