@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,10 +35,11 @@ def test_a_guided_way_is_replayed(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path
     """G1, G2, T1: pushed along, recorded, left as found; then it goes there by itself."""
     way = tmp_path / "way.mcap"
     before = as_set(ask)
-    guiding = cbctl.start("guide", "--for", "60s", "--record", str(way), "--json")
+    words = ("guide", "--for", "60s", "--record", str(way), "--json")
+    guiding = cbctl.start(*words, TMPDIR=str(tmp_path))
     until(lambda: {row["interaction_mode"] for row in ask("modes").values()} == {"comp"})
     until(lambda: as_set(ask)[1] != before[1])
-    until(lambda: list(Path(tempfile.gettempdir()).glob("cbctl*/way/*")))  # it records
+    until(lambda: list(tmp_path.glob("cbctl*/way/*")))  # it records
     time.sleep(1.0)  # the load is taken over: a push before that would be load
     hand.push(4.0)
     until(lambda: hand.position() > 0.3)

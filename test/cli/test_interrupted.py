@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from types import SimpleNamespace
@@ -17,6 +19,7 @@ from control_board_ros.cli.board.experiments import (
     faster_states,
     in_position_direct,
 )
+from control_board_ros.cli.board.recordings import uninterrupted
 from control_board_ros.cli.line.words import Refused
 from control_board_ros.cli.text.output import REFUSED
 from control_board_ros.cli.verbs.identifying import stiff
@@ -161,3 +164,12 @@ def test_whatever_ends_a_stream_the_joint_is_given_zero() -> None:
     with pytest.raises(RuntimeError, match="in the midst of it"):
         streaming.stream(session, send, {"j": 0.2}, 60.0, "torq")
     assert session.torques == [0.2, 0.2, 0.0]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_recording_is_completed_first(number: signal.Signals) -> None:
+    """Signals amid its end do nothing; after it they act as before."""
+    before = signal.getsignal(number)
+    with uninterrupted():
+        os.kill(os.getpid(), number)
+    assert signal.getsignal(number) is before

@@ -121,11 +121,11 @@ class Cbctl:
         )
         return Result(done.returncode, done.stdout, done.stderr)
 
-    def start(self, *words: str) -> subprocess.Popen[str]:
-        """Start it and let it run."""
+    def start(self, *words: str, **variables: str) -> subprocess.Popen[str]:
+        """Start it, with variables of the environment, and let it run."""
         process = subprocess.Popen(
             self.command(*words),
-            env=self.environment,
+            env=self.environment | variables,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

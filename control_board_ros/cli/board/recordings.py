@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import contextlib
+import signal
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -52,11 +54,28 @@ def recorded(session: Session, folder: Path) -> Iterator[Any]:
         try:
             yield recorder
         finally:
-            recorder.close()
+            with uninterrupted():
+                recorder.close()
     except RecordingError as error:
         raise Refused(str(error)) from error
     if recorder.ended:
         raise Refused(recorder.ended)
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Complete a file first: a Ctrl-C meanwhile, which would leave it in pieces, does nothing."""
+    if threading.current_thread() is not threading.main_thread():  # signals are not its own
+        yield
+        return
+    before = {
+        number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def note_missing(session: Session, recordings: Sequence[Any]) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 from control_board_ros.text import file_name
 
 from ..board.progress import Bar
-from ..board.recordings import keep_frames, note_missing, read_boards, start
+from ..board.recordings import keep_frames, note_missing, read_boards, start, uninterrupted
 from ..board.session import Session
 from ..line.arguments import FOR, amount, argument, patterns, with_arguments
 from ..line.words import Refused, UsageError
@@ -108,7 +108,8 @@ def record(
         try:
             why = watch(session, recorder, sink, time)
         finally:
-            recorder.close()
+            with uninterrupted():
+                recorder.close()
         if last:
             keep_frames(session, written(sink))
     except RecordingError as error:
