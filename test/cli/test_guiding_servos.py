@@ -60,7 +60,7 @@ def test_they_are_guided_held_and_replayed(cbctl: Cbctl, tmp_path: Path) -> None
     before = places(ask)
     words = ("guide", "--for", "60s", "--record", str(way), "--json")
     guiding = cbctl.start(*words, TMPDIR=str(tmp_path))
-    until(lambda: modes(ask, "interaction_mode") == {"comp"})
+    until(lambda: modes(ask, "interaction_mode") == {"comp"}, lambda: ask("faults"))
     torques = [row["external_torque"] for row in ask("watch", "--once").values()]
     assert all(abs(torque) < 0.5 for torque in torques)
     until(lambda: list(tmp_path.glob("cbctl*/way/*")))  # it records
@@ -72,7 +72,7 @@ def test_they_are_guided_held_and_replayed(cbctl: Cbctl, tmp_path: Path) -> None
     ended = interrupted(guiding)
     assert ended.code == 0, (ask("faults"), ended.err[-300:])
     assert modes(ask, "interaction_mode") == {"stif"}
-    assert modes(ask, "control_mode") == {"pos"}
+    assert modes(ask, "control_mode") == {"pos"}, ask("faults")
     assert places(ask) == pytest.approx(guided, abs=0.01)
     assert guided | {PUSHED: 0.0} == pytest.approx(before | {PUSHED: 0.0}, abs=0.02)
     assert ask("move", f"{PUSHED}=0.0")["success"] is True
