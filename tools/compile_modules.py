@@ -55,10 +55,10 @@ class Translation:
 
     def exported(self, module: str) -> set[str]:
         """What others import of a module; with a class, all classes, which refer to each other."""
-        own = self.declared[module]
+        declarations = self.declared[module]
         names = set().union(*(names.get(module, set()) for names in self.imports.values()))
-        if any(own[name].is_class for name in names):
-            names |= {name for name in own if own[name].is_class}
+        if any(declarations[name].is_class for name in names):
+            names |= {name for name in declarations if declarations[name].is_class}
         return names
 
     def declarations(self, module: str) -> str:

@@ -31,17 +31,17 @@ class Declaration:
 
 def declared(source: str) -> dict[str, Declaration]:
     """The constants, functions and classes of C in a module, by name."""
-    found = {}
+    declarations = {}
     for node in ast.parse(source).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             name, kind = node.targets[0].id, _declared_type(node.value)
             if kind is not None:
-                found[name] = Declaration(f"cdef {kind} {name}\n")
+                declarations[name] = Declaration(f"cdef {kind} {name}\n")
         elif isinstance(node, ast.FunctionDef) and _is_c(node):
-            found[node.name] = _function(node)
+            declarations[node.name] = _function(node)
         elif isinstance(node, ast.ClassDef) and "cclass" in _decorators(node):
-            found[node.name] = _class(node)
-    return found
+            declarations[node.name] = _class(node)
+    return declarations
 
 
 def imported(
@@ -52,19 +52,19 @@ def imported(
 
 
 def pxd(
-    own: Mapping[str, Declaration], exported: Set[str], imports: Mapping[str, Set[str]]
+    module: Mapping[str, Declaration], exported: Set[str], imports: Mapping[str, Set[str]]
 ) -> str:
     """The text of a .pxd file: of what others import, in the order of the source.
 
     Args:
-        own: Declarations of the module.
+        module: Its declarations.
         exported: Names that other modules import.
         imports: Classes that these declarations need, by module.
     """
     lines = [
         f"from {name} cimport {', '.join(sorted(kinds))}\n" for name, kinds in imports.items()
     ]
-    texts = [own[name].text for name in own if name in exported]
+    texts = [module[name].text for name in module if name in exported]
     return HEAD + "".join(lines) + "\n".join(texts)
 
 
@@ -119,7 +119,7 @@ def _function(node: ast.FunctionDef) -> Declaration:
 
 def _class(node: ast.ClassDef) -> Declaration:
     head = "@cython.final\n" if "final" in _decorators(node) else ""
-    found = Declaration("", is_class=True)
+    declaration = Declaration("", is_class=True)
     texts = []
     for part in node.body:
         if isinstance(part, ast.FunctionDef) and _is_c(part):
@@ -128,13 +128,13 @@ def _class(node: ast.ClassDef) -> Declaration:
             kind = _declared_type(part.value)
             if kind is not None:
                 texts.append(f"cdef {_visibility(part.value)}{kind} {part.targets[0].id}")
-                found.lines.append(_span(part))
+                declaration.lines.append(_span(part))
         elif isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name):
             texts.append(f"cdef {_c_type(part.annotation)} {part.target.id}")
-            found.lines.append(_span(part))
+            declaration.lines.append(_span(part))
     lines = "".join(f"    {text}\n" for text in texts or ["pass"])
-    found.text = f"{head}cdef class {node.name}:\n{lines}"
-    return found
+    declaration.text = f"{head}cdef class {node.name}:\n{lines}"
+    return declaration
 
 
 def _signature(node: ast.FunctionDef, kind: str) -> str:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from codec import Codec, dialogue, written
+from codec import Codec, Sent, dialogue, written
 from drive_bench import Bench
 from sdo_objects import Objects, result
 
@@ -431,12 +431,7 @@ def test_a_scan_finds_drives() -> None:
         _, two, three = bench.drives
         three.node.set_data(0x1000, 0, struct.pack("<I", 401))
         two.persists, two._error, two.state = 0x3210, 0x3210, states.State.FAULT
-        asked: list[str] = []
-
-        def carry(frames: Any) -> Any:
-            for frame in frames:
-                asked.append(written(frame))
-                yield frame
+        sent = Sent()
 
         def back(frames: Any) -> Any:
             for frame_id, data in frames:
@@ -444,15 +439,15 @@ def test_a_scan_finds_drives() -> None:
                 yield 0x584, data[:7]  # short
                 yield 0x705, data  # no answer
 
-        bench.bus.to_drives, bench.bus.from_drives = carry, back
+        bench.bus.to_drives, bench.bus.from_drives = sent, back
         began = bench.time
         found = bench.scan()
     assert [(one.id, one.type, one.firmware, one.voltage, one.fault and one.fault.number)
             for one in found] == [(1, "virtual CiA 402", "1.0", 48.0, None),
                                   (2, "virtual CiA 402", "1.0", 48.0, 0x3210)]  # fmt: skip
-    assert asked[:126] == [f"{0x600 + k:03X}#4000100000000000" for k in range(1, 127)]
+    assert sent.frames[:126] == [f"{0x600 + k:03X}#4000100000000000" for k in range(1, 127)]
     one = [*SCAN, *END[:5]]
-    assert asked[126:] == [*one, *(frame.replace("601", "602") for frame in one)]
+    assert sent.frames[126:] == [*one, *(frame.replace("601", "602") for frame in one)]
     assert bench.time - began == pytest.approx(0.1, abs=0.05)
 
 

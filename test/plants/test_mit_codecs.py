@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from codec import TIMEOUT, Codec, dialogue, message, written
+from codec import TIMEOUT, Codec, Sent, dialogue, message
 from drive_bench import Bench
 
 from control_board_ros.core.terms.drives import SetPoint
@@ -534,18 +534,6 @@ def test_gains_of_positions_fit_the_frame(gains: Any, ratios: Any, error: str | 
     else:
         with pytest.raises(PlantSettingsError, match=error):
             made.open(setup, Answers(made._axes))
-
-
-class Sent:
-    """A wire that keeps what is sent; without chosen orders of the drives."""
-
-    def __init__(self) -> None:
-        self.frames: list[str] = []
-
-    def __call__(self, frames: Any) -> Any:
-        for frame in frames:
-            self.frames.append(written(frame))
-            yield frame
 
 
 def test_a_scan_finds_every_kind_of_motor() -> None:

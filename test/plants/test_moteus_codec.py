@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from codec import TIMEOUT, Codec, dialogue, written
+from codec import TIMEOUT, Codec, Sent, dialogue, written
 from drive_bench import Bench
 
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
@@ -305,18 +305,6 @@ def test_faults_have_the_makers_numbers() -> None:
         number for name, number in FAULTS.items() if not f.FAULTS[number].startswith(name)
     ] == []
     assert len(f.FAULTS) == len(FAULTS)
-
-
-class Sent:
-    """A wire that keeps what is sent."""
-
-    def __init__(self) -> None:
-        self.frames: list[str] = []
-
-    def __call__(self, frames: Any) -> Any:
-        for frame in frames:
-            self.frames.append(written(frame))
-            yield frame
 
 
 def test_a_scan_finds_drives() -> None:

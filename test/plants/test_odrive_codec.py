@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from codec import Codec, dialogue, written
+from codec import Codec, Sent, dialogue, written
 from drive_bench import Bench
 
 from control_board_ros.core.terms.drives import SetPoint
@@ -383,12 +383,7 @@ def test_a_scan_asks_all_nodes() -> None:
     """S6: version, voltage and state; what is short, or of another command, is passed over."""
     with Bench("odrive_can", names=("one", "two")) as bench:
         bench.drives[1].persists = bench.drives[1].error = 0x200
-        asked: list[str] = []
-
-        def carry(frames: Any) -> Any:
-            for frame in frames:
-                asked.append(written(frame))
-                yield frame
+        sent = Sent()
 
         def back(frames: Any) -> Any:
             for frame_id, data in frames:
@@ -396,14 +391,14 @@ def test_a_scan_asks_all_nodes() -> None:
                 yield frame_id + (4 << 5), data[:7]
                 yield frame_id ^ 0x10 | 5 << 5, data
 
-        bench.bus.to_drives, bench.bus.from_drives = carry, back
+        bench.bus.to_drives, bench.bus.from_drives = sent, back
         began = bench.time
         found = bench.scan()
     assert [(one.id, one.type, one.firmware, one.voltage, one.fault and one.fault.number)
             for one in found] == [(1, "ODrive 4.4", "0.6.11", 24.0, None),
                                   (2, "ODrive 4.4", "0.6.11", 24.0, 0x200)]  # fmt: skip
     ids = range(63)
-    assert asked == [f"{k << 5 | command:03X}#R" for command in (0, 0x17, 1) for k in ids]
+    assert sent.frames == [f"{k << 5 | command:03X}#R" for command in (0, 0x17, 1) for k in ids]
     assert bench.time - began == pytest.approx(0.15, abs=0.02)
 
 

@@ -7,7 +7,7 @@ digits is one of 29 bits, and ``#R`` a remote frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
@@ -37,6 +37,18 @@ def message(text: str) -> Received:
     name, _, data = text.partition("#")
     flags = EXTENDED if len(name) > 3 else 0
     return received(int(name, 16) | flags, b"" if data == "R" else bytes.fromhex(data))
+
+
+class Sent:
+    """A wire to virtual drives that keeps what is sent, in words."""
+
+    def __init__(self) -> None:
+        self.frames: list[str] = []
+
+    def __call__(self, frames: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+        for frame in frames:
+            self.frames.append(written(frame))
+            yield frame
 
 
 class Codec:
