@@ -159,3 +159,42 @@ def test_an_error_of_a_calibrator_is_a_fault_of_its_joint(
     assert (fault.active, fault.code) == (True, FaultCode.CALIBRATION)
     assert reason in fault.text
     assert rig.board.set_control_mode("left", "fidl")
+
+
+def raises(*_arguments: Any) -> None:
+    raise ValueError("no such sensor")
+
+
+def test_a_calibrator_that_cannot_be_made_is_a_fault_of_its_joint(
+    own: Callable[[type[Calibrator]], Rig],
+) -> None:
+    """K4: shown as the last calibration, too; the board goes on."""
+    rig = own(type("Unmade", (Calibrator,), {"__init__": raises}))
+    rig.tick(2)
+    fault = rig.board.get_faults("left")[0]
+    assert (fault.active, fault.code) == (True, FaultCode.CALIBRATION)
+    assert "its calibrator failed, ValueError: no such sensor" in fault.text
+    status = rig.board.get_calibration("left")[0]
+    assert (status.running, status.phase) == (False, "failed")
+    assert "no such sensor" in status.message
+
+
+@pytest.mark.parametrize("wrong", ["bare", "without progress"])
+def test_a_calibrator_that_lacks_what_the_base_gives(
+    own: Callable[[type[Calibrator]], Rig], wrong: str
+) -> None:
+    """K4: its __init__ forgets the base's, or it has no progress."""
+
+    class Wrong(Calibrator):
+        def __init__(self, *arguments: Any) -> None:
+            if wrong != "bare":
+                super().__init__(*arguments)
+                self.progress = None
+
+        def advance(self) -> bool:
+            return False
+
+    rig = own(Wrong)
+    rig.tick(2)
+    fault = rig.board.get_faults("left")[0]
+    assert (fault.active, fault.code) == (True, FaultCode.CALIBRATION)

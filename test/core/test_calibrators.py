@@ -141,15 +141,6 @@ def begins(seen: list[tuple[str, float]]) -> dict[str, float]:
     return found
 
 
-def test_it_has_begun_with_its_first_cycle() -> None:
-    """K2: until then its joint is not in its hands."""
-    bench = Bench()
-    calibrator = OffsetAndMove(Calibration(type=3), cast("Any", bench), PERIOD)
-    assert not calibrator.begun
-    calibrator.step()
-    assert calibrator.begun
-
-
 def test_it_is_done_when_it_has_been_at_its_start_for_a_while() -> None:
     """K2: 50 ms without a break, 5 cycles here."""
     bench = Bench(begin=0.5)

@@ -101,11 +101,6 @@ class Calibrator:
         self._periods = 0.0
         self._settled = 0
 
-    @property
-    def begun(self) -> bool:
-        """Whether it has been stepped: it controls the joint."""
-        return self._periods > 0.0
-
     def step(self, periods: float = 1.0) -> bool:
         """One control cycle (K2).
 
@@ -362,6 +357,17 @@ class OffsetAndMove(Calibrator):
         return self.go_to_start(begin)
 
 
+class Unmade(Calibrator):
+    """In place of a calibrator that could not be made: its step raises why (K4)."""
+
+    def __init__(self, error: Exception, calibration: Calibration, hand: Hand, period: float):
+        super().__init__(calibration, hand, period)
+        self._error = error
+
+    def advance(self) -> bool:
+        raise self._error
+
+
 TYPES: dict[int, Callable[[Calibration, Hand, float], Calibrator]] = {
     3: OffsetAndMove,
     5: HardStop,
@@ -436,6 +442,7 @@ class Calibrations:
         config = machine.config
         self._status = [CalibrationStatus(name) for name in config.names]
         self.running: dict[int, Calibrator] = {}
+        self._begun: set[int] = set()  # joints that theirs controls: it was stepped
         self._former: dict[int, tuple[float, bool]] = {}  # offset, calibrated: before it began
         self._groups = groups_of(config)
         self.shifted = False
@@ -457,8 +464,13 @@ class Calibrations:
         calibration = self._config(j)
         self._former[j] = float(self._state.offset[j]), bool(self._state.calibrated[j])
         self._state.calibrated[j] = False
-        hand = machine.hand(j)
-        self.running[j] = TYPES[calibration.type](calibration, hand, machine.config.period)
+        arguments = calibration, machine.hand(j), machine.config.period
+        try:
+            calibrator = TYPES[calibration.type](*arguments)
+        except Exception as error:  # noqa: BLE001 - of a user's type
+            calibrator = Unmade(error, *arguments)
+        self.running[j] = calibrator
+        self._begun.discard(j)
         self._show(j, running=True, phase="waiting")
         machine.go(j, Event.CALIBRATE)
 
@@ -468,8 +480,10 @@ class Calibrations:
             if self._machine.waits_for_brake(j):
                 continue
             calibrator = self.running[j]
+            self._begun.add(j)
             try:
                 done = calibrator.step(self._state.periods)
+                progress, phase = float(calibrator.progress.fraction), calibrator.progress.phase
             except CalibrationError as error:
                 self._machine.raise_fault(j, FaultCode.CALIBRATION, str(error))
                 continue
@@ -477,8 +491,7 @@ class Calibrations:
                 text = clean(f"its calibrator failed, {type(error).__name__}: {error}")
                 self._machine.raise_fault(j, FaultCode.CALIBRATION, text)
                 continue
-            progress = calibrator.progress
-            self._show(j, running=True, progress=progress.fraction, phase=progress.phase)
+            self._show(j, running=True, progress=progress, phase=clean(phase))
             if done:
                 self._finish(j)
 
@@ -525,7 +538,7 @@ class Calibrations:
         for part in {self._groups[j].part for j in self.running}:
             running = [j for j in self.running if self._groups[j].part == part]
             turn = min(self._groups[j].turn for j in running)
-            begun = [j for j in running if self.running[j].begun]
+            begun = [j for j in running if j in self._begun]
             if all(self._groups[j].turn == turn for j in begun):
                 begun = [j for j in running if self._groups[j].turn == turn]
             active += begun
