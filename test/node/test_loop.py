@@ -7,6 +7,7 @@ import itertools
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from queue import SimpleQueue
 from typing import Any
 
@@ -20,7 +21,7 @@ from waiting import GUARD, until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, Brake
-from control_board_ros.core.terms.measurement import Actuation
+from control_board_ros.core.terms.measurement import Actuation, Measurement
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import timing
 from control_board_ros.node.loop.loop import ControlLoop, FairLock
@@ -362,6 +363,27 @@ def test_the_end_waits_for_the_slowest_brake() -> None:
     assert loop.board.engine.brakes.closed.all()
     assert not plant.actuation.powered.any()
     assert loop.board.time - began >= 1.3
+
+
+def test_a_heartbeat_counts_by_its_own_clock_to_the_end() -> None:
+    """E2, Y4: while brakes close, no silence is seen between that clock and the plant's."""
+    brake = Brake(present=True, release_time=0.0, engage_time=0.05)
+    one = joint("a", brake=brake, startup_mode=ControlMode.POSITION)
+    board = board_config(one, heartbeat_timeout=GUARD)
+
+    class Ahead(Plant):
+        """Its clock is ahead of the system's."""
+
+        def read(self) -> Measurement:
+            return replace(super().read(), time=super().read().time + 1e8)
+
+    loop = ControlLoop(Board(board), Ahead(board))
+    loop.board.beat(time.monotonic())
+    loop.start()
+    until(lambda: loop.board.get_control_mode() == [ControlMode.POSITION])
+    assert loop.stop()
+    assert not loop.board.get_faults()[0].active
+    assert loop.board.engine.brakes.closed.all()
 
 
 def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:

@@ -397,9 +397,9 @@ class ControlLoop:
         with self.main.exclusive():
             self.board.power_off()
             while self.board.engine.brakes.holding:
-                self._plant.write(self.board.tick(self._read()))
+                self._plant.write(self.board.tick(self._read(), time.monotonic()))
                 time.sleep(self.board.period)
-            self.board.tick(self._read())
+            self.board.tick(self._read(), time.monotonic())
             self._cut_power()
             self.note_changes()
             self._note_state()
