@@ -100,9 +100,9 @@ class StateArrays:
     powered (1.0 where the bridge is on), kinds and set_points (of the drives: SetPoint, and rows
     of Value), done (no move runs), control_modes and interaction_modes, accepts (by kind of
     reference, shape (kinds, n)), rejected (commands ignored so far), faults (the last one of each
-    joint), before (its modes when that was raised), time (s, of the last reading), cycle, clock
-    (time that passed, in control periods: in a simulation a whole number), periods (of it in the
-    last cycle),
+    joint), before (its control mode when that was raised), time (s, of the last reading), cycle,
+    clock (time that passed, in control periods: in a simulation a whole number), periods (of it in
+    the last cycle),
     modes_version and faults_version (they grow when a mode or a fault record changes),
     modes_changed and faults_changed (at which of them each joint changed last), stops (of each
     joint so far, P3), stages (how far each joint may go).
@@ -139,7 +139,7 @@ class StateArrays:
         self.control_modes = [INITIAL] * n
         self.interaction_modes = [INITIAL_INTERACTION] * n
         self.faults = [FaultRecord(name) for name in names]
-        self.before = [(INITIAL, INITIAL_INTERACTION)] * n
+        self.before = [INITIAL] * n
         self.time = 0.0
         self.cycle = 0
         self.clock = 0.0

@@ -61,7 +61,7 @@ def test_at_first_nothing_is_known_and_nothing_has_power() -> None:
     assert made.kinds.tolist() == [SetPoint.PWM] * N
     assert made.control_modes == [ControlMode.NOT_CONFIGURED] * N
     assert made.interaction_modes == [InteractionMode.STIFF] * N
-    assert made.before == [(ControlMode.NOT_CONFIGURED, InteractionMode.STIFF)] * N
+    assert made.before == [ControlMode.NOT_CONFIGURED] * N
     assert (made.time, made.cycle) == (0.0, 0)
     assert [fault.name for fault in made.faults] == ["left", "right", "bare"]
     assert (made.modes_changed, made.faults_changed) == ([0] * N, [0] * N)

@@ -324,3 +324,16 @@ def test_a_joint_without_its_torque_keeps_its_fault(partial: bool) -> None:
     rig.tick(2)
     assert rig.board.recover("far")
     assert rig.board.get_control_mode("far") == [M.TORQUE]
+
+
+def test_an_interaction_mode_set_amid_a_fault_is_not_lost(rig: Rig) -> None:
+    """E1, I2: it is stored, and acts when recovery enters such a mode."""
+    enter(rig, {"left": (M.POSITION, STIFF), "right": (M.POSITION, COMPLIANT)})
+    for name in ("left", "right"):
+        rig.plant.inject(name, "external", False)
+    rig.run(0.3)
+    assert rig.board.set_interaction_mode("left", COMPLIANT)
+    assert rig.board.recover()
+    shown = now(rig)
+    assert shown["left"] == (M.POSITION, COMPLIANT)
+    assert shown["right"] == (M.POSITION, COMPLIANT)

@@ -234,7 +234,7 @@ class Machine:
         trigger = Event.UNSUPPORTED if code is FaultCode.UNSUPPORTED else Event.FAULT
         calibrating = j in self.calibrations.running
         state, name = self.state, self.config.names[j]
-        before = state.control_modes[j], state.interaction_modes[j]
+        before = state.control_modes[j]
         if not self.go(j, trigger):
             return
         state.before[j] = before

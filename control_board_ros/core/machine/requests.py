@@ -122,13 +122,12 @@ class Requests:
         requested: list[tuple[Requested, ...]] = []
         waits = []
         for j in selection.numbers:
-            mode, interaction = state.before[j]
-            facts = self._machine.facts(j)
+            mode, facts = state.before[j], self._machine.facts(j)
             waits.append(facts.cause.wait if facts.cause is not None else 0.0)
             if facts.mode not in FAULTED:
                 requested.append(())
             elif mode in REQUESTS:
-                requested.append((ControlMode.FORCE_IDLE, interaction, mode))
+                requested.append((ControlMode.FORCE_IDLE, facts.interaction, mode))
             else:  # its calibration was aborted by the fault
                 requested.append((ControlMode.FORCE_IDLE,))
         outcomes = [
