@@ -20,7 +20,7 @@ from .config.config import BoardConfig, Zone
 from .config.parameter import ConfigError
 from .engine import Engine
 from .group import JointGroup
-from .terms.events import BoardEvent, Events
+from .terms.events import BoardEvent
 from .terms.measurement import Actuation, Measurement
 from .terms.modes import CALIBRATES, CONFIGURED, Stage
 from .terms.vocabs import CommandKind
@@ -50,15 +50,15 @@ class BringUp:
     Args:
         groups: of the parts, by name.
         levels: names of parts; see :func:`complete_levels`.
-        events: receives the reason for a stop.
+        engine: of all; its events receive the reason for a stop.
 
     Attributes: groups, level (the one that starts; None: none).
     """
 
     def __init__(
-        self, groups: Mapping[str, JointGroup], levels: Sequence[Level], events: Events
+        self, groups: Mapping[str, JointGroup], levels: Sequence[Level], engine: Engine
     ) -> None:
-        self.groups, self._levels, self._events = groups, levels, events
+        self.groups, self._levels, self._engine = groups, levels, engine
         self.level: int | None = None
         self._waiting: Collection[str] = ()
 
@@ -92,6 +92,8 @@ class BringUp:
 
     def _enter(self, level: int) -> None:
         self.level = level
+        later = [self.groups[name] for names in self._levels[level + 1 :] for name in names]
+        self._engine.start_up.held = {j for group in later for j in group.joints}
         for name in self._levels[level]:
             group = self.groups[name]
             if name in self._waiting:
@@ -103,7 +105,7 @@ class BringUp:
 
     def _tell(self, failures: Mapping[str, str], waiting: Sequence[str]) -> None:
         why = "; ".join(f"{name}: {text}" for name, text in failures.items())
-        self._events.add(
+        self._engine.events.add(
             "error",
             "start-up",
             "",
@@ -148,7 +150,7 @@ class Board(JointGroup):
         super().__init__(engine, Zone("", slice(0, engine.state.n), config))
         groups = {zone.name: JointGroup(engine, zone) for zone in zones}
         self.parts = {name: group for name, group in groups.items() if name}
-        self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), engine.events)
+        self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), engine)
         self._start_up()
 
     def tick(

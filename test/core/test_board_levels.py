@@ -25,3 +25,29 @@ def test_a_part_without_autoconfigure_holds_its_level() -> None:
     rig.board.power_cycle()
     rig.tick(4)
     assert rig.modes() == [M.CALIBRATING, M.NOT_CONFIGURED, M.NOT_CONFIGURED]
+
+
+def test_a_power_cycle_of_a_part_waits_for_its_level() -> None:
+    """R4: also after a part failed; configure of that part starts it."""
+    slow = Calibration(type=3, start=0.1, speed=0.5)
+    parts = {"torso": board_config(joint("t", calibration=slow)), "arm": board_config(joint("a"))}
+    rig = Rig(joined(parts), levels=(("torso",), ("arm",)))
+    arm = rig.board.group("arm")
+    rig.tick(4)
+    arm.power_cycle()
+    rig.tick(4)
+    assert rig.modes() == [M.CALIBRATING, M.NOT_CONFIGURED]
+    assert rig.board.set_control_mode("t", M.FORCE_IDLE)
+    rig.tick(4)
+    arm.power_cycle()
+    rig.tick(4)
+    assert rig.modes() == [M.IDLE, M.NOT_CONFIGURED]
+    assert arm.configure()
+    rig.tick(4)
+    assert rig.modes() == [M.IDLE, M.IDLE]
+    rig.board.power_cycle()
+    rig.run(2.0)
+    assert rig.modes() == [M.POSITION, M.IDLE]
+    arm.power_cycle()
+    rig.tick(4)
+    assert rig.modes() == [M.POSITION, M.IDLE]

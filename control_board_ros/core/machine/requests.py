@@ -246,7 +246,8 @@ def names_a_mode(requested: Requested | tuple[Requested, ...]) -> bool:
 class StartUp:
     """Start-up: joints leave NOT_CONFIGURED, once per power-on.
 
-    Attributes: due (the joints whose configuration completes with the next reading).
+    Attributes: due (the joints whose configuration completes with the next reading), held (those
+    whose start-up level has not come, R4: only :meth:`begin` configures them).
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -257,9 +258,12 @@ class StartUp:
     def power_on(self, joints: Sequence[int], *, autoconfigure: bool) -> None:
         """Restart joints; without ``autoconfigure`` they wait for :meth:`begin`."""
         for j in joints:
+        self.held: set[int] = set()
             self._power_on_cycles[j] = self._state.cycle
             self.due.discard(j)
-            if autoconfigure and self._state.stages[j] is not Stage.UNCONFIGURED:
+            stage = self._state.stages[j]
+            waits = stage is Stage.ACTIVE and j in self.held  # one that is inactive has no power
+            if autoconfigure and stage is not Stage.UNCONFIGURED and not waits:
                 self.due.add(j)
 
     def begin(self, joints: Iterable[int]) -> None:
