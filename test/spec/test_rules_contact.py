@@ -292,3 +292,38 @@ def test_a_reaction_that_stops_nothing_says_so() -> None:
     arm.simulation.close()
     assert len(texts) == 1
     assert "; not the whole arm stops: lbr_iiwa_joint_1 is TORQUE, where stop has no" in texts[0]
+
+
+STREAMS = {"posd": "set_position", "pos": "position_move", "vel": "velocity_move"}
+
+
+@pytest.mark.parametrize("mode", STREAMS)
+def test_a_contact_stops_a_stream(mode: str) -> None:
+    """X2, P3: the program that drove into it does not drive on, until it begins anew."""
+    arm = watched(reaction="stop", time=0.02)
+    board = arm.board
+    assert board.set_control_mode(None, mode)
+    begin = board.get_encoder()
+
+    def stream(seconds: float) -> Any:
+        """Set-points at 100 Hz that go on from one call to the next, of the pushed joint."""
+        for _ in range(round(100 * seconds)):
+            stream.way += 0.005
+            value = 0.5 if mode == "vel" else begin[PUSHED] + stream.way
+            reply = getattr(board, STREAMS[mode])(PUSHED, value)
+            arm.simulation.run(0.01)
+        return reply
+
+    stream.way = 0.0
+    assert stream(0.4)
+    arm.plant.push(PUSHED, -20.0)
+    stream(0.3)
+    place = board.get_encoder()[PUSHED]
+    assert stream(1.0).codes == ("contact",)
+    moved = abs(board.get_encoder()[PUSHED] - place)
+    arm.plant.push(PUSHED, 0.0)
+    arm.simulation.run(0.51)
+    anew = stream(0.01)
+    arm.simulation.close()
+    assert moved < 0.01
+    assert anew

@@ -164,3 +164,83 @@ def test_an_offset_of_the_output_does_not_outlive_a_fault() -> None:
     rig.tick(200)
     assert rig.modes() == [M.OPENLOOP]
     assert rig.place == pytest.approx(place, abs=1e-3)
+
+
+FEEDS = {"outputs": 30.0, "torques": 20.0}
+
+
+class Fed(Rig):
+    """A joint whose feed-forward repeats at 100 Hz, also amid a fault or a power-on."""
+
+    def __init__(self, **feed: float) -> None:
+        super().__init__(board_config(joint("left", startup_mode=M.POSITION)), home=[0.4])
+        self.feed = feed
+        self.tick(2)
+        assert self.board.set_interaction_mode("left", "comp" if "torques" in feed else "stif")
+        self.stream(0.1)
+
+    def stream(self, seconds: float) -> Reply:
+        for _ in range(round(seconds / self.period / EVERY)):
+            reply = self.board.set_feedforward("left", **self.feed)
+            self.tick(EVERY)
+        return reply
+
+    def fault_and_recovery(self) -> None:
+        self.board.emergency_stop()
+        self.stream(0.2)
+        self.board.emergency_stop(False)
+        self.stream(0.1)
+        assert self.board.recover()
+
+    def fed(self) -> bool:
+        """Whether it acts: of the torque more than the load, which is 0."""
+        joint = self.board.engine.controller.joints[0]
+        acting = joint.torque_offset + joint.load_taken if "torques" in self.feed else 0.0
+        return abs(joint.output_offset + acting) > 1.0
+
+
+@pytest.mark.parametrize("name", FEEDS)
+def test_a_stream_of_feedforwards_outlives_no_fault(name: str) -> None:
+    """F8, P11: it is ignored with the code stale until it pauses, or a mode is requested."""
+    rig = Fed(**{name: FEEDS[name]})
+    assert rig.fed()
+    rig.fault_and_recovery()
+    reply = rig.stream(1.0)
+    assert reply.codes == (Reason.STALE,)
+    assert "outlived a fault" in reply.message
+    assert not rig.fed()
+    assert rig.board.set_control_mode("left", "pos")
+    assert rig.stream(0.1)
+    assert rig.fed()
+    rig.fault_and_recovery()
+    assert not rig.stream(0.1)
+    rig.run(0.51)
+    assert rig.stream(0.1)
+
+
+@pytest.mark.parametrize("name", FEEDS)
+def test_a_stream_of_feedforwards_outlives_no_power_on(name: str) -> None:
+    """N4, F8: what went on over a power-on acts no more than what was set before it."""
+    rig = Fed(**{name: FEEDS[name]})
+    rig.board.power_cycle()
+    reply = rig.stream(0.5)
+    assert rig.modes() == [M.POSITION]
+    assert reply.codes == (Reason.STALE,)
+    law = rig.board.engine.controller.joints[0]
+    assert not law.output_offset
+    assert not law.offset_given
+
+
+def test_a_single_feedforward_acts_after_a_recovery() -> None:
+    """F8, P11: one before a fault and one after it are no stream; nor is one beside references."""
+    rig = Fed(outputs=5.0)
+    rig.run(0.6)
+    rig.board.emergency_stop()
+    rig.tick(2)
+    rig.board.emergency_stop(False)
+    rig.tick(2)
+    assert rig.board.recover()
+    for _ in range(3):
+        rig.board.position_move("left", 0.4)
+        rig.tick()
+    assert rig.board.set_feedforward("left", outputs=5.0)

@@ -28,7 +28,7 @@ from ..machine.explanations import explain_cut
 from ..selection import RequestError, Selection
 from ..terms.arguments import Array, Joints
 from ..terms.joint_kind import JointKind
-from ..terms.reply import JointAnswer, Reply, accepted, decided, summary
+from ..terms.reply import JointAnswer, Reason, Reply, accepted, decided, summary
 from ..terms.vocabs import CommandKind
 from .path import (
     QUANTITIES,
@@ -333,7 +333,7 @@ def admitted(board: JointGroup, selection: Selection, path: Path) -> tuple[Bools
 
     Those are in POSITION_DIRECT, and all their points within the limits where the board refuses
     others (P9). The others count it as a rejected direct position (M4), and so do those whose
-    stream of paths outlived a fault (F8).
+    stream of paths is void (F8, X2).
     """
     kind, commands = CommandKind.POSITION_DIRECT, board.engine.commands
     streams = board.engine.machine.streams
@@ -342,7 +342,7 @@ def admitted(board: JointGroup, selection: Selection, path: Path) -> tuple[Bools
     stale = streams.void(kind, selection.joints, path.positions[0], good)
     streams.note(selection.joints)
     if stale is not None:
-        good &= ~stale
+        good &= np.equal(stale, Reason.NONE)
     others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
     if not others:  # none named would mean all
         return good, accepted(())

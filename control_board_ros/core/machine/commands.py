@@ -182,7 +182,7 @@ class Commands:
             stale = self._machine.streams.void(kind, indices, requested, good)
             self._machine.streams.note(indices)
         if stale is not None:
-            good &= ~stale
+            good &= np.equal(stale, Reason.NONE)
         answers: list[JointAnswer] = []
         if not good.all():
             answers = self._judged(kind, selection, requested, along, stale)
@@ -301,7 +301,7 @@ class Commands:
         selection: Selection,
         requested: Array,
         along: Array | None,
-        stale: NDArray[np.bool_] | None,
+        stale: Sequence[Reason] | None,
     ) -> list[JointAnswer]:
         """The answer of each joint; ignored references are counted (M4)."""
         answers = []
@@ -317,8 +317,8 @@ class Commands:
                 (float(requested[k]),) if along is None else (float(requested[k]), float(along[k]))
             )
             inside = bool(fits[k] and within[k])
-            outlived = stale is not None and bool(stale[k])
-            verdict = decide_reference(facts, kind, values, fits=inside, stale=outlived)
+            void = Reason.NONE if stale is None else stale[k]
+            verdict = decide_reference(facts, kind, values, fits=inside, void=void)
             self._state.rejected[j] += np.uint64(not verdict.accepts)
             if fits[k]:
                 bounds = float(self._low[kind][j]), float(self._high[kind][j])

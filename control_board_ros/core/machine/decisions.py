@@ -206,7 +206,7 @@ def decide_reference(
     kind: CommandKind,
     values: tuple[float, ...],
     fits: bool = True,
-    stale: bool = False,
+    void: Reason = Reason.NONE,
 ) -> Verdict:
     """The verdict on a reference (M4, P13, F8).
 
@@ -215,7 +215,7 @@ def decide_reference(
         kind: Of the reference.
         values: The reference, and its accompanying value.
         fits: Whether the accompanying value is in its range.
-        stale: Whether it belongs to a stream that outlived a fault.
+        void: Why the stream that it belongs to is.
     """
     if kind not in ACCEPTS.get(facts.mode, ()):
         known = any(kind in ACCEPTS.get(mode, ()) for mode in facts.joint.control_modes)
@@ -225,16 +225,18 @@ def decide_reference(
         return _ignored(facts, Reason.NOT_FINITE)
     if not fits:
         return _ignored(facts, Reason.OUT_OF_RANGE)
-    return _ignored(facts, Reason.STALE) if stale else ACCEPT
+    return ACCEPT if void is Reason.NONE else _ignored(facts, void)
 
 
-def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
-    """The verdict on feed-forward terms (P11, K6, M4, N4)."""
+def decide_feedforward(
+    facts: Facts, values: tuple[float, ...], void: Reason = Reason.NONE
+) -> Verdict:
+    """The verdict on feed-forward terms (P11, K6, M4, N4, F8)."""
     if facts.mode in CALIBRATES or facts.mode in UNCONFIGURED:
         return _ignored(facts, UNAVAILABLE[facts.mode])
     if not all(math.isfinite(value) for value in values):
         return _ignored(facts, Reason.NOT_FINITE)
-    return ACCEPT
+    return ACCEPT if void is Reason.NONE else _ignored(facts, void)
 
 
 def _ignored(facts: Facts, reason: Reason) -> Verdict:

@@ -137,18 +137,26 @@ def explain_reference(
         why = not_finite(values)
     elif reason is Reason.OUT_OF_RANGE:
         why = allowed
-    elif reason is Reason.STALE:
-        why = outlived(facts, kind)
+    elif reason in OUTLIVED_TEXTS:
+        why = outlived(reason, facts, kind)
     else:
         why = wrong_mode(reason, facts, kind)
     return f"{kind} reference for {facts.joint.name} ignored: {why}"
 
 
-def outlived(facts: Facts, kind: CommandKind) -> str:
-    """Why a reference of a stream that outlived a fault is ignored, and how to go on (F8)."""
+#: Why a stream is void.
+OUTLIVED_TEXTS = {
+    Reason.STALE: "its stream outlived a fault",
+    Reason.CONTACT: "a contact stopped the joint amid its stream",
+}
+
+
+def outlived(reason: Reason, facts: Facts, kind: CommandKind | None) -> str:
+    """Why a reference of a void stream is ignored, and how to go on (F8, X2)."""
     near = facts.joint.kind.position(facts.joint.kind.choose(NEAR_ANGLE, NEAR_DISTANCE))
-    meet = f"begin within {near} of the joint, " if kind in POSITIONS else ""
-    return f"its stream outlived a fault; {meet}pause for {PAUSE:g} s, or set the mode again"
+    meets = kind in POSITIONS and reason is Reason.STALE
+    meet = f"begin within {near} of the joint, " if meets else ""
+    return f"{OUTLIVED_TEXTS[reason]}; {meet}pause for {PAUSE:g} s, or set the mode again"
 
 
 def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...]) -> str:
@@ -159,6 +167,8 @@ def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...])
         why = not_finite(values)
     elif reason is Reason.NOT_CONFIGURED:
         why = WITHHELD_TEXTS[reason](facts)
+    elif reason in OUTLIVED_TEXTS:
+        why = outlived(reason, facts, None)
     else:
         why = f"mode is {facts.mode.name}, where it has no effect"
     return f"feedforward for {facts.joint.name} ignored: {why}"

@@ -61,7 +61,8 @@ class Machine:
         joint: the present configuration of a joint, without a silent external torque sensor.
         on_fault: called with each joint that faults.
 
-    Attributes: calibrations, brakes, streams (those that outlived a fault), and the arguments.
+    Attributes: calibrations, brakes, streams (of references) and feeds (of feed-forwards) that
+    outlived a fault, and the arguments.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class Machine:
         self.events = events
         self.calibrations = Calibrations(self)
         self.brakes = Brakes(self)
-        self.streams = StaleStreams(config, state)
+        self.streams, self.feeds = StaleStreams(config, state), StaleStreams(config, state)
         self.joint, self.on_fault = joint, on_fault
         self._on_limit, self._strained = [False] * state.n, [False] * state.n
 
@@ -92,6 +93,7 @@ class Machine:
         self.calibrations.forget(joints)
         for j in joints:
             self._on_limit[j] = self._strained[j] = False
+            self.feeds.cut(j)  # N4
             self.go(j, Event.POWER_ON)
 
     def reconfigure(self, config: BoardConfig, timeout_cycles: Array) -> None:
@@ -243,7 +245,8 @@ class Machine:
         )
         state.note_faults([j])
         self.on_fault(j)
-        self.streams.on_fault(j)
+        self.streams.cut(j)
+        self.feeds.cut(j)
         self.controller.joints[j].output_offset = 0.0  # F8: it would drive the joint in OPENLOOP
         if calibrating:  # K4
             self.calibrations.fail(j, state.faults[j].text)

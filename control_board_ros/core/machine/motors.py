@@ -50,6 +50,7 @@ class Feedforward:
             for k, j in enumerate(selection.numbers)
         ]
         verdicts = [self._verdict(j, values) for j, values in parts]
+        machine.feeds.note(selection.joints)
         answers = all_or_none(verdicts) if together else verdicts
         bounded = []
         for (j, values), verdict, answer in zip(parts, verdicts, answers, strict=True):
@@ -63,6 +64,9 @@ class Feedforward:
         facts = self._machine.facts(j)
         values = tuple(value for value in terms if value is not None)
         verdict = decide_feedforward(facts, values)
+        joint = np.array([j])
+        if void := self._machine.feeds.void(None, joint, joint, [verdict.accepts]):
+            verdict = decide_feedforward(facts, values, void[0])
         text = explain_feedforward(verdict.reason, facts, values)
         return JointAnswer(verdict.answer, text, verdict.reason)
 

@@ -29,7 +29,7 @@ from ..terms.modes import (
     Stage,
     law_of,
 )
-from ..terms.reply import Answer, JointAnswer, Reply, accepted, decided
+from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
 from ..terms.vocabs import BrakeMode, ControlMode, InteractionMode
 from .decisions import Requested, Verdict, decide, decide_brake, decide_stop
 from .explanations import (
@@ -84,11 +84,13 @@ class Requests:
             for j, request in zip(selection.numbers, requested, strict=True)
         ]
         reply = self._answer(selection, outcomes, together=together)
-        self._machine.streams.forget(
+        entered = [
             j
             for j, request, answer in zip(selection.numbers, requested, reply.answers, strict=True)
             if answer is Answer.ACCEPTED and names_a_mode(request)
-        )
+        ]
+        self._machine.streams.forget(entered)
+        self._machine.feeds.forget(entered)
         return reply
 
     def _answer(
@@ -113,6 +115,8 @@ class Requests:
 
     def recover(self, selection: Selection, *, partial: bool) -> Reply:
         """Clear faults and go back to the modes before them, in one cycle (E1).
+
+        An interaction mode that was set amid a fault acts (I2).
 
         Args:
             selection: The joints, shape (k,); one that is in no fault stays as it is.
@@ -254,11 +258,11 @@ class StartUp:
         self._machine, self._state = machine, machine.state
         self._power_on_cycles = [0] * machine.state.n
         self.due: set[int] = set()
+        self.held: set[int] = set()
 
     def power_on(self, joints: Sequence[int], *, autoconfigure: bool) -> None:
         """Restart joints; without ``autoconfigure`` they wait for :meth:`begin`."""
         for j in joints:
-        self.held: set[int] = set()
             self._power_on_cycles[j] = self._state.cycle
             self.due.discard(j)
             stage = self._state.stages[j]
@@ -381,6 +385,9 @@ class Contacts:
         joints, reply = self._machine.config.joints, accepted(())
         if reaction is Reaction.STOP:
             reply = self._requests.stop(Selection.of(part, [joints[j].name for j in part]))
+            for j, answer in zip(part, reply.answers, strict=True):
+                if answer is Answer.ACCEPTED:
+                    self._machine.streams.cut(j, Reason.CONTACT)
         elif reaction is Reaction.COMPLIANT:
             able = [
                 j

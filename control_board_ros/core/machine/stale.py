@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Streams that outlived a fault do not act (SPEC F8).
+"""Streams that outlived a fault, or a stop by a contact, do not act (SPEC F8, X2).
 
 A program that repeats references does not know of a fault. After the recovery the joint is
 elsewhere, and the next reference would move it at once. Therefore a stream whose references go on
@@ -8,11 +8,13 @@ over a fault is void, until
 - one position lies within NEAR of the joint,
 - or no reference came for PAUSE,
 - or a mode was requested after the recovery.
+
+One that goes on over a contact would drive the joint on into it: it is void until the last two.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from numpy.typing import NDArray
 from ..config.config import BoardConfig
 from ..state import Indices, StateArrays
 from ..terms.arguments import Array
+from ..terms.reply import Reason
 from ..terms.vocabs import CommandKind
 
 #: Time without a reference after which the next one begins a stream, s.
@@ -33,7 +36,7 @@ POSITIONS = frozenset({CommandKind.POSITION, CommandKind.POSITION_DIRECT})
 
 
 class StaleStreams:
-    """Which joints receive a stream that outlived their fault.
+    """Which joints receive a stream that outlived their fault: of references, or of feed-forwards.
 
     Args:
         config: Of the board.
@@ -47,7 +50,7 @@ class StaleStreams:
         )
         self._last = np.full(state.n, -np.inf)  # time of the last reference, s
         self._count = np.zeros(state.n, dtype=np.intp)  # references without a pause
-        self._void: set[int] = set()  # joints that have been in fault since
+        self._void: dict[int, Reason] = {}  # joints whose stream is void, and why
 
     def note(self, joints: Indices) -> None:
         """Record references of joints."""
@@ -56,35 +59,48 @@ class StaleStreams:
         self._count[joints] = np.where(goes_on, self._count[joints] + 1, 1)
         self._last[joints] = time
 
-    def on_fault(self, j: int) -> None:
-        """Void the stream of a joint that faults."""
-        self._void.add(j)
+    def cut(self, j: int, reason: Reason = Reason.STALE) -> None:
+        """Void the stream of a joint."""
+        self._void[j] = reason
 
     def forget(self, joints: Iterable[int]) -> None:
         """Accept the next reference of joints, whatever came before."""
-        self._void.difference_update(joints)
+        for j in joints:
+            self._void.pop(j, None)
 
     def void(
-        self, kind: CommandKind, joints: Indices, values: Array, accepted: NDArray[np.bool_]
-    ) -> NDArray[np.bool_] | None:
-        """Which references that the modes of joints accept belong to a void stream, shape (k,).
+        self,
+        kind: CommandKind | None,
+        joints: Indices,
+        values: Array,
+        accepted: NDArray[np.bool_] | Sequence[bool],
+    ) -> list[Reason] | None:
+        """Why references that the modes of joints accept belong to a void stream, one per joint.
 
         None: no one does. References without one are noted as the joint's first.
+
+        Args:
+            kind: Of the references; None: feed-forwards.
+            joints: Shape (k,).
+            values: Likewise.
+            accepted: By their modes, likewise.
         """
-        if self._void.isdisjoint(joints.tolist()):
+        if self._void.keys().isdisjoint(joints.tolist()):
             return None
-        stale = np.zeros(len(joints), dtype=np.bool_)
+        reasons = [Reason.NONE] * len(joints)
         for k, j in enumerate(joints.tolist()):
             if j in self._void and accepted[k]:
-                stale[k] = self._outlived(j) and not self._meets(kind, j, float(values[k]))
-                if not stale[k]:
-                    self._void.discard(j)
-        return stale
+                if self._outlived(j) and not self._meets(kind, j, float(values[k])):
+                    reasons[k] = self._void[j]
+                else:
+                    del self._void[j]
+        return reasons
 
     def _outlived(self, j: int) -> bool:
         """Whether references of a joint have come without a pause."""
         return bool(self._count[j] >= MIN_STREAM and self._state.time - self._last[j] < PAUSE)
 
-    def _meets(self, kind: CommandKind, j: int, value: float) -> bool:
+    def _meets(self, kind: CommandKind | None, j: int, value: float) -> bool:
         """Whether a position takes a joint up where it is."""
-        return kind in POSITIONS and abs(value - self._state.position[j]) <= self._near[j]
+        near = kind in POSITIONS and abs(value - self._state.position[j]) <= self._near[j]
+        return bool(near and self._void[j] is Reason.STALE)

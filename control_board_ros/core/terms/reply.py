@@ -41,6 +41,7 @@ class Reason(StrEnum):
     OUT_OF_RANGE = "out_of_range"  # P13
     NOTHING_TO_STOP = "nothing_to_stop"  # P3
     STALE = "stale"  # B6, F8
+    CONTACT = "contact"  # X2
     INVALID = "invalid"  # the request is wrong in itself (M6, M7)
     TOGETHER = "together"  # another joint of the request could not
 
