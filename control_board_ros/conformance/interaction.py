@@ -187,6 +187,7 @@ def impedance(bench: Bench) -> str:
         expect(
             math.isclose(kept, stored[0]), f"a stiffness of {bad:g} was refused, and changed it"
         )
+    bench.home()  # without power it may have fallen
     acts_at_once(bench)
     return (
         f"set in {', '.join(tried)}, acts at once; negative, non-finite and above {top:g} refused"

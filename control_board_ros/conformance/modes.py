@@ -122,6 +122,7 @@ def never_kept(bench: Bench) -> None:
     """A move that VELOCITY ignores does not begin in POSITION."""
     if M.VELOCITY not in bench.modes:
         return
+    bench.home()  # a mode without position may have let it fall
     bench.enter(M.VELOCITY)
     bench.send(K.POSITION, bench.range.start + bench.range.step)
     bench.state()

@@ -137,3 +137,12 @@ def run_on(bench: Bench, states: Sequence[State]) -> float:
     """Travel of the position reference in these states, rad."""
     references = [float(state.position_reference[bench.j]) for state in states]
     return max(references) - min(references)
+
+
+def lag(bench: Bench, state: State) -> float:
+    """Way of the joint to its reference, rad.
+
+    A drive that closes the loop of position, and lags, has gone it when it comes to rest (M9): set
+    back to the joint, its goal would turn the joint round.
+    """
+    return abs(float(state.position_reference[bench.j] - state.position[bench.j]))

@@ -58,17 +58,19 @@ class InProcess:
 
     Args:
         made: its settings; None: of the arm of arm.yaml.
+        plant: of them; None: a simulated one.
 
     Attributes: names (of the joints), warnings (of the topics, each with the name of its count).
     """
 
     board, patience = "/in_process", 30.0
 
-    def __init__(self, made: settings.Settings | None = None) -> None:
+    def __init__(self, made: settings.Settings | None = None, plant: Any = None) -> None:
         self.settings = made = made or load()
         self.names = list(made.board.names)
         self.warnings: list[tuple[str, str]] = []
-        self.rig = Rig(made.board, SimulatedPlant(made.board, replace(made.simulation, urdf=None)))
+        simulation = replace(made.simulation, urdf=None)
+        self.rig = Rig(made.board, plant or SimulatedPlant(made.board, simulation))
         group = self.rig.board
         self._message = prepared_state(BoardState(names=self.names), BOARD_STATE, group.count)
         self._snapshots = Snapshots(group, TimeBase(simulated=True, shrinkage=0))
@@ -272,9 +274,10 @@ class Client:
         return self.names
 
 
-def session_of(robot: str = "", **options: Any) -> Session:
-    """A session with a new board."""
-    channel: Any = InProcess(settings.load(robot) if robot else None)
+def session_of(robot: str = "", plant: Any = None, **options: Any) -> Session:
+    """A session with a new board, of a robot, or of a plant with settings, or of the arm."""
+    made = settings.load(robot) if robot else getattr(plant, "settings", None)
+    channel: Any = InProcess(made, plant)
     client: Any = Client(channel)
     return Session(channel, client, **options)
 

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The conformance suite on soft servos, which lag, sag, and fall without power (S1, S7)."""
+
+from __future__ import annotations
+
+import board_in_process
+import pytest
+from drive_bench import LIBRARIES
+from servo_arm import ServoArm
+
+from control_board_ros.conformance import Outcome
+
+pytestmark = pytest.mark.physics
+JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
+
+
+def tried(make: str, joint: str, *names: str) -> dict[str, tuple[str, str]]:
+    """Outcome and evidence by rule."""
+    pytest.importorskip(LIBRARIES[make])
+    return board_in_process.tried(names, joint=joint, plant=ServoArm(make))
+
+
+@pytest.mark.parametrize(
+    ("joint", "names"), [("wrist_roll", ("P3",)), ("elbow_flex", ("M4", "I6", "F8"))]
+)
+def test_a_servo_that_lags_and_falls_keeps_the_rules(joint: str, names: tuple[str, ...]) -> None:
+    """P3: it stops where its goal was; M4, I6, F8: without power it falls."""
+    results = tried("feetech", joint, *names)
+    assert {outcome for outcome, _ in results.values()} == {Outcome.HELD}, results
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize("make", ["feetech", "dynamixel"])
+def test_servos_keep_all_rules(make: str, joint: str) -> None:
+    """S7."""
+    results = tried(make, joint)
+    outcomes = [outcome for outcome, _ in results.values()]
+    assert set(outcomes) == {Outcome.HELD, Outcome.NOT_TESTABLE}, results
+    assert outcomes.count(Outcome.HELD) >= 36, results

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An SO-101 on virtual servos of either make, in one thread, in a time of its cycles."""
+
+from __future__ import annotations
+
+import math
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from direct_bus import DirectPort
+
+from control_board_ros.client import BoardError
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.measurement import Actuation, Measurement, Row, SetPoints
+from control_board_ros.plants.drives.clock import ManualClock
+from control_board_ros.plants.exchange import Exchange
+from control_board_ros.plants.offers import within
+from control_board_ros.plants.virtual.plant import FarEnd
+from control_board_ros.plants.virtual.pty_bus import VirtualSerial
+from control_board_ros.plants.virtual.servo import Framer
+from control_board_ros.settings.loading import load
+
+#: Bytes of a packet that contain its length.
+HEAD = {"dynamixel": 7, "feetech": 4}
+PARAMETERS: dict[str, Any] = {
+    "robot": str(Path(__file__).with_name("so101.urdf")),
+    "control_rate": 100.0,
+    "plant_timeout": 1.0,
+    "joint_defaults.on_silence": "braked",
+    "joint_defaults.admittance.dead_band": 0.08,
+}
+
+
+class ServoArm:
+    """A ``core.measurement.Plant``: a driver in the box and its virtual servos.
+
+    Args:
+        make: Folder of its driver.
+
+    Attributes: settings (of its board), world (its body).
+    """
+
+    def __init__(self, make: str) -> None:
+        settings = load(None, PARAMETERS)
+        virtual = import_module(f"control_board_ros.plants.{make}.virtual")
+        clock = self._clock = ManualClock()
+
+        def bus(world: Any, drives: Any) -> Any:
+            world.clock, world.time, world.longest = clock.now, clock.now(), math.inf
+            framer = Framer(virtual.HEADER, HEAD[make], virtual.length_of, virtual.unpacked)
+            made: Any = VirtualSerial(world, drives, framer)
+            made.address = "direct"
+            return made
+
+        with mock.patch.object(virtual, "virtual_bus", bus):
+            far_end = FarEnd(make, settings.board, settings.simulation, {})
+        plant = far_end.make(settings.board.names, {"bus": "direct"})
+        plant.driver.line.connect = lambda *_, **__: DirectPort(far_end.bus, clock)
+        plant.clock, self.world = clock, far_end.world
+        self.settings = within(settings, make, plant.describe())
+        self._exchange = Exchange(plant, self.settings.board, 1.0)
+        self._exchange.connect()
+        self._period = self.settings.board.period
+        self._cycle, self._sample = 0, self._exchange.run(SetPoints.off(6), {})
+
+    def read(self) -> Measurement:
+        values, faults = self._sample.values, self._sample.faults
+        values[Row.ALARM] = 0.0
+        values[Row.ALARM][list(faults)] = 1.0 + FaultCode.DRIVE
+        now = self._cycle * self._period
+        return Measurement(now, values, faults or None, elapsed=self._period)
+
+    def write(self, actuation: Actuation) -> None:
+        self._cycle += 1
+        self._clock.time += self._period
+        self._sample = self._exchange.run(actuation.set_points(), self._sample.faults)
+
+    def inject(self, *_: object) -> None:
+        """B4."""
+        raise BoardError("no simulation")
+
+    def clear_injected(self) -> None:
+        """Nothing was."""
