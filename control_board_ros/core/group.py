@@ -621,7 +621,10 @@ class JointGroup(ModeShortcuts):
         return np.array([j.stiffness for j in laws]), np.array([j.damping for j in laws])
 
     def get_torque_offset(self, joints: Joints = None) -> Array:
-        """τ_ff of the impedance law, N·m or N, shape (k,): as set, else the load at COMPLIANT."""
+        """τ_ff of the impedance law, N·m or N, shape (k,): as set, else the load at COMPLIANT.
+
+        Without one set it is 0 where a drive of positions bears the load.
+        """
         laws = [self.engine.controller.joints[j] for j in self._numbers(joints)]
         return np.array([j.torque_offset if j.offset_given else j.load_taken for j in laws])
 

@@ -130,6 +130,17 @@ def test_entering_and_leaving_move_nothing(config: Any, pose: int) -> None:
     assert np.abs(arm.goals - goals).max() <= 1e-9
 
 
+def test_its_own_torque_offset_moves_nothing(config: Any) -> None:
+    """P11: the drive bears the load, so that τ_ff is what is added to it."""
+    arm = arm_of(config)
+    arm.guide()
+    assert arm.board.set_impedance(None, *impedance(config, 0.2))
+    before, own = arm.goals, arm.board.get_torque_offset()
+    assert arm.board.set_feedforward(None, torques=own)
+    arm.run(1.0)
+    assert np.abs(arm.goals - before).max() <= 1e-9
+
+
 def test_an_unknown_payload_moves_nothing(config: Any) -> None:
     """M9: its load is taken over, as on entering; 0.1 kg at the gripper."""
     arm = arm_of(config)

@@ -550,7 +550,8 @@ class Joint:
         self.torque_command = load - self.lift
         self.holding = self.law in (TORQUE, CURRENT)
         self.hold_place = self.followed
-        if self.dead_band > 0.0:
+        if self.dead_band > 0.0:  # its drive bears the load
+            self.load_taken = 0.0
             self.goal, self.goal_velocity = self.followed, self.followed_velocity
             self.felt_taken, self.offset_taken = self.felt, self.torque_offset
             self.felt_left = self.felt_time
