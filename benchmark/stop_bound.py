@@ -8,8 +8,8 @@ stop all joints in v²/(2a) each; default: panda, franka, kuka, scara and snake.
 torque that takes over the limit; the furthest way of a joint beyond v²/(2a), mrad (mm), of the
 board on its simulation, and the furthest way back; and what a sequence of linear programs finds
 with the same model, torque (98 %), speed and acceleration limits, where no joint comes back by
-more than that either. It is a local optimum; the board's plan may be better, as it lets light
-joints exceed their acceleration limits. Needs scipy (extra ``dev``).
+more than that either, and where none turns round. They are local optima; the board's plan may be
+better, as it lets light joints exceed their acceleration limits. Needs scipy (extra ``dev``).
 """
 
 from __future__ import annotations
@@ -71,11 +71,12 @@ class Plans:
     Args:
         start: Where they begin.
         duration: s.
+        turning: Whether joints may turn round.
     """
 
-    def __init__(self, start: Start, duration: float) -> None:
+    def __init__(self, start: Start, duration: float, turning: bool) -> None:
         n, h, steps = len(start.q), duration / STEPS, np.arange(STEPS)
-        self.start, self.n, self.size = start, n, STEPS * n
+        self.start, self.n, self.size, self.turning = start, n, STEPS * n, turning
         self.sign = np.where(start.v < 0.0, -1.0, 1.0)
         self.hardest = np.tile(start.hardest, STEPS)
         after = np.tril(np.ones((STEPS, STEPS)))
@@ -136,6 +137,10 @@ class Plans:
         free = torque - slope @ x
         eye, none = np.eye(n), np.zeros((n, n))
         end, fastest = slice(size - n, size), np.maximum(start.fastest, np.abs(start.v))
+        forward, backward = (
+            fastest if self.turning else np.where(self.sign == sign, fastest, 0.0)
+            for sign in (1.0, -1.0)
+        )
 
         def row(x: Array, z: float, excess: float, most: Array, over: Array) -> Array:
             ones, times = np.ones((len(x), 1)), len(x) // n
@@ -149,8 +154,8 @@ class Plans:
             (row(-self.way, -1.0, 0.0, none, none), self.drift),
             (row(np.zeros((n, size)), 0.0, 0.0, eye, -eye), self.braking),
             (row(-self.way[end], -1.0, 0.0, eye, eye), self.drift[end]),
-            (row(self.to_speed, 0.0, 0.0, none, none), np.tile(fastest - start.v, STEPS)),
-            (row(-self.to_speed, 0.0, 0.0, none, none), np.tile(fastest + start.v, STEPS)),
+            (row(self.to_speed, 0.0, 0.0, none, none), np.tile(forward - start.v, STEPS)),
+            (row(-self.to_speed, 0.0, 0.0, none, none), np.tile(backward + start.v, STEPS)),
             strict=True,
         )
         low, high = (
@@ -169,9 +174,9 @@ class Plans:
         return None if found.x is None else found.x[:size]
 
 
-def least(start: Start, duration: float) -> float:
+def least(start: Start, duration: float, turning: bool) -> float:
     """Way of the furthest joint in the best stop, rad or m; infinite without the torque for it."""
-    plans = Plans(start, duration)
+    plans = Plans(start, duration, turning)
     x, trust = np.tile(-start.v / duration, STEPS), 0.5
     z, excess = plans.judged(x)
     for _ in range(ROUNDS):
@@ -206,12 +211,16 @@ def main(names: tuple[str, ...]) -> None:
                 if needs <= 1.0:
                     continue
                 slowest = float((np.abs(start.v) / start.hardest).max())
-                bound = np.min([least(start, part * slowest) for part in DURATIONS])
-                found = [1e3 * float(one.max()) for one in (stop.beyond, stop.back, bound)]
+                bounds = [
+                    1e3 * min(least(start, part * slowest, turning) for part in DURATIONS)
+                    for turning in (True, False)
+                ]
+                ways = [1e3 * float(way.max()) for way in (stop.beyond, stop.back)]
                 way = begin.__name__.removeprefix("_run_by_")
                 print(
                     f"{name} {trial} {way}: needs {needs:.2f}; "
-                    "beyond {:.0f}, back {:.0f}; programs {:.0f}".format(*found),
+                    "beyond {:.0f}, back {:.0f}; "
+                    "programs {:.0f}, without turning round {:.0f}".format(*ways, *bounds),
                     flush=True,
                 )
         rig.close()
