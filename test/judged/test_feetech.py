@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from apart import run_apart
 from far_drives import far_drives, near, until
+from waiting import GUARD
 
 pytest.importorskip("feetech_cli", reason="feetech-cli is not installed: pip install '.[test]'")
 pytest.importorskip("st3215_bus", reason="st3215-bus is not installed: pip install '.[test]'")
@@ -31,7 +32,10 @@ def far() -> Iterator[Any]:
 
 @pytest.fixture
 def servos(far: Any) -> Iterator[Any]:
-    with FeetechServoController(far.address, 1_000_000, 0.5, max_id=2) as servos:
+    """With patience: after a late answer each is taken for that to the next question."""
+    with FeetechServoController(far.address, 1_000_000, GUARD, max_id=2) as servos:
+        wait = servos.wait_until_stopped
+        servos.wait_until_stopped = lambda servo, timeout=GUARD: wait(servo, timeout=GUARD)
         yield servos
 
 
@@ -97,6 +101,7 @@ def test_128_makes_the_present_position_the_middle(far: Any, servos: Any) -> Non
 
 @pytest.mark.slow
 def test_it_takes_another_id_and_another_rate(far: Any, servos: Any) -> None:
+    servos.serial.timeout = servos.timeout = 2.0  # it asks twice for what is not there
     assert servos.set_id(1, 9) == 9
     assert servos.scan(1, 2) == [2]
     servos.set_baudrate(9, 500_000)

@@ -11,6 +11,8 @@ from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
+from waiting import GUARD
+
 from control_board_ros.plants.virtual.world import free_world
 
 #: s that a receiver of python-can waits for a frame before it looks whether it is closed.
@@ -45,8 +47,8 @@ def far_drives(driver: str, count: int = 1, **options: str) -> Iterator[Any]:
 
 
 def until(reached: Callable[[], Any], act: Callable[[], object] = lambda: None) -> Any:
-    """Act until something is so, for a minute at most, and return it."""
-    end = time.monotonic() + 60.0
+    """Act until something is so, and return it."""
+    end = time.monotonic() + GUARD
     while not (found := reached()):
         assert time.monotonic() < end, "it never came"
         act()
