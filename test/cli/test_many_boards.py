@@ -127,24 +127,26 @@ def test_two_boards() -> None:
         board_process(two, namespace="b", domain=first.domain),
         ExitStack() as stack,
     ):
-        cbctl = stack.enter_context(closing(Cbctl(first.environment)))
-        shown = cbctl("--board", "/*/control_board", "modes")
+        cbctl = stack.enter_context(closing(Cbctl(first.environment, "--board", "*")))
+        # A connection takes the boards that it has found 1 s after the first: this one has both.
+        until(lambda: len(cbctl("--json", "modes").json) == 2)
+        shown = cbctl("modes")
         assert (shown.code, shown.err) == (0, "")
         head, tail = shown.out.split("\n\n")
         assert head.startswith("/a/control_board\n")
         assert "lbr_iiwa_joint_1  pos" in head
         assert tail.startswith("/b/control_board\n")
         assert "panda_finger_joint1  pos" in tail
-        read = cbctl("--board", "*", "--json", "modes", "finger").json
-        assert list(read) == ["/b/control_board"]
-        read = cbctl("--board", "*", "--json", "stop").json
+        assert list(cbctl("--json", "modes", "finger").json) == ["/b/control_board"]
+        read = cbctl("--json", "stop").json
         assert [one["success"] for one in read.values()] == [True, True]
-        watched = cbctl("--board", "*", "watch", "--once", "--json").json
+        watched = cbctl("watch", "--once", "--json").json
         assert set(watched["/a/control_board"]) == {"lbr_iiwa_joint_1"}
         assert len(watched["/b/control_board"]) == 8
-        refused = cbctl("--board", "*", "modes", "elbow")
+        refused = cbctl("modes", "elbow")
         assert refused.code == 1
         assert "'elbow' unknown" in refused.err
+        until(lambda: cbctl("--board", "/*/control_board", "modes").out == shown.out)
         assert cbctl("--board", "/a/control_board", "mode", "vel").code == 0
         environment = cbctl.environment | {"COMP_WORDS": "cbctl --board /b", "COMP_CWORD": "2"}
         tab = Cbctl(environment | {"_CBCTL_COMPLETE": "bash"})

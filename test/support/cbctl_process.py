@@ -51,17 +51,21 @@ class Cbctl:
     A call runs a line in this process, over one connection, as ``cbctl shell`` does; a line with
     options of its own gets a connection of its own. ``run`` and ``start`` take the executable:
     for signals, terminals, and to see that it works.
+
+    Args:
+        environment: Of its processes.
+        options: Of all lines.
     """
 
-    def __init__(self, environment: dict[str, str]) -> None:
-        self.environment = environment | {"COLUMNS": "120"}
+    def __init__(self, environment: dict[str, str], *options: str) -> None:
+        self.environment, self.options = environment | {"COLUMNS": "120"}, options
         self._session: Session | None = None
         self._started: list[subprocess.Popen[str]] = []
 
     def line(self, *words: str) -> list[str]:
         """The words of a line; it has the guard's time to find the board."""
         patient = [] if "--timeout" in words else ["--timeout", f"{GUARD / 2.0:g}"]
-        return [*patient, *words]
+        return [*patient, *self.options, *words]
 
     def command(self, *words: str) -> list[str]:
         """The whole command line of a process."""
