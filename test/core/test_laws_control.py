@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from joints import Body, OneJoint, gains, outputs, resting, started
+from joints import Body, gains, outputs, resting, started
 
 from control_board_ros.core.terms.modes import Law
 
@@ -38,17 +38,6 @@ def test_a_move_is_followed_with_all_terms() -> None:
     assert outputs(one, 400) == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("kp", [0.0, 100.0])
-def test_a_torque_reference_ends_the_hold(kp: float) -> None:
-    """P7, M9: from the first reference on nothing else acts, wherever the joint is."""
-    one = started(Law.TORQUE, torque=5.0)
-    gains(one.joint.position_pid, kp=kp, kd=10.0)
-    one.joint.command_torque(2.0)
-    one.set(position=0.3, velocity=0.4)
-    one.step()
-    assert outputs(one, 5) == pytest.approx(2.0)
-
-
 # --- output and drive ------------------------------------------------------------------------
 
 
@@ -62,19 +51,6 @@ def test_the_drive_is_ahead_of_the_winding() -> None:
         one.step()
         current = kept * current + (1.0 - kept) * one.get("output")
         assert current == pytest.approx(wanted, abs=1e-9)
-
-
-def test_current_loop() -> None:
-    """P10: v = R·i_ref + kp·e + Σ ki·e·T + Ke·q̇, e = i_ref − i, in percent of the supply."""
-    one = resting(in_amps=True, ohms=2.0, emf=0.5, percent_per_volt=4.0)
-    gains(one.joint.torque_pid, kff=1.0)
-    gains(one.joint.current_pid, kp=0.3, ki_period=0.02)
-    one.joint.start(Law.TORQUE)
-    one.joint.command_torque(3.0)
-    one.set(current=1.0, velocity=0.2)
-    k = np.arange(1, 11)
-    expected = 4.0 * (2.0 * 3.0 + 0.3 * 2.0 + 0.02 * 2.0 * k + 0.5 * 0.2)
-    assert outputs(one, 10) == pytest.approx(expected)
 
 
 def test_the_current_loop_is_ahead_of_the_winding() -> None:
@@ -93,17 +69,6 @@ def test_the_current_loop_is_ahead_of_the_winding() -> None:
 
 
 # --- what is measured ------------------------------------------------------------------------
-
-
-def test_without_a_sensor_the_current_is_the_torque() -> None:
-    """I7: τ = torque_per_ampere·i, in what is taken over too."""
-    one = OneJoint(has_torque_sensor=False, torque_per_ampere=2.5)
-    gains(one.joint.position_pid)
-    one.set(torque=99.0, current=1.2)
-    one.step(40)
-    assert one.joint.torque == pytest.approx(3.0)
-    one.joint.start(Law.POSITION)
-    assert outputs(one, 1)[0] == pytest.approx(3.0)
 
 
 def turned_round(known: float, rubs: float = 4.0) -> float:

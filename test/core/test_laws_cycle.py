@@ -457,43 +457,6 @@ def test_no_load_is_captured_before_all_are_at_rest(
     assert {(bool(braking), bool(rests)) for _, braking, rests in told} == {expected}
 
 
-@pytest.mark.parametrize(
-    ("readings", "period", "expected"),
-    [(2, 0.1, -1.0 + 0.1 * 5.0), (1, 0.1, 4.0), (2, 1.0, 4.0), (2, 2.0, 4.0)],
-)
-def test_the_load_is_filtered(readings: int, period: float, expected: float) -> None:
-    """M9: torque less that of the motion, through a low pass; at first, or if slow, as it is."""
-    one = joint(torque=6.0, motion=2.0, load=-1.0, readings=readings)
-    one.period = period * LAWS.LOAD_FILTER
-    LAWS.weigh(one)
-    assert one.load == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_at_rest(way: float) -> None:
-    """Speed and torque of the acceleration within shares of the limits, after two readings."""
-    speed, torque = LAWS.REST_SPEED * 3.0, LAWS.REST_TORQUE * 60.0
-    slow = {"velocity": way * 0.99 * speed, "acceleration": way * 0.99 * torque / 0.5}
-
-    def rests(**changes: float) -> bool:
-        return bool(joint(**({"readings": 2} | slow | changes)).at_rest())
-
-    assert rests()
-    assert not rests(readings=1)
-    assert not rests(velocity=way * 1.01 * speed)
-    assert not rests(acceleration=way * 1.01 * torque / 0.5)
-
-
-def test_a_load_is_known_at_rest() -> None:
-    """M9: before that, it is what is measured now."""
-    one = joint(torque=6.0, motion=2.0, load=1.0)
-    cycles = math.ceil(LAWS.REST_TIME / one.period)
-    one.rest_cycles = cycles
-    assert one.known_load() == 1.0
-    one.rest_cycles = cycles - 1
-    assert one.known_load() == 4.0
-
-
 # --- what a cycle reports ------------------------------------------------------------------------
 
 

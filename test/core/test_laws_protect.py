@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from joints import Body, OneJoint, Winding, gains, outputs, started
+from joints import Body, OneJoint, Winding, gains, started
 from lone_joint import LAWS, joint
 
 from control_board_ros.core.terms.modes import Law
@@ -20,25 +20,6 @@ def commanded(torque: float, **constants: float) -> OneJoint:
     one = started(Law.TORQUE, **constants)
     one.joint.command_torque(torque)
     return one
-
-
-def test_present_acceleration_counts() -> None:
-    """P14: the bound is taken from the load, τ_last − J·q̈ (1 + lag/3) − lag·Δτ (1 + lag/3)."""
-    one = commanded(50.0, lag=0.45)
-    one.set(velocity=2.8, torque=10.0, current=10.0)
-    one.step(2)
-    one.set(velocity=2.81, torque=11.0, current=11.0)  # 10 rad/s²
-    expected = 11.0 + 0.7 * (0.19 / 0.003 - 1.15 * 10.0) - 1.15 * 0.45 * 1.0
-    assert outputs(one, 1)[0] == pytest.approx(expected)
-
-
-def test_a_joint_without_calibration_knows_no_limit() -> None:
-    """P9, K7: only its speed is bounded."""
-    one = commanded(50.0, calibrated=False)
-    one.set(position=7.0)
-    one.step()
-    assert outputs(one, 3) == pytest.approx(50.0)
-    assert not one.joint.on_limit
 
 
 # --- strong and slow -------------------------------------------------------------------------

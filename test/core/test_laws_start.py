@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from joints import Body, OneJoint, gains, outputs, resting
 
-from control_board_ros.core.laws.pid import Pid
 from control_board_ros.core.terms.modes import Law
 
 LAWS = (Law.POSITION, Law.IMPEDANCE, Law.TORQUE)
@@ -39,15 +38,6 @@ def test_at_rest_a_law_begins_with_the_load(law: Law, feed: float, kff: float) -
     assert not one.joint.settling
     assert one.joint.torque_reference == 7.0
     assert outputs(one, 20) == pytest.approx(7.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("feed", [0.0, 4.0])
-def test_inactive_u_ff_is_not_mistaken_for_load(feed: float) -> None:
-    """K6, M9: while u_ff is off, the whole torque is the loop's."""
-    one = tuned(resting(7.0))
-    one.joint.output_offset, one.joint.feeds = feed, False
-    one.joint.start(Law.POSITION)
-    assert outputs(one, 5) == pytest.approx(7.0, abs=1e-9)
 
 
 def test_open_loop_begins_with_nothing() -> None:
@@ -113,10 +103,3 @@ def test_a_joint_in_motion_comes_to_rest_and_stays(law: Law, load: float, fricti
     assert np.ptp(rows[-500:, 0]) < 1e-4
     assert np.abs(rows[:, 0] - here).max() < 0.05
     assert one.joint.known_load() == pytest.approx(-load, abs=friction + 0.2)
-
-
-def test_a_loop_is_made_at_rest() -> None:
-    """Before its first reset it has no integral part, no rate and no reference."""
-    made = Pid()
-    rest = made.integral, made.previous, made.derivative, made.error, made.reference
-    assert rest == (0.0,) * 5

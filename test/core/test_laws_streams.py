@@ -166,19 +166,6 @@ def test_a_stream_into_a_limit_ends_there() -> None:
     assert rows[-1].tolist() == [2.0, 0.0, 0.0]
 
 
-def test_a_position_with_a_velocity_starts_a_stream_anew() -> None:
-    """P4: the reference is the position itself; where the stream comes from is forgotten."""
-    one = OneJoint()
-    one.step(2)
-    one.joint.start(Law.POSITION)
-    one.joint.step_to(0.3)
-    one.step(10)
-    one.joint.step_with(0.5, 0.7)
-    joint = one.joint
-    assert (joint.reference, joint.reference_velocity, joint.direct_velocity) == (0.5, 0.0, 0.7)
-    assert (joint.direct_age, joint.awaited) == (0.0, joint.settling)
-
-
 def test_a_single_step_is_followed_until_it_can_be_no_stream() -> None:
     """P4: at rest at its target, a joint waits for the next position of a stream, LAST long."""
     one = OneJoint()
