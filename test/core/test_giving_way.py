@@ -160,20 +160,6 @@ def test_tau_ff_pushes_and_what_was_set_before_does_not() -> None:
     assert servo.set_point == pytest.approx(before)
 
 
-def test_speed_and_software_limits_hold() -> None:
-    """P9, P14: however hard the hand pushes; it brakes ahead of the limit."""
-    servo, places = Servo(), [0.0]
-    servo.feel(30.0)
-    for _ in range(1000):
-        servo.step()
-        places.append(servo.set_point)
-    speeds = np.diff(places) / PERIOD
-    assert speeds.max() == pytest.approx(3.0)
-    assert np.diff(speeds).min() >= -20.0 * PERIOD - 1e-9
-    assert places[-1] == pytest.approx(2.0)
-    assert max(places) <= 2.0
-
-
 @pytest.mark.parametrize("why", ["old", "not known"])
 def test_without_a_torque_it_stays(why: str) -> None:
     """B7, I7: readings that stay away, or an angle of the arm that is not known."""

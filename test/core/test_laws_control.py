@@ -7,35 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from joints import Body, gains, outputs, resting, started
+from joints import Body, gains, started
 
 from control_board_ros.core.terms.modes import Law
 
 PERIOD = 0.001
-
-
-@pytest.mark.parametrize("inertia", [0.5, 2.0])
-def test_the_inertia_s_share_is_fed_forward(inertia: float) -> None:
-    """I5: J·a_ref is all that a loop without gains gives, while the reference accelerates."""
-    one = started(Law.POSITION, inertia=inertia)
-    one.joint.ramp(0.3, 5.0)
-    expected = np.where(np.arange(100) < 60, 5.0 * inertia, 0.0)
-    assert outputs(one, 100) == pytest.approx(expected, abs=1e-6)
-
-
-def test_a_move_is_followed_with_all_terms() -> None:
-    """I5, P1: τ = kp(q_ref − q) + kd(q̇_ref − q̇) + J·a_ref along a minimum-jerk move."""
-    one = resting(inertia=1.5)
-    gains(one.joint.position_pid, kp=80.0, kd=4.0)
-    one.joint.start(Law.POSITION)
-    one.joint.move(0.2, 0.4, 0.0)
-    one.set(position=0.05)
-    s = np.minimum(np.arange(401) * PERIOD / 0.4, 1.0)
-    position = 0.2 * (10 * s**3 - 15 * s**4 + 6 * s**5)
-    velocity = np.diff(position) / PERIOD
-    acceleration = np.diff(velocity, prepend=0.0) / PERIOD
-    expected = 80.0 * (position[1:] - 0.05) + 4.0 * velocity + 1.5 * acceleration
-    assert outputs(one, 400) == pytest.approx(expected, abs=1e-6)
 
 
 # --- output and drive ------------------------------------------------------------------------
@@ -88,11 +64,3 @@ def test_friction_that_is_known_is_fed_forward() -> None:
     assert known < 0.3 * unknown
     for share in (0.7, 1.3):
         assert turned_round(share * 4.0) < unknown
-
-
-def test_friction_fed_forward_leaves_a_joint_at_rest_alone() -> None:
-    """It goes with what is followed, not with what is measured: noise does not drive it."""
-    one = started(Law.POSITION, coulomb=4.0, coulomb_negative=4.0, viscous=3.0)
-    gains(one.joint.position_pid, kp=0.0)
-    one.set(velocity=0.01)
-    assert outputs(one, 5) == pytest.approx(0.0)

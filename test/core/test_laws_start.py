@@ -40,13 +40,6 @@ def test_at_rest_a_law_begins_with_the_load(law: Law, feed: float, kff: float) -
     assert outputs(one, 20) == pytest.approx(7.0, abs=1e-9)
 
 
-def test_open_loop_begins_with_nothing() -> None:
-    """M9: output := 0 until one is given."""
-    one = tuned(resting(7.0))
-    one.joint.start(Law.OUTPUT)
-    assert outputs(one, 5).tolist() == [0.0] * 5
-
-
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_a_joint_under_load_stays_where_it_is(law: Law) -> None:
     """M9: from a mass held by one law to the same mass held by another."""
