@@ -408,17 +408,6 @@ def test_what_the_end_takes() -> None:
     assert driver.LOST.number == 0
 
 
-def test_two_drives_with_one_id_are_refused() -> None:
-    codec = Codec("cia402")
-    drive = far_of(codec)
-
-    def far(frame_id: int, data: bytes) -> Any:
-        return [*drive.on_frame(frame_id, data)] * 2
-
-    with pytest.raises(ConnectionError, match="one: two drives answer as id 1 on none; look with"):
-        dialogue(codec.driver.set_up(0), far, said)
-
-
 @pytest.mark.parametrize("number", [0, 127])
 def test_ids_that_are_none_are_refused(number: int) -> None:
     with pytest.raises(PlantSettingsError, match=f"one.id={number}: 1 to 126 is required"):

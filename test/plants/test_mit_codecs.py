@@ -489,18 +489,6 @@ def test_the_ranges_of_a_damiao_are_its_own() -> None:
     assert motor.ranges == (3.0, 4.0, 5.0, 500.0, 5.0)
 
 
-@pytest.mark.parametrize("options", [DAMIAO, MIT, PRIVATE])
-def test_two_drives_with_one_id_are_refused(options: dict[str, str]) -> None:
-    codec, motor = of(options)
-    drive = far_of(codec)
-
-    def far(frame_id: int, data: bytes) -> Any:
-        return [*drive.on_frame(frame_id, data)] * 2
-
-    with pytest.raises(ConnectionError, match="one: two drives answer as id 1 on none; look with"):
-        dialogue(motor.set_up(TIMEOUT), far)
-
-
 @pytest.mark.parametrize(
     ("gains", "ratios", "error"),
     [

@@ -242,16 +242,6 @@ def iter_of(question: Any) -> Any:
     yield question
 
 
-def test_two_drives_with_one_id_are_refused() -> None:
-    codec, drive = ready()
-
-    def far(frame_id: int, data: bytes) -> Any:
-        return [*drive.on_frame(frame_id, data)] * 2
-
-    with pytest.raises(ConnectionError, match="one: two drives answer as id 1 on none; look with"):
-        dialogue(codec.driver.set_up(0), far, said)
-
-
 @pytest.mark.parametrize(
     ("lines", "turn"),
     [(("-1", "0.25"), 0.25), (("-1", "-0.25"), 0.25), (("0", "0.25"), 1.0), (("1", "0.5"), 1.0),

@@ -114,17 +114,6 @@ def test_without_a_watchdog_nothing_is_written() -> None:
     assert dialogue(codec.driver.confirm(0), drive.on_frame, said) == ([], True)
 
 
-def test_two_drives_with_one_id_are_refused() -> None:
-    codec = Codec("odrive_can")
-    drive = far_of(codec)
-
-    def far(frame_id: int, data: bytes) -> Any:
-        return [*drive.on_frame(frame_id, data)] * 2
-
-    with pytest.raises(ConnectionError, match="one: two drives answer as id 1 on none; look with"):
-        dialogue(codec.driver.set_up(0), far, said)
-
-
 @pytest.mark.parametrize("name", [f.WATCHDOG_TIMEOUT, f.WATCHDOG_ENABLED])
 def test_a_restart_is_not_confirmed(name: str) -> None:
     """S8: it forgets either."""
