@@ -130,7 +130,7 @@ def torque_limit(
 
 def stable_damping(load: Load) -> float:
     """The greatest damping of a sliding joint within a physics step, N·s/m."""
-    return load.inertia_min / (4.0 * STEP)
+    return max(load.inertia_min, LEAST_INERTIA) / (4.0 * STEP)
 
 
 def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
@@ -139,9 +139,10 @@ def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assu
     viscous = joint.damping or 0.5 * FRICTION_SHARE * torque / velocity
     stable = stable_damping(load)
     if joint.kind.slides and viscous > stable and "motor.viscous" not in values:
-        text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
-        what = "damping unstable for this mass within a physics step, ignored"
-        assumed.warn(joint.name, text, what, "give motor.viscous and a higher physics_rate")
+        if joint.damping:
+            text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
+            what = "damping unstable for this mass within a physics step, ignored"
+            assumed.warn(joint.name, text, what, "give motor.viscous and a higher physics_rate")
         viscous = stable
     values.setdefault("motor.viscous", viscous)
     values.setdefault("motor.coulomb", joint.friction or FRICTION_SHARE * torque)
@@ -160,7 +161,7 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     supply, gear = values["motor.supply_voltage"], values["motor.gear_ratio"]
     share = EMF_SHARE
     if joint.kind.slides:  # no rotor inertia to stabilise the back-EMF
-        bearable = load.inertia_min * velocity / (4.0 * STEP * torque)
+        bearable = stable_damping(load) * velocity / torque
         share = min(share, bearable / (1.0 + bearable))
     emf = give("motor.torque_constant", share * supply / (velocity * gear)) * gear
     wanted = torque / (emf * values["motor.efficiency"])

@@ -9,6 +9,7 @@ files, as it reports errors to a terminal or not at all.
 from __future__ import annotations
 
 import copy
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -282,8 +283,8 @@ def of_tree(name: str, tree: Tree, warnings: Sequence[str] = ()) -> Urdf:
     return Urdf(name, tree.source, tree, joints, tuple(warnings))
 
 
-#: Magnitude of a joint's limits at most, rad, m, rad/s, m/s, N·m, N.
-MAX_LIMIT = 1e6
+#: Magnitude of a joint's limits at most, rad, m, rad/s, m/s, N·m, N; below the least one is zero.
+MAX_LIMIT, LEAST_LIMIT = 1e6, 1e-9
 
 
 def _joint(element: ET.Element, source: str) -> UrdfJoint:
@@ -294,7 +295,7 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
             f"{', '.join(MOVABLE)}{FLOATING if kind == 'floating' else ''}"
         )
     has = joint_of(element)
-    if not any(has.axis):
+    if not math.hypot(*has.axis) > LEAST_LIMIT:
         raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")
     unlimited = element.find("limit") is None
     if kind != "continuous" and (unlimited or not has.lower < has.upper):
@@ -329,7 +330,7 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
 
 def _known(value: float | None) -> float | None:
     """A positive value; exporters write zero for unknown ones."""
-    return value if value is not None and value > 0.0 else None
+    return value if value is not None and value > LEAST_LIMIT else None
 
 
 def _check_mimics(joints: tuple[UrdfJoint, ...], source: str) -> None:

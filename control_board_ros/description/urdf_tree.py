@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import copy
-import math
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
@@ -118,9 +118,18 @@ class Tree:
     def add_masses(self) -> list[str]:
         """Add a negligible mass to links without <inertial>; pybullet assumes 1 kg.
 
+        What a sliding joint carries counts as without one where it has no mass.
+
         Returns:
             A warning for each joint without any moved mass: its link gets 1 kg.
         """
+        for joint in self.walk(self.base):
+            child = self.child(joint)
+            carried = [self.links[link] for link in (child, *map(self.child, self.walk(child)))]
+            if self.slides(joint) and not any(_mass(link) > ROUNDING for link in carried):
+                for link in carried:
+                    for inertial in link.findall("inertial"):
+                        link.remove(inertial)
         warnings = []
         for name, link in self.links.items():
             if link.find("inertial") is not None or name == self.base:
@@ -130,7 +139,7 @@ class Tree:
             fixed = self.parent_joint[name].get("type") == "fixed"
             mass, inertia = ("1e-4", "1e-7") if light or fixed else ("1", "0.01")
             if not (light or fixed):
-                warnings.append(f"link {name!r} has no <inertial>; 1 kg is assumed")
+                warnings.append(f"link {name!r} has no mass; 1 kg is assumed")
             inertial = ET.SubElement(link, "inertial")
             ET.SubElement(inertial, "mass", value=mass)
             moments = {"ixx": inertia, "iyy": inertia, "izz": inertia}
@@ -141,6 +150,11 @@ class Tree:
 def _end(joint: ET.Element, tag: str) -> str:
     element = joint.find(tag)
     return "" if element is None else element.get("link", "")
+
+
+def _mass(link: ET.Element) -> float:
+    mass = link.find("inertial/mass")
+    return 0.0 if mass is None else float(mass.get("value", "0"))
 
 
 def _not_usable(name: str) -> str | None:
@@ -173,6 +187,8 @@ NUMBERS = {
 }
 #: Nonnegative ones, within rounding: exporters write -5e-20 kg·m².
 ROUNDING = 1e-12
+#: Greatest magnitude, so that products stay finite; of <limit>: see ``urdf.MAX_LIMIT``.
+MAX_NUMBER = 1e12
 POSITIVE = {("mass", "value"), ("inertia", "ixx"), ("inertia", "iyy"), ("inertia", "izz")}
 
 
@@ -183,25 +199,26 @@ def check_numbers(root: ET.Element, source: str) -> None:
             for attribute, count in NUMBERS.get(element.tag, {}).items():
                 text = element.get(attribute)
                 positive = (element.tag, attribute) in POSITIVE
-                low = -ROUNDING if positive else -math.inf
-                if text is None or _are_numbers(text, count, low):
+                high = sys.float_info.max if element.tag == "limit" else MAX_NUMBER
+                low = -ROUNDING if positive else -high
+                if text is None or _are_numbers(text, count, low, high):
                     continue
                 wanted = "a number" if count == 1 else f"{count} numbers"
                 wanted += " of at least 0" if positive else ""
                 raise UrdfError(
                     f"{source}: {owner.tag} {owner.get('name', '')!r}: <{element.tag} "
-                    f"{attribute}={text[:40]!r}> is not {wanted}; numbers are finite and have "
-                    "spaces between"
+                    f"{attribute}={text[:40]!r}> is not {wanted}; numbers are finite, up to "
+                    f"{high:.0e}, with spaces between"
                 )
 
 
-def _are_numbers(text: str, count: int, low: float) -> bool:
+def _are_numbers(text: str, count: int, low: float, high: float) -> bool:
     try:
         values = list(map(float, text.split()))
     except ValueError:
         return False
     right = len(values) == count and "_" not in text
-    return right and all(map(math.isfinite, values)) and min(values) >= low
+    return right and all(low <= value <= high for value in values)
 
 
 def check_expanded(data: bytes, root: ET.Element, source: str) -> None:

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pybullet_data
 import pytest
-from plants import link, robot
+from plants import ENGINES, link, robot
 
 from control_board_ros.core.terms.measurement import Array
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.description.loads import loads
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.sim.motor import reflected_inertia
@@ -134,6 +135,29 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bare") / "bare.urdf"
     path.write_text(text)
     return path
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_slide_that_carries_no_mass_moves_a_kilogram(tmp_path: Path, engine: str) -> None:
+    """Exporters write a mass of 0 for fingers; the rates of the motor stay numbers."""
+    limit = '<limit lower="0" upper="0.2" effort="100" velocity="0.5"/>'
+    path = Path(arm(tmp_path, limit, kind="prismatic"))
+    path.write_text(path.read_text().replace('mass value="2.0"', 'mass value="0"'))
+    assert 'mass value="0"' in path.read_text()
+    with Simulation.load(str(path), physics=engine) as simulation:
+        assert simulation.settings.warnings == ("link 'rod' has no mass; 1 kg is assumed",)
+        simulation.step(5)
+        simulation.board.set_control_mode(None, ControlMode.POSITION)
+        simulation.board.position_move(None, 0.1, 0.1)
+        simulation.run(2.0)
+        assert simulation.board.get_encoder() == pytest.approx([0.1], abs=1e-3)
+
+
+def test_a_speed_or_effort_of_nothing_is_none(tmp_path: Path) -> None:
+    limit = '<limit lower="-1" upper="1" effort="1e-300" velocity="1e-300"/>'
+    text = "; ".join(derived(arm(tmp_path, limit)).warnings)
+    assert "no effort above 0" in text
+    assert "no speed above 0" in text
 
 
 def test_assumed_efforts_suffice_for_all_joints_at_once(bare: Path) -> None:

@@ -142,6 +142,8 @@ def test_mimic_joints_follow() -> None:
         ),
         (ARM.replace(b"mass value='1'", b"mass value='inf'"), "value='inf'"),
         (ARM.replace(b"mass value='1'", b"mass value='-1'"), "value='-1'"),
+        (ARM.replace(b"mass value='1'", b"mass value='1e300'"), "finite, up to 1e+12"),
+        (ARM.replace(b"xyz='0 0 1'", b"xyz='0 0 1e-200'"), "its <axis> is zero"),
         (ARM.replace(b"xyz='0 0 1'", b"xyz='0 0'"), "3 numbers"),
     ],
 )
