@@ -11,6 +11,8 @@ import numpy as np
 from control_board_ros.core.goals.path import MAX_POINTS, minimum_jerk
 from control_board_ros.protocols import Floats
 
+from .figures import LEAST_LINES
+
 #: Share of the joint's limits of speed and acceleration used by a sweep.
 SHARE = 0.4
 #: Points per period, and minimum per second.
@@ -45,14 +47,19 @@ def sweep(
         acceleration: The joint's limit, rad/s².
 
     Raises:
-        ValueError: more points than permitted; one line.
+        ValueError: more points than permitted, or too short; one line.
     """
     rate = math.log(high / low) / seconds
     times = times_of(low, rate, seconds)
     if times.size > MAX_POINTS:
         raise ValueError(
-            f"a sweep to {high:g} Hz in {seconds:g} s needs {times.size} points, at most "
-            f"{MAX_POINTS} are possible; make it shorter, or end at a lower frequency"
+            f"a sweep to {high:g} Hz in {seconds:g} s needs more than a trajectory's {MAX_POINTS} "
+            "points; make it shorter, or end at a lower frequency"
+        )
+    if (high - low) * seconds < LEAST_LINES:
+        raise ValueError(
+            f"a sweep from {low:g} to {high:g} Hz in {seconds:g} s shows no response; "
+            f"give it {LEAST_LINES / (high - low):.3g} s or more"
         )
 
     def offset(t: Floats) -> Floats:
@@ -69,9 +76,9 @@ def sweep(
 
 
 def times_of(low: float, rate: float, seconds: float) -> Floats:
-    """Times with a constant number of points per period."""
-    times, t = [], 0.0
-    while t < seconds:
+    """Times with a constant number of points per period; no more than are refused."""
+    times, t = list[float](), 0.0
+    while t < seconds and len(times) <= MAX_POINTS:
         times.append(t)
         t += min(1.0 / (PER_PERIOD * low * math.exp(rate * t)), 1.0 / PER_SECOND)
     return np.array([*times, seconds])

@@ -34,7 +34,7 @@ def write_png(path: Path, title: str, charts: Sequence[Chart]) -> None:
     )
     for chart, place in zip(charts, axes[:, 0], strict=True):
         draw(chart, place)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)
     try:
         figure.savefig(path, dpi=DPI, metadata={"Software": None})
     except OSError as error:

@@ -19,6 +19,7 @@ from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.recording.charts import Chart, Trace, step_chart
 from control_board_ros.recording.chirp import SHARE, sweep
 from control_board_ros.recording.drawing import draw, thin
+from control_board_ros.recording.figures import frequency_response
 from control_board_ros.recording.moves import moves_of
 from control_board_ros.recording.page import chart_section, joint_charts, number, page, short_names
 from control_board_ros.recording.png import write_png
@@ -215,7 +216,7 @@ def test_a_browser_draws_the_charts_and_nothing_else(tmp_path: Path) -> None:
 
 def test_pictures(tmp_path: Path) -> None:
     joint = joint_charts(recording())[0]
-    write_png(tmp_path / "a.png", joint.joint, joint.charts)
+    write_png(tmp_path / "a.png", "$a_^$ is a name, no formula", joint.charts)
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
@@ -274,3 +275,15 @@ def test_a_sweep_keeps_the_limits(high: float) -> None:
 def test_a_sweep_that_is_too_long() -> None:
     with pytest.raises(ValueError, match="make it shorter"):
         sweep(1.0, 100.0, 600.0, 0.2, 2.0, 10.0)
+    with pytest.raises(ValueError, match="more than a trajectory's 10000 points"):
+        sweep(1.0, 100.0, 1e12, 0.2, 2.0, 10.0)
+
+
+def test_a_sweep_that_is_too_short_for_its_band() -> None:
+    """Three spectral lines, 1/T apart, show a response; fewer none."""
+    with pytest.raises(ValueError, match=r"10 to 10\.5 Hz in 3 s shows no response; give it 6 s"):
+        sweep(10.0, 10.5, 3.0, 0.2, 2.0, 10.0)
+    plan = sweep(10.0, 10.5, 6.0, 0.2, 2.0, 10.0)
+    time = np.arange(0.0, 6.0, 0.002)
+    offsets = np.interp(time, plan.times, plan.offsets)
+    assert frequency_response(time, offsets, offsets, 10.0, 10.5).gain == pytest.approx([1.0])

@@ -193,6 +193,12 @@ def show_response(
     if np.ptp(reference) < 1e-4 * DEGREE:
         raise Refused(f"the reference of {joint} did not move; give a larger --amplitude")
     response = frequency_response(recording.time, reference, position, *band)
+    if not response.frequency.size:
+        rate = 1.0 / float(np.median(np.diff(recording.time)))
+        raise Refused(
+            f"{rate:.0f} states a second show no response to {band[0]:g} Hz and more; give lower "
+            "frequencies"
+        )
     width, (height, where) = bandwidth(response), resonance(response)
     late = tracking_figures(recording.time, reference, position).lag
     beyond = np.isnan(width)
