@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..recording import RecordingError
+from ..recording.page import check_output
 from . import IdentificationError
 
 DONE, REFUSED = 0, 1
@@ -52,6 +53,7 @@ def write(args: argparse.Namespace) -> int:
             "scipy is not installed; install it with: pip install 'control_board_ros[identify]'"
         ) from error
     output: Path = args.output
+    check_output(output, *args.data, args.robot, args.columns)
     words = words_of(args.columns, args.column)
     missing: list[str] = []
     if words and not args.robot:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Sequence
 from html import escape
@@ -260,6 +261,33 @@ def summary(joint: JointCharts) -> str:
     count = f"{len(joint.moves)} move{'s' if len(joint.moves) > 1 else ''}"
     rms, peak = (difference(e, joint.kind) for e in (worst.tracking.rms, worst.tracking.peak))
     return f'<span class="quiet">{count}, worst RMS error {rms}, peak {peak}</span>'
+
+
+def check_output(path: Path, *sources: str | Path | None) -> None:
+    """Refuse a parameter file before the work for it, a report beside it included.
+
+    Args:
+        path: To write.
+        sources: That are read; it must not replace one.
+
+    Raises:
+        RecordingError: it cannot be written, or would replace what is read.
+    """
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise RecordingError(f"{path.parent} is no folder; make it first")
+    if path.is_dir() or path.suffix in (".html", ".journal"):
+        raise RecordingError(f"{path} is no name of a parameter file; give one as FILE.yaml")
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise RecordingError(f"cannot write {path}: no permission; give another file")
+    for source in sources:
+        if (
+            source is not None
+            and os.path.isfile(source)
+            and path.exists()
+            and path.samefile(source)
+        ):
+            raise RecordingError(f"{path} is read here, and would be lost; give another file")
 
 
 def write_page(path: Path, text: str) -> None:

@@ -14,7 +14,9 @@ from pathlib import Path
 from ..core.terms.vocabs import InteractionMode
 from ..program_options import TUNING
 from ..recording import RecordingError
+from ..recording.page import check_output
 from ..settings.loading import Settings, SettingsError
+from ..sim.errors import PlantError
 from ..text import unknown_word
 from . import TuningError
 from .files import summary, write_parameters, write_report
@@ -36,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: ends the processes
     try:
         tune(parsed)
-    except (TuningError, SettingsError, RecordingError) as error:
+    except (TuningError, SettingsError, RecordingError, PlantError) as error:
         say(f"cbctl: {error}")
         return REFUSED
     except KeyboardInterrupt:
@@ -61,8 +63,7 @@ def tune(options: argparse.Namespace) -> None:
     if options.trials < 1 or (options.jobs is not None and options.jobs < 1):
         raise TuningError("--trials and --jobs are whole numbers from 1")
     output = Path(options.output)
-    if not output.absolute().parent.is_dir():
-        raise TuningError(f"{output.parent} is no folder; make it first")
+    check_output(output, options.robot, options.identification)
     identification = "" if options.identification is None else str(options.identification)
     settings = settings_of(options.robot, identification)
     payload = payload_of(options.payload, settings)

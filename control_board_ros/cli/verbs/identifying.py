@@ -111,9 +111,13 @@ def identify(
     the data does not determine are listed. It moves only after a confirmation.
     """
     from control_board_ros.identification.motions import motions_of
+    from control_board_ros.recording import RecordingError
+    from control_board_ros.recording.page import check_output
 
-    if not Path(output).absolute().parent.is_dir():
-        raise UsageError(f"{Path(output).parent} is no folder; make it first")
+    try:
+        check_output(Path(output))
+    except RecordingError as error:
+        raise UsageError(str(error)) from None
     if alarms is not None and not alarms > 0.0:
         raise UsageError(f"--alarms {alarms:g} is not valid; give a rate above 0, per hour")
     words = ["-o", output] + (["--no-payload"] if no_payload else [])
