@@ -15,6 +15,8 @@ from typing import Any
 from ..description.urdf import UrdfError, parse
 from ..recording.errors import RecordingError
 from ..recording.reading import BoardRecording, read
+from ..settings.couplings import COUPLINGS, coupled, take_couplings
+from ..settings.params_file import Entry, SettingsError
 from . import IdentificationError
 from .robot import Robot
 from .samples import SIGNALS, Record
@@ -79,9 +81,11 @@ def record_of(recording: BoardRecording, row: dict[str, Any]) -> Record:
 def robot_of(recording: BoardRecording) -> Robot:
     if not recording.urdf or not recording.parameters:
         raise IdentificationError("the recording has no robot description, or no parameters")
+    values, where = recording.parameters, recording.board
+    entries = {n: Entry(v, where) for n, v in values.items() if n.startswith(f"{COUPLINGS}.")}
     try:
-        urdf = parse(recording.urdf.encode(), recording.board, Path())
-    except UrdfError as error:
+        urdf = parse(recording.urdf.encode(), where, Path())
+        urdf, _ = coupled(urdf, take_couplings([entries])[1])
+    except (UrdfError, SettingsError) as error:
         raise IdentificationError(str(error)) from error
-    values = recording.parameters
     return Robot(recording.names, values, urdf, str(values.get("robot", "")))

@@ -78,7 +78,12 @@ class Robot:
         return np.array([self.number(joint, key) for joint in names])
 
     def kind(self, joint: str) -> JointKind:
-        return next(urdf_joint.kind for urdf_joint in self.urdf.joints if urdf_joint.name == joint)
+        return next(axis.kind for axis in self.urdf.axes if axis.name == joint)
+
+    @property
+    def coupled(self) -> frozenset[str]:
+        """Axes of couplings; what they move is not in the model."""
+        return frozenset(axis for each in self.urdf.coupled for axis in each.coupling.axes)
 
     @property
     def period(self) -> float:
@@ -136,5 +141,6 @@ class Robot:
 
     def payload_joint(self) -> str:
         """The joint whose link carries the payload: the last one that turns."""
-        turning = [name for name in self.names if not self.kind(name).slides]
-        return (turning or list(self.names))[-1]
+        joints = [name for name in self.names if name not in self.coupled]
+        turning = [name for name in joints if not self.kind(name).slides]
+        return (turning or joints)[-1]

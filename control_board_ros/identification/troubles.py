@@ -38,7 +38,9 @@ def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) 
     texts = {}
     for joint in joints:
         joint_records = [record for record in records if joint in record.speeds]
-        if text := trouble(robot, joint_records, joint):
+        if joint in robot.coupled:
+            texts[joint] = "is an axis of a coupling: what it moves is not in the model"
+        elif text := trouble(robot, joint_records, joint):
             texts[joint] = text
     return texts
 

@@ -65,7 +65,7 @@ def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
     if urdf is not None:
         for row in settings.board.joints:  # the constant payload, as identified
             if row.payload.mass > 0.0:
-                link = next(j.child for j in urdf.joints if j.name == row.name)
+                link = next(j.child for j in urdf.axes if j.name == row.name)
                 urdf = with_mass(urdf, link, row.payload.mass, row.payload.center, row.name)
         if scene.payload > 0.0:
             urdf = with_payload(urdf, settings.board.names, scene.payload)
@@ -74,7 +74,7 @@ def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
 
 def last_link(urdf: Urdf, names: Sequence[str]) -> str:
     """The link that the last turning joint moves: with a hand, that of the wrist."""
-    joints = [joint for joint in urdf.joints if joint.name in names]
+    joints = [axis for axis in urdf.axes if axis.name in names]
     turning = [joint for joint in joints if not joint.kind.slides]
     return (turning or joints)[-1].child
 

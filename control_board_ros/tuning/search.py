@@ -12,6 +12,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import get_context
@@ -196,6 +197,11 @@ def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, show: Any) -> l
             for future in as_completed(futures):
                 results[futures[future]] = future.result()
                 show(results[futures[future]], len(results), len(tasks))
+        except BrokenProcessPool as error:
+            raise TuningError(
+                "a process of the search was ended from outside, as where memory is short; the "
+                "same command continues, with --jobs in fewer processes"
+            ) from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in list((pool._processes or {}).values()):

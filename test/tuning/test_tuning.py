@@ -19,12 +19,13 @@ import yaml
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.description.urdf import Urdf
 from control_board_ros.settings.loading import load
+from control_board_ros.tuning import TuningError
 from control_board_ros.tuning.bench import Bench, Faulted, Motion, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
 from control_board_ros.tuning.files import line_of, mean_text, parameters, write_parameters
 from control_board_ros.tuning.outcome import Played, accept, decide, objection
 from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload, with_payload
-from control_board_ros.tuning.search import Plan, SearchResult, run, settings_of
+from control_board_ros.tuning.search import Plan, SearchResult, run, run_all, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, space_of
 
 pytestmark = pytest.mark.physics
@@ -310,6 +311,10 @@ def test_the_program_writes_files_that_a_board_reads(crane: str, tmp_path: Path)
     [
         (("nobody.yaml", "-o", "x.yaml"), "nobody.yaml"),
         (("iiwa", "-o", "no/folder/x.yaml"), "no/folder is no folder; make it first"),
+        (("iiwa", "-o", "."), ". is no name of a parameter file; give one as FILE.yaml"),
+        (("iiwa", "-o", "x.html"), "x.html is no name of a parameter file"),
+        (("own.yaml", "-o", "../own/own.yaml"), "own.yaml is read here, and would be lost"),
+        (("iiwa", "-o", "own.yaml", "--from", "own.yaml"), "own.yaml is read here"),
         (("iiwa", "-o", "x.yaml", "--joints", "elbow"), "joint 'elbow' unknown; joints: "),
         (("iiwa", "-o", "x.yaml", "--joints", "lbr_iiwa_joint1"), "mean 'lbr_iiwa_joint_1'?; joi"),
         (("iiwa", "-o", "x.yaml", "--payload", "much"), "--payload much is not valid"),
@@ -327,7 +332,9 @@ def test_what_is_refused(
     """One line, exit code 1."""
     from control_board_ros.tuning.app import main
 
-    monkeypatch.chdir(tmp_path)
+    (folder := tmp_path / "own").mkdir()
+    (folder / "own.yaml").write_text("/**: {ros__parameters: {robot: iiwa}}")
+    monkeypatch.chdir(folder)
     before = signal.getsignal(signal.SIGTERM)
     try:
         assert main(words) == 1
@@ -336,6 +343,29 @@ def test_what_is_refused(
     printed = capsys.readouterr().err
     assert text in printed
     assert printed.count("\n") == 1
+
+
+class Killer:
+    """Ends the process that unpickles it, as the kernel does where memory is short."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (9,)
+
+
+def test_a_killed_process_of_a_search_is_named() -> None:
+    killer: Any = Killer()
+    with pytest.raises(TuningError, match=r"ended from outside.*same command continues"):
+        run_all(killer, [("lift", POSITION)], 1, print)
+
+
+def test_a_hand_of_coupled_axes_has_scenes() -> None:
+    """Y3: its axes are no joints of the URDF, and the payload is at the last one's link."""
+    settings = settings_of("icub_hand")
+    assert usual_payload(settings) == 0.0
+    for scene in scenes(settings, 0.1, 1, fresh=True):
+        loaded = simulation_of(settings, scene).urdf
+        assert loaded is not None
+    assert "_payload" in loaded.tree.links
 
 
 def test_a_window_s_length_is_no_settling_time(tmp_path: Path) -> None:
