@@ -48,7 +48,7 @@ def source_package(folder: Path) -> Path | None:
 
 def above(folder: Path, package: str) -> Path | None:
     """The nearest folder above this one that has a package's name; none that holds a home."""
-    home = Path.home()
+    home = Path(os.path.expanduser("~"))  # unchanged for unknown users
     for candidate in folder.resolve().parents[:LEVELS]:
         if home.is_relative_to(candidate) or candidate == candidate.parent:
             return None

@@ -145,7 +145,7 @@ FORM = "write NAME: {speed: 0.0, positions: {joint: 0.5}}"
 
 
 def pose_file(robot: str) -> Path:
-    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    base = os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")
     stem = re.sub(r"[^A-Za-z0-9_.-]", "_", robot).strip(".") or "robot"
     return Path(base) / "control_board_ros" / "poses" / f"{stem}.yaml"
 

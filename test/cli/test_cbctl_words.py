@@ -116,6 +116,8 @@ def test_an_abbreviation_comes_before_a_suffix() -> None:
     [
         ("5", "joint index 5 out of range; joints are 0 to 4"),
         ("-1", "joint index -1 out of range"),
+        ("--1", "unknown"),
+        ("²", "unknown"),
         ("l_elbwo", "unknown; did you mean 'l_elbow'"),
         ("", "unknown"),
     ],

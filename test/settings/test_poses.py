@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import fcntl
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from iiwa import JOINTS
 
 from control_board_ros.core.goals.pose import HOME, PARK, Pose
 from control_board_ros.core.selection import RequestError
+from control_board_ros.description.meshes import above
 from control_board_ros.settings.loading import load
 from control_board_ros.settings.params_file import SettingsError
 from control_board_ros.settings.poses import MAX_POSES, UserPoses, pose_file
@@ -129,6 +131,15 @@ def test_a_robots_name_is_no_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.delenv("XDG_CONFIG_HOME")
     monkeypatch.setenv("HOME", "/home/somebody")
     assert pose_file("r") == Path("/home/somebody/.config/control_board_ros/poses/r.yaml")
+
+
+def test_a_user_without_a_home_has_no_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a container that runs as a number: the board starts."""
+    for name in ("XDG_CONFIG_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os, "getuid", lambda: 54321)
+    assert UserPoses("r").read() == {}
+    assert above(Path("/tmp/x"), "x") is None
 
 
 BROKEN = {

@@ -93,16 +93,20 @@ def keep_frames(session: Session, folders: Sequence[Path]) -> None:
     """
     from control_board_ros.client import BoardError, ControlBoardClient
     from control_board_ros.core.selection import RequestError
+    from control_board_ros.recording import RecordingError
     from control_board_ros.recording.reading import read
 
     patience = {"find_timeout": 1.0, "answer_timeout": 2.0}
     for folder in folders:
         if not folder.is_dir() or list(folder.glob("freeze_frame_*.csv")):
             continue
-        for recording in read(folder):
-            client = ControlBoardClient(session.node, recording.board, **patience)
-            with contextlib.suppress(BoardError, RequestError), client:
-                for joint in dict.fromkeys(fault.joint for fault in recording.faults):
-                    if (frame := client.get_freeze_frame(joint)) is not None:
-                        path = folder / f"freeze_frame_{file_name(joint)}.csv"
-                        path.write_text(frame.csv(), encoding="utf-8")
+        try:
+            for recording in read(folder):
+                client = ControlBoardClient(session.node, recording.board, **patience)
+                with contextlib.suppress(BoardError, RequestError), client:
+                    for joint in dict.fromkeys(fault.joint for fault in recording.faults):
+                        if (frame := client.get_freeze_frame(joint)) is not None:
+                            path = folder / f"freeze_frame_{file_name(joint)}.csv"
+                            path.write_text(frame.csv(), encoding="utf-8")
+        except (OSError, RecordingError) as error:  # the next fault is recorded all the same
+            note(session, f"{folder}: no freeze frames are kept: {error}")

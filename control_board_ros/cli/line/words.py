@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from control_board_ros.text import unknown_word
 
 DEGREE = math.pi / 180.0
+INDEX = re.compile(r"-?[0-9]+")
 NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.DOTALL)
 
 #: Units of each quantity: suffix -> (factor to the unit of the board, dimension).
@@ -116,7 +117,7 @@ def find_joint(word: str, names: Sequence[str]) -> list[str]:
         return [word]
     if word == "all":
         return list(names)
-    if word.lstrip("-").isdigit():
+    if INDEX.fullmatch(word):
         if 0 <= int(word) < len(names):
             return [names[int(word)]]
         raise Refused(f"joint index {word} out of range; joints are 0 to {len(names) - 1}")

@@ -141,7 +141,7 @@ def history() -> Path:
     Raises:
         OSError: it cannot be written.
     """
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    state = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
     folder = Path(state) / "cbctl"
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / "history"
