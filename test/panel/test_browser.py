@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from browsing import PHONE, context_of, press_if_there
-from waiting import GUARD, until
+from waiting import GUARD, insist, until
 
 from control_board_ros.client import ControlBoardClient
 
@@ -89,11 +89,11 @@ def test_positions(page: Any, client: ControlBoardClient) -> None:
     typed = page.get_by_label("Position reference of joint_1, typed; Enter sends")
     typed.fill("12")
     assert abs(target(client, "joint_1")) < 0.01
-    typed.press("Enter")
-    until(lambda: abs(target(client, "joint_1") - 12.0) < 0.01)
-    typed.fill("0.1 rad")
-    typed.press("Enter")
-    until(lambda: abs(target(client, "joint_1") - math.degrees(0.1)) < 0.01)
+    for text, degrees in (("12", 12.0), ("0.1 rad", math.degrees(0.1))):
+        insist(
+            lambda text=text: (typed.fill(text), typed.press("Enter")),
+            lambda end=degrees: abs(target(client, "joint_1") - end) < 0.01,
+        )
     slider = page.get_by_label("Position reference of joint_3", exact=True)
     before = target(client, "joint_3")
     page.mouse.move(*place(slider, 0.5))
@@ -105,8 +105,7 @@ def test_positions(page: Any, client: ControlBoardClient) -> None:
     until(lambda: abs(target(client, "joint_3") - before) > 5.0)
     slider.focus()
     held = target(client, "joint_3")
-    page.keyboard.press("ArrowLeft")
-    until(lambda: target(client, "joint_3") != held)
+    insist(lambda: page.keyboard.press("ArrowLeft"), lambda: target(client, "joint_3") != held)
     live = page.get_by_label("Live: send while a slider moves")
     live.click()
     held = target(client, "joint_3")
@@ -117,9 +116,11 @@ def test_positions(page: Any, client: ControlBoardClient) -> None:
     page.mouse.up()
     live.click()
     choose(page, client, "joint_3", "posd")
-    page.get_by_label("Position reference of joint_3, typed; Enter sends").fill("1")
-    page.keyboard.press("Enter")
-    until(lambda: abs(client.get_ref_position("lbr_iiwa_joint_3")[0] - math.radians(1.0)) < 1e-6)
+    typed = page.get_by_label("Position reference of joint_3, typed; Enter sends")
+    insist(
+        lambda: (typed.fill("1"), typed.press("Enter")),
+        lambda: abs(client.get_ref_position(f"{FRONT}joint_3")[0] - math.radians(1.0)) < 1e-6,
+    )
     choose(page, client, "joint_3", "pos")
 
 

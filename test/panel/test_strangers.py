@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from browsing import context_of, panel_beside
 from cbctl_process import interrupted
-from waiting import GUARD, until
+from waiting import GUARD, insist, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess
@@ -67,9 +67,10 @@ def drive_beside_it(page: Any, address: str, client: ControlBoardClient) -> None
     here = math.degrees(client.get_encoder("lbr_iiwa_joint_7")[0])
     box = page.get_by_label("Position reference of joint_7, typed; Enter sends").first
     wanted = here + (5.0 if here < 0.0 else -5.0)
-    box.fill(f"{wanted:.3f}")
-    box.press("Enter")
-    until(lambda: abs(math.degrees(client.get_encoder("lbr_iiwa_joint_7")[0]) - wanted) < 0.5)
+    insist(
+        lambda: (box.fill(f"{wanted:.3f}"), box.press("Enter")),
+        lambda: abs(math.degrees(client.get_encoder("lbr_iiwa_joint_7")[0]) - wanted) < 0.5,
+    )
     joint = "panel.model.boards.get('/control_board').joints[6]"
     shown = f"Math.abs({joint}.state.position * 180 / Math.PI"
     until(lambda: page.evaluate(f"{shown} - {wanted}) < 0.5"))

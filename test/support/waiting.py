@@ -11,6 +11,8 @@ T = TypeVar("T")
 
 #: Timeout of every wait, s; long enough for the busiest machine: no test is decided by it.
 GUARD = 120.0
+#: Time after which ``insist`` acts again, s.
+AGAIN = 3.0
 #: Time between two checks, s: a poll without a pause takes the processor from what it waits for.
 PERIOD = 0.01
 #: The same, as a share of the time waited so far: a long wait needs few checks, too.
@@ -39,3 +41,21 @@ def until(
         assert waited < GUARD, report()
         time.sleep(max(period, SHARE * waited))
     return found
+
+
+def insist(act: Callable[[], object], reached: Callable[[], object]) -> None:
+    """Act until it is so, every few seconds: a board that stood still drops what waited (B6), as
+    does a page that does not hear it.
+
+    Raises:
+        AssertionError: it was not so within ``GUARD`` seconds.
+    """
+
+    def acted() -> bool:
+        act()
+        end = time.monotonic() + AGAIN
+        while not (found := reached()) and time.monotonic() < end:
+            time.sleep(PERIOD)
+        return bool(found)
+
+    until(acted)
