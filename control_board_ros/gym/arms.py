@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..core.board import Board
 from ..core.config.config import BoardConfig, joined
 from ..core.model.arm_model import outwards_of
+from ..core.terms.joint_kind import ENDLESS
 from ..core.terms.measurement import Array
 from ..core.terms.modes import STATES
 from ..core.terms.vocabs import CommandKind, ControlMode, InteractionMode
@@ -56,7 +57,8 @@ class Arms:
         cycles: Control cycles of one step.
 
     Attributes: count, n (joints of an arm), joints (their configuration), control, duration (of a
-    step, s), home (positions, shape (n,)), board, plant.
+    step, s), home (positions, shape (n,)), low and high (of starts, goals and targets, shape (n,):
+    the limits, or a turn about home), board, plant.
 
     Raises:
         ValueError: unknown control, or a joint does not implement its mode.
@@ -92,6 +94,9 @@ class Arms:
         limits = [joint.limits for joint in board.joints]
         self.lower = np.array([limit.lower for limit in limits])
         self.upper = np.array([limit.upper for limit in limits])
+        turn = np.where(self.upper - self.lower > ENDLESS, np.pi, np.inf)
+        self.low = np.maximum(self.lower, self.home - turn)
+        self.high = np.minimum(self.upper, self.home + turn)
         self.velocity_limit = np.array([limit.velocity for limit in limits])
         self.torque_limit = np.array([limit.torque for limit in limits])
         self.max_stiffness = np.array([joint.impedance.max_stiffness for joint in board.joints])
@@ -221,13 +226,13 @@ def renamed(config: BoardConfig, prefix: str) -> BoardConfig:
 
 
 def _position(arms: Arms, actions: Floats) -> None:
-    arms.target = arms.lower + (actions[:, 0] + 1.0) / 2.0 * (arms.upper - arms.lower)
+    arms.target = arms.low + (actions[:, 0] + 1.0) / 2.0 * (arms.high - arms.low)
     arms.command(K.POSITION, arms.target)
 
 
 def _direct(arms: Arms, actions: Floats) -> None:
-    """Step the reference, at most by a share of the speed limit."""
-    way = REACH * arms.velocity_limit * arms.duration * actions[:, 0]
+    """Step the reference, at most by a share of the speed limit; a NaN steps nothing."""
+    way = REACH * arms.velocity_limit * arms.duration * np.nan_to_num(actions[:, 0])
     arms.target = np.clip(arms.target + way, arms.lower, arms.upper)
     arms.command(K.POSITION_DIRECT, arms.target)
 

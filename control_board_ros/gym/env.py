@@ -53,11 +53,14 @@ def made(task: str, robot: str, control: str, rate: float, physics: str, count: 
     engine = physics or (MUJOCO if find_spec(MUJOCO) else None)
     is_file = "/" in robot or "." in robot
     settings = (shipped.__wrapped__ if is_file else shipped)(robot, engine)
-    cycles = round(settings.board.control_rate / rate)
-    if cycles <= START_CYCLES:
-        highest = settings.board.control_rate / (START_CYCLES + 1)
-        raise ValueError(f"rate {rate:g} Hz is not allowed; up to {highest:g} Hz")
-    return Arms(settings, count, control or DEFAULTS[task], cycles)
+    highest = settings.board.control_rate / (START_CYCLES + 1)
+    if not 0.0 < rate <= highest:
+        raise ValueError(f"rate {rate:g} Hz is not allowed; above 0, up to {highest:g} Hz")
+    if count < 1:
+        raise ValueError(f"num_envs {count} is not allowed; 1 or more")
+    return Arms(
+        settings, count, control or DEFAULTS[task], round(settings.board.control_rate / rate)
+    )
 
 
 #: Control by task.

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ..protocols import Floats
 from .arms import Arms
 
-#: Range of initial positions and goals, as a share of the way from home to each limit.
+#: Range of initial positions and goals, as a share of the way from home to each limit, or half a
+#: turn.
 SPREAD = 0.25
 #: Distance at which a goal is reached, m.
 GOAL_RADIUS_M = 0.05
@@ -30,8 +31,8 @@ Judged = tuple[Floats, NDArray[np.bool_]]
 
 def near_home(arms: Arms, random: Generator) -> Floats:
     """Random positions about home, shape (n,)."""
-    low = arms.home + SPREAD * (arms.lower - arms.home)
-    high = arms.home + SPREAD * (arms.upper - arms.home)
+    low = arms.home + SPREAD * (arms.low - arms.home)
+    high = arms.home + SPREAD * (arms.high - arms.home)
     drawn: Floats = random.uniform(low, high)
     return drawn
 

@@ -7,10 +7,12 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from plants import joint, link, robot
 
 gymnasium = pytest.importorskip("gymnasium", reason="extra gym")
 pytest.importorskip("mujoco", reason="extra mujoco")
@@ -190,6 +192,35 @@ def test_soft_joints_give_way_to_a_push() -> None:
     assert worth[0] > worth[1]
 
 
+@pytest.mark.parametrize("task", TASKS)
+def test_a_joint_without_limits_begins_within_a_turn(task: str, tmp_path: Path) -> None:
+    """Its limits are 1e6 rad, where float32 has steps of 0.06 rad."""
+    hinge = joint("hinge", "base", "rod", kind="continuous")
+    path = tmp_path / "wheel.urdf"
+    path.write_text(robot(link("rod", 1.0, "0.3 0 0", "0.01 0.01 0.01 0 0 0"), hinge))
+    made = ArmEnv(task, robot=str(path), control="position")
+    for seed in range(10):
+        seen, _ = made.reset(seed=seed)
+        assert np.abs(seen["position"]) <= np.pi
+    made.step(np.ones(1, np.float32))
+    assert made._episodes.arms.target == pytest.approx(np.pi)
+    made.close()
+
+
+def test_a_nan_is_no_action_and_the_next_one_acts() -> None:
+    made = ArmEnv("Track", control="direct")
+    made.reset(seed=1)
+    action = np.zeros(7, np.float32)
+    action[0] = np.nan
+    made.step(action)
+    before = made._episodes.arms.target.copy()
+    assert np.isfinite(before).all()
+    action[0] = 1.0
+    made.step(action)
+    assert made._episodes.arms.target[0, 0] > before[0, 0]
+    made.close()
+
+
 def test_bad_arguments_are_one_line() -> None:
     with pytest.raises(ValueError, match="control 'speed' unknown; one of position, direct"):
         ArmEnv(control="speed")
@@ -197,8 +228,12 @@ def test_bad_arguments_are_one_line() -> None:
         ArmEnv("Reech", control="velocity")
     with pytest.raises(ValueError, match="did you mean 'impedance'"):
         ArmEnv(control="impedence")
-    with pytest.raises(ValueError, match="rate 500 Hz is not allowed; up to 250 Hz"):
+    with pytest.raises(ValueError, match="rate 500 Hz is not allowed; above 0, up to 250 Hz"):
         ArmEnv(rate=500.0)
+    with pytest.raises(ValueError, match="rate 0 Hz is not allowed"):
+        ArmEnv(rate=0.0)
+    with pytest.raises(ValueError, match="num_envs 0 is not allowed"):
+        FleetEnv(0)
     made = ArmEnv("Track", physics="ideal", render_mode="rgb_array")
     with pytest.raises(ValueError, match="no pictures"):
         made.render()
