@@ -33,7 +33,9 @@ class HubState:
         self.read_only = read_only
         self.boards: dict[str, Board] = {}
         self.browsers: dict[int, Browser] = {}
-        self.recordings = Recordings(recordings, self.send_recordings)
+        self.recordings = Recordings(
+            recordings, self.send_recordings, lambda text: self.log("", text)
+        )
         self.history = deque[dict[str, Any]](maxlen=HISTORY)
 
     def send_all(self, what: str, /, **fields: Any) -> None:

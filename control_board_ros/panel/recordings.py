@@ -34,15 +34,19 @@ class Recordings:
     Args:
         folder: of the recordings' folders; created with the first.
         changed: called on changes.
+        report: called with a line where a recording ends by itself.
 
     Attributes: reports (names of folders below, newest first), running (folder of the active
     recording, or None), boards (recorded), since (s since 1970), busy (label of the button while a
     recording starts, or its report is written).
     """
 
-    def __init__(self, folder: Path, changed: Callable[[], None]) -> None:
-        self._folder, self._changed = folder, changed
+    def __init__(
+        self, folder: Path, changed: Callable[[], None], report: Callable[[str], None]
+    ) -> None:
+        self._folder, self._changed, self._report = folder, changed, report
         self._process: asyncio.subprocess.Process | None = None
+        self._watching: asyncio.Task[None] | None = None
         self.reports: list[str] = []
         self.running: Path | None = None
         self.boards: list[str] = []
@@ -80,19 +84,26 @@ class Recordings:
             return refused("a recording is running already; stop it first")
         folder, self.boards = self._new("recording"), boards
         self._show("Starting …")
-        process = self._process = await start(*of_boards(boards), "record", "-o", str(folder))
         try:
+            process = self._process = await start(*of_boards(boards), "record", "-o", str(folder))
             while process.returncode is None:
                 if all(known[name].is_recorded() for name in boards if name in known):
                     self.running, self.since = folder, time.time()
+                    self._watching = asyncio.create_task(self._watch(process))
                     return {"ok": True, "message": f"recording into {folder}"}
                 await asyncio.sleep(LOOK)
             return refused(await last_line(process))
         except asyncio.CancelledError:
-            await interrupted(process)
+            await self.close()
             raise
         finally:
             self._show("")
+
+    async def _watch(self, process: asyncio.subprocess.Process) -> None:
+        """Report a recording that ends by itself, as where the disk is full."""
+        await process.wait()
+        if self.running is not None:
+            self._report(f"the recording has ended: {(await self.end())['message']}")
 
     async def end(self) -> Answer:
         """End the recording and write its report."""
@@ -110,7 +121,7 @@ class Recordings:
         if report.returncode != 0:
             return refused(f"{reason}; no report: {words}" if reason else f"no report: {words}")
         self._keep(folder)
-        return {"ok": True, "message": "", "report": folder.name}
+        return {"ok": not reason, "message": reason, "report": folder.name}
 
     async def measure(self, board: str, verb: str, joint: str, *options: str) -> Answer:
         """A step or chirp; cancelling it stops the joint at once."""
@@ -129,6 +140,7 @@ class Recordings:
 
     async def close(self) -> None:
         """End; recordings are kept."""
+        self.running = None
         if self._process is not None and self._process.returncode is None:
             await interrupted(self._process)
 
