@@ -139,10 +139,10 @@ def run_on(bench: Bench, states: Sequence[State]) -> float:
     return max(references) - min(references)
 
 
-def lag(bench: Bench, state: State) -> float:
-    """Way of the joint to its reference, rad.
+def lead(bench: Bench, state: State) -> float:
+    """Way of the position reference ahead of the joint, rad: at rest what a soft drive sags by.
 
-    A drive that closes the loop of position, and lags, has gone it when it comes to rest (M9): set
-    back to the joint, its goal would turn the joint round.
+    The rest of it in motion is lag, which a drive of positions goes after a stop: set back to the
+    joint, its goal would turn the joint round (M9).
     """
-    return abs(float(state.position_reference[bench.j] - state.position[bench.j]))
+    return float(state.position_reference[bench.j] - state.position[bench.j])
