@@ -69,7 +69,7 @@ def motion_done_and_stop(bench: Bench) -> str:
     way, most = run_on(bench, after), bench.tolerance + lag
     expect(way < most, f"the reference ran on for {way:.3g} after stop, {most:.3g} at most")
     away = abs(lead(bench, now))
-    expect(away < most, f"the reference after stop is {away:.3g} from the joint, {most:.3g} at most")
+    expect(away < most, f"the reference after stop is {away:.3g} from the joint")
     return "false while a move runs, true at its end; stop held the joint where it was"
 
 
