@@ -26,6 +26,7 @@ DIRECTIVES = {
     "initializedcheck": False,
     "cdivision": True,
     "auto_pickle": False,
+    "infer_types": True,  # of C, of variables in functions
 }
 
 

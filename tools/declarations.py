@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import re
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
 
@@ -18,6 +19,11 @@ HEAD = "# cython: language_level=3\ncimport cython\n"
 C_TYPES = {"uchar": "unsigned char"}
 CONTAINERS = {"list", "tuple", "dict"}
 FUNCTIONS = {"cfunc": "cdef", "ccall": "cpdef"}
+#: Imports of Python, by pattern, and what they are in C.
+IN_C = {
+    r"from \.+ import nocython as cython$": "import cython",
+    r"from math import": "from cython.cimports.libc.math import",
+}
 
 
 @dataclass
@@ -76,7 +82,7 @@ def for_cython(
 ) -> str:
     """The source as Cython takes it beside its .pxd, line by line.
 
-    It lacks what its .pxd says, and imports in C what other modules declare.
+    It lacks what its .pxd says, and imports in C what other modules declare, and libc.
     """
     lines = source.splitlines(keepends=True)
     for name, declaration in known[module].items():
@@ -86,6 +92,18 @@ def for_cython(
         first, last = _span(node)
         text = f"from cython.cimports.{other} import {', '.join(names)}\n"
         lines[first - 1 : last] = [text, *["\n"] * (last - first)]
+    for node in ast.parse("".join(lines)).body:
+        for part in node.body if isinstance(node, ast.ClassDef) else ():
+            if isinstance(part, ast.Assign) and part.targets[1:]:  # Cython takes one by one
+                first, last = _span(part)
+                each = [
+                    f"{ast.unparse(name)} = {ast.unparse(part.value)}" for name in part.targets
+                ]
+                lines[first - 1 : last] = [f"    {'; '.join(each)}\n", *["\n"] * (last - first)]
+        text = ast.unparse(node)
+        for python, c in IN_C.items():
+            if isinstance(node, ast.ImportFrom) and re.match(python, text):
+                lines[node.lineno - 1] = re.sub(python, c, text) + "\n"
     return "".join(lines)
 
 
@@ -127,7 +145,8 @@ def _class(node: ast.ClassDef) -> Declaration:
         elif isinstance(part, ast.Assign) and isinstance(part.targets[0], ast.Name):
             kind = _declared_type(part.value)
             if kind is not None:
-                texts.append(f"cdef {_visibility(part.value)}{kind} {part.targets[0].id}")
+                names = ", ".join(map(ast.unparse, part.targets))
+                texts.append(f"cdef {_visibility(part.value)}{kind} {names}")
                 declaration.lines.append(_span(part))
         elif isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name):
             texts.append(f"cdef {_c_type(part.annotation)} {part.target.id}")

@@ -12,11 +12,7 @@ by bit, where there is none. Units: rad, rad/s, N·m, A, V, Ω, s; m and N for p
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from .. import nocython as cython
-
+from .. import nocython as cython
 from ..core.terms.measurement import doubles
 
 if cython.compiled:
@@ -137,8 +133,6 @@ def motor_torque(d: Drive, velocity: cython.double, pwm: cython.double) -> cytho
 
     An open bridge carries no current.
     """
-    error: cython.double
-    mean: cython.double
     if not d.powered:
         d.current = 0.0
         return 0.0
@@ -155,7 +149,6 @@ def gearbox_friction(d: Drive, velocity: cython.double) -> cython.double:
     coulomb tanh(dq/eps) + rise u exp((1 − u²)/2) + viscous dq
     """
     dry: cython.double = d.coulomb * tanh(velocity * d.inverse_slip_speed)
-    u: cython.double
     if d.rise > 0.0:
         u = velocity * d.inverse_peak_speed
         dry += d.rise * u * exp(0.5 - 0.5 * u * u)
@@ -212,7 +205,6 @@ def loops(
     impedance  τ = k e + d ė + τ_ff;   it and torque: τ_motor = τ + ∫K (τ − τ_measured) dt
     current    V = R (i + (i_set − i)/s) + Ke q̇: there at the end of the period
     """
-    wanted: cython.double
     error: cython.double = d.set_position - position
     rate: cython.double = d.set_velocity - velocity
     current: cython.double = d.set_current
@@ -265,13 +257,8 @@ class Drives:
     sources: tuple[object, object]  # of the views below: made anew where other arrays come
     pwm_in = cython.declare("const double[:]")
     bridges = cython.declare("const double[:]")
-    position: cython.double[::1]
-    velocity: cython.double[::1]
-    pwm: cython.double[::1]
-    current: cython.double[::1]
-    torque: cython.double[::1]
-    applied: cython.double[::1]
-    acted: cython.double[::1]
+    position = velocity = pwm = current = torque = applied = cython.declare(cython.double[::1])
+    acted = cython.declare(cython.double[::1])
 
     def __init__(self, drives: list[Drive], rows: list[object]) -> None:
         self.drives = drives
@@ -299,7 +286,6 @@ class Drives:
         Returns:
             Whether a bridge was switched.
         """
-        k: cython.Py_ssize_t
         d: Drive
         switched: cython.bint = False
         if pwm is not self.sources[0] or powered is not self.sources[1]:
@@ -318,7 +304,6 @@ class Drives:
             kinds: SetPoint of each joint.
             values: Of each joint, in the order of ``set_points.Value``.
         """
-        k: cython.Py_ssize_t
         d: Drive
         for k in range(len(self.drives)):
             d = self.drives[k]
@@ -330,11 +315,7 @@ class Drives:
 
     def step(self) -> None:
         """One physics step of all joints."""
-        k: cython.Py_ssize_t
         d: Drive
-        velocity: cython.double
-        torque: cython.double
-        pwm: cython.double
         for k in range(len(self.drives)):
             d = self.drives[k]
             velocity = self.velocity[k]
@@ -365,22 +346,11 @@ class Sampler:
         ratio: Of the gears; NaN: nothing is measured at the motor. A buffer of n doubles.
     """
 
-    position: cython.double[::1]
-    velocity: cython.double[::1]
-    torque: cython.double[::1]
-    current: cython.double[::1]
-    shaft_position: cython.double[::1]
-    shaft_velocity: cython.double[::1]
-    read_position: cython.double[::1]
-    read_velocity: cython.double[::1]
-    read_torque: cython.double[::1]
-    read_current: cython.double[::1]
-    read_shaft_position: cython.double[::1]
-    read_shaft_velocity: cython.double[::1]
-    zero: cython.double[::1]
-    counts: cython.double[::1]
-    resolution: cython.double[::1]
-    ratio: cython.double[::1]
+    position = velocity = torque = current = cython.declare(cython.double[::1])
+    shaft_position = shaft_velocity = cython.declare(cython.double[::1])
+    read_position = read_velocity = read_torque = read_current = cython.declare(cython.double[::1])
+    read_shaft_position = read_shaft_velocity = cython.declare(cython.double[::1])
+    zero = counts = resolution = ratio = cython.declare(cython.double[::1])
 
     def __init__(
         self, truth: list[object], readings: list[object], encoders: list[object], ratio: object
@@ -394,8 +364,6 @@ class Sampler:
 
     def sample(self) -> None:
         """Read all joints."""
-        k: cython.Py_ssize_t
-        reading: cython.double
         for k in range(len(self.position)):
             reading = self.position[k] + self.zero[k]
             if self.resolution[k] > 0.0:
@@ -429,7 +397,6 @@ class StateReader:
         Args:
             states: One tuple per joint that begins with position and velocity.
         """
-        k: cython.Py_ssize_t
         state: tuple[float, ...]
         total: cython.double = 0.0
         for k in range(len(states)):

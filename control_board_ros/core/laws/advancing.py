@@ -6,20 +6,13 @@ The second phase of a cycle, see ``laws``.
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
+from math import fabs, sqrt
 
+from ... import nocython as cython
 from .formulas import INFINITE, brake_speed, clamp, speed_ahead
 from .joint import AS_POSITION, AS_VELOCITY, REST_SPEED, REST_TIME, Joint, go_on_stopping, run_move
 from .observing import GAP, cross_gap
 from .stream import BRIEF, LAST, Stream, TimeBase, sine, versine
-
-if cython.compiled:
-    from cython.cimports.libc.math import fabs, sqrt
-else:
-    from math import fabs, sqrt
 
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
 QUICKEST = cython.declare(cython.double, 60.0)
@@ -34,7 +27,6 @@ YIELD_TIME = cython.declare(cython.double, 0.015)
 @cython.cfunc
 def advance(j: Joint) -> cython.void:
     """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
-    velocity: cython.double
     periods: cython.double = j.elapsed / j.period
     j.sample_age += periods
     if periods > GAP:
@@ -109,10 +101,7 @@ def advance_stop(j: Joint) -> cython.void:
     span: cython.double = min(j.span, GAP * j.period)
     rate: cython.double = fading(j, j.moved_velocity)
     change: cython.double = min(j.stop_rate, rate) * span
-    place: cython.double
-    ahead: cython.double
     over: cython.double = j.velocity - j.ramp_velocity
-    known_to: cython.double
     if step > 0:
         step = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
     if j.smooth:
@@ -189,9 +178,6 @@ def advance_ramp(j: Joint) -> cython.void:
 
     The speed limit applies to the sum with a move's velocity.
     """
-    total: cython.double
-    up: cython.double
-    down: cython.double
     step: cython.double = j.ramp_step * (j.elapsed / j.period)
     if j.ramp_target == 0.0 and not j.driven:
         step = min(step, fading(j, j.ramp_velocity) * j.elapsed)
@@ -228,15 +214,9 @@ def follow(j: Joint) -> cython.void:
     fitted to the samples (``follow_stream``). Joints that lack the torque to step together have a
     plan (``stepping``).
     """
-    k: cython.int
     goal: cython.double = j.reference
     top: cython.double = top_speed(j)
     goal_velocity: cython.double = j.reference_velocity
-    velocity: cython.double
-    rest: cython.double
-    up: cython.double
-    down: cython.double
-    change: cython.double
     step: cython.double = j.max_acceleration * j.span
     if j.direct_age < INFINITE:
         goal_velocity = 0.0

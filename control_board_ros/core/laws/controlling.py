@@ -6,11 +6,9 @@ The third to fifth phase of a cycle, see ``laws``.
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
+from math import fabs
 
+from ... import nocython as cython
 from .advancing import come_in
 from .formulas import INFINITE, brake_speed, clamp, is_number
 from .joint import (
@@ -32,11 +30,6 @@ from .joint import (
 )
 from .observing import GAP, HOLD_FILTER, WIRE_PHASE, place_of
 from .pid import Pid, pid_step, unwind
-
-if cython.compiled:
-    from cython.cimports.libc.math import fabs
-else:
-    from math import fabs
 
 #: Largest holding torque in TORQUE before the first reference, as a part of the torque limit.
 HOLD_SHARE = cython.declare(cython.double, 0.1)
@@ -78,7 +71,6 @@ def position_law(j: Joint) -> cython.double:
     p: Pid = j.position_pid
     keep_near(j)
     late: cython.double = j.followed - j.delay * j.followed_velocity  # what the drive has by now
-    torque: cython.double
     if j.coasts:
         torque = p.kff * j.followed + p.integral + j.feedback
     elif j.blind:  # the drive has the same spring, with the present error
@@ -113,7 +105,6 @@ def soften(j: Joint) -> cython.double:
 def keep_near(j: Joint) -> cython.void:
     """Bound the lead of the followed reference by the torque and speed limits (P14)."""
     p: Pid = j.position_pid
-    lead: cython.double
     if p.kp > 0.0 and not j.blind:
         lead = (j.delay + 2.0 * j.wire) * fabs(j.followed_velocity)  # either way
         lead += LEAD * j.max_torque / (p.kp * j.calm)
@@ -178,11 +169,9 @@ def hold_back(j: Joint) -> cython.void:
     current, where known, and I_free what it gave.
     """
     p: Pid = j.position_pid
-    excess: cython.double
     push: cython.double = p.kp * (j.followed - j.position) + p.integral
     if j.kind == AS_POSITION and is_number(j.torque) and j.torque != 0.0:
         push = j.torque
-    back: cython.double
     most: cython.double = (
         LIGHT * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
     )
@@ -240,7 +229,6 @@ def give_way(j: Joint) -> cython.void:
     """
     time: cython.double = j.elapsed if j.elapsed <= GAP * j.period else j.period
     least: cython.double = j.dead_band + j.load_share * j.borne
-    push: cython.double
     speed: cython.double = 0.0
     up: cython.double = brake_speed(j.upper - j.goal, j.max_acceleration, time)
     down: cython.double = brake_speed(j.goal - j.lower, j.max_acceleration, time)
@@ -290,7 +278,6 @@ def torque_law(j: Joint, reference: cython.double) -> cython.double:
     A drive that closes this loop itself receives the reference.
     """
     p: Pid = j.torque_pid
-    error: cython.double
     reference = clamp(reference, -j.max_torque, j.max_torque)
     j.torque_reference = reference
     if j.kind >= AS_TORQUE:
@@ -314,9 +301,6 @@ def law_torque(j: Joint) -> cython.double:
 @cython.cfunc
 def control(j: Joint) -> cython.void:
     """The output of the law that runs (source Fig. 2)."""
-    torque: cython.double
-    drive: cython.double
-    given: cython.double
     loop: Pid = j.torque_pid
     if j.law == OFF:
         j.output = 0.0
@@ -490,7 +474,6 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
     lag·Δτ is the torque at the end of the cycle beyond its mean. Torque grows as for a light
     joint, and is reduced as for a heavy one.
     """
-    drive: cython.double
     span: cython.double = SPAN * (j.period + j.delay + j.wire)
     speed: cython.double = way * j.velocity
     torque: cython.double = way * j.current * j.torque_per_ampere
@@ -518,7 +501,6 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
 @cython.cfunc
 def speed_towards(j: Joint, room: cython.double, top: cython.double) -> cython.double:
     """The speed allowed towards a limit at distance ``room``; negative beyond it."""
-    speed: cython.double
     if room < 0.0:
         return room / RETURN
     speed = brake_speed(room, BRAKING * j.max_acceleration, j.period)

@@ -3,16 +3,9 @@
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
+from math import ceil, sqrt
 
-
-if cython.compiled:
-    from cython.cimports.libc.math import ceil, sqrt
-else:
-    from math import ceil, sqrt
+from ... import nocython as cython
 
 #: No limit, and no time at which something was.
 INFINITE = cython.declare(cython.double, 1e300)
@@ -40,14 +33,13 @@ def brake_speed(
 
     d = k v T − a T² k(k − 1)/2: k cycles, each slower by a·T, with the least k that ends at rest.
     """
-    cycles: cython.double
     if distance <= 0.0:
         return 0.0
     if distance > FAR:  # no limit is known
         return FAR
     if distance < 0.99 * acceleration * period * period:  # in one cycle
         return distance / period
-    cycles = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
+    cycles: cython.double = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
     cycles = max(cycles, 1.0)
     return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
 

@@ -8,21 +8,12 @@ rad, rad/s, N·m, A, s; m and N for prismatic joints.
 from __future__ import annotations
 
 from array import array
+from math import fabs, sqrt
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
-from ...nocython import start_at_zero
+from ... import nocython as cython
 from .formulas import INFINITE, braking, clamp
 from .pid import Pid
 from .stream import SLOWER, Stream
-
-if cython.compiled:
-    from cython.cimports.libc.math import fabs, sqrt
-else:
-    from math import fabs, sqrt
 
 #: The laws of source Fig. 2; modes.Law gives them names.
 OFF = cython.declare(cython.int, 0)
@@ -613,10 +604,6 @@ class Joint:
         self.hold(self.position)
 
 
-if not cython.compiled:
-    start_at_zero(Joint)
-
-
 @cython.cfunc
 def run_move(j: Joint, elapsed: cython.double) -> cython.void:
     """The quintic of a move, from velocity v0 to rest (P1).
@@ -628,14 +615,11 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
     With a jerk limit the acceleration a0 at the start goes on: B = a0 T²/2 adds B (s² − 3s³ + 3s⁴
     − s⁵), in braking a0 T_b u (1 − u)² to the velocity.
     """
-    s: cython.double
-    u: cython.double
     bend: cython.double = 0.0
     change: cython.double = 0.0
     run: cython.double = 0.0
     way: cython.double = 0.0
     speed: cython.double = 0.0
-    reach: cython.double
     time: cython.double = j.move_time
     reach = j.move_target - j.move_start
     if j.brake_even:
@@ -684,12 +668,10 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
 @cython.cfunc
 def keep_inside(j: Joint) -> cython.void:
     """Brake evenly, then move, where braking within the move would pass a limit (P14)."""
-    k: cython.int
     way: cython.double = 1.0 if j.move_velocity > 0.0 else -1.0
     room: cython.double = (j.upper if way > 0.0 else -j.lower) - way * j.move_start
     step: cython.double = (j.move_time if j.move_time > j.brake_time else j.brake_time) / 64.0
     slack: cython.double = 0.125 * j.max_acceleration * step * step
-    place: cython.double
     last: cython.double = 0.0
     before: cython.double = 0.0
     speed: cython.double = j.moved_velocity

@@ -18,13 +18,10 @@ by bit, where there is none. Units: rad, rad/s, N·m, A, s; m and N for prismati
 
 from __future__ import annotations
 
+from math import fabs
 from typing import Any
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
+from ... import nocython as cython
 from ..model.dynamics import Arm
 from .advancing import advance, rest_in_place
 from .controlling import control
@@ -32,11 +29,6 @@ from .formulas import NAN, is_number
 from .joint import AS_PWM, IMPEDANCE, OFF, POSITION, REST_TIME, Joint
 from .observing import observe, observe_external, pass_time, settle, weigh
 from .stopping import Stops
-
-if cython.compiled:
-    from cython.cimports.libc.math import fabs
-else:
-    from math import fabs
 
 #: Time beyond the torque limit in a position mode after which the log reports it, s.
 STRAIN_TIME = cython.declare(cython.double, 0.05)
@@ -69,27 +61,15 @@ class Laws:
     feeds_arm: cython.bint
     modelled: cython.bint  # the arm's dynamics act
     done: cython.uchar[::1]
-    position: cython.double[::1]
-    velocity: cython.double[::1]
-    torque: cython.double[::1]
-    current: cython.double[::1]
-    position_reference: cython.double[::1]
-    velocity_reference: cython.double[::1]
-    torque_reference: cython.double[::1]
-    output: cython.double[::1]
-    age: cython.double[::1]
-    set_current: cython.double[::1]
-    set_torque: cython.double[::1]
-    set_velocity: cython.double[::1]
-    set_position: cython.double[::1]
-    set_stiffness: cython.double[::1]
-    set_damping: cython.double[::1]
+    position = velocity = torque = current = age = cython.declare(cython.double[::1])
+    position_reference = velocity_reference = torque_reference = cython.declare(cython.double[::1])
+    output = cython.declare(cython.double[::1])
+    set_current = set_torque = set_velocity = cython.declare(cython.double[::1])
+    set_position = set_stiffness = set_damping = cython.declare(cython.double[::1])
     observes: cython.bint
-    external: cython.double[::1]
-    arm_position: cython.double[::1]
-    arm_velocity: cython.double[::1]
-    arm_acceleration: cython.double[::1]
-    arm_torque: cython.double[::1]
+    external = cython.declare(cython.double[::1])
+    arm_position = arm_velocity = cython.declare(cython.double[::1])
+    arm_acceleration = arm_torque = cython.declare(cython.double[::1])
 
     def __init__(
         self,
@@ -141,7 +121,6 @@ class Laws:
         Returns:
             Whether a joint came to a limit or left it, or diverged.
         """
-        k: cython.Py_ssize_t
         j: Joint
         changed: cython.bint = False
         settling: cython.bint = False
@@ -196,7 +175,6 @@ class Laws:
 
     def prepare(self) -> bool:
         """Update motion and gravity before laws start; whether all joints are at rest."""
-        k: cython.Py_ssize_t
         j: Joint
         resting: cython.bint = True
         for j in self.joints:
@@ -233,7 +211,6 @@ class Laws:
     @cython.cfunc
     def sense_motion(self) -> cython.void:
         """Torque of each joint for the measured motion of the arm, gravity left out."""
-        k: cython.Py_ssize_t
         j: Joint
         for k in range(len(self.joints)):
             j = self.joints[k]
@@ -253,7 +230,6 @@ class Laws:
             yields: Whether the arm is known and a joint gives way to its torque, which is then
                 observed also with a model that nothing else reckons with.
         """
-        k: cython.Py_ssize_t
         j: Joint
         wanted: cython.bint = False
         if not self.observes:
@@ -284,7 +260,6 @@ class Laws:
     @cython.cfunc
     def sense_gravity(self) -> cython.void:
         """Gravity torque of the arm in its measured pose."""
-        k: cython.Py_ssize_t
         j: Joint
         for k in range(len(self.joints)):
             j = self.joints[k]
@@ -295,7 +270,6 @@ class Laws:
     @cython.cfunc
     def feed_forward(self) -> cython.void:
         """Torque of the followed references, with gravity where all angles are known."""
-        k: cython.Py_ssize_t
         j: Joint
         if not self.knows_arm():
             for j in self.joints:
@@ -320,7 +294,6 @@ class Laws:
     @cython.cfunc
     def compensate(self) -> cython.void:
         """Gravity torque of the joints that compensate it, in the measured pose (G1)."""
-        k: cython.Py_ssize_t
         j: Joint
         wanted: cython.bint = False
         known: cython.bint = self.arm is not None
@@ -360,9 +333,7 @@ class Laws:
     @cython.cfunc
     def turn_arm(self, known: cython.bint) -> cython.void:
         """Switch the arm's dynamics on or off without a step of torque."""
-        k: cython.Py_ssize_t
         j: Joint
-        sign: cython.double
         self.modelled = known
         self.sense_gravity()
         sign = 1.0 if known else -1.0

@@ -6,11 +6,9 @@ The first phase of a cycle, see ``laws``.
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
+from math import fabs, sqrt
 
+from ... import nocython as cython
 from .formulas import clamp, is_number
 from .joint import (
     AS_IMPEDANCE,
@@ -24,11 +22,6 @@ from .joint import (
     go_on_stopping,
 )
 from .pid import Pid
-
-if cython.compiled:
-    from cython.cimports.libc.math import fabs, sqrt
-else:
-    from math import fabs, sqrt
 
 #: Time constant of the load's filter, s.
 LOAD_FILTER = cython.declare(cython.double, 0.01)
@@ -300,7 +293,6 @@ def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
         braking: Whether one of the settling joints still brakes.
         rested: Whether all of them have been at rest for REST_TIME.
     """
-    elapsed: cython.double
     if j.active and not j.awaited:
         return  # it still brakes
     if braking and not j.awaited:

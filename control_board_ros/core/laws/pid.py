@@ -3,12 +3,7 @@
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
-from ...nocython import start_at_zero
+from ... import nocython as cython
 from .formulas import clamp
 
 
@@ -52,10 +47,6 @@ class Pid:
     def feed(self) -> cython.double:
         """The last output without its integral part."""
         return self.kff * self.reference + self.kp * self.error + self.kd * self.derivative
-
-
-if not cython.compiled:
-    start_at_zero(Pid)
 
 
 @cython.cfunc

@@ -21,17 +21,10 @@ joints slide.
 from __future__ import annotations
 
 from array import array
+from math import ceil, fabs, sqrt
 from typing import Any
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
-if cython.compiled:
-    from cython.cimports.libc.math import ceil, fabs, sqrt
-else:
-    from math import ceil, fabs, sqrt
+from ... import nocython as cython
 
 #: Part of the torque limits that a plan may use; the rest is for its control.
 SHARE = cython.declare(cython.double, 0.95)
@@ -71,17 +64,11 @@ class Steps:
     arm: Any
     plans: list[Any]
     count: cython.Py_ssize_t
-    start: cython.double[::1]
-    speed: cython.double[::1]
-    place: cython.double[::1]
+    start = speed = place = cython.declare(cython.double[::1])
     way: cython.double[::1]  # Δ
-    fastest: cython.double[::1]
-    hardest: cython.double[::1]
-    limit: cython.double[::1]
+    fastest = hardest = limit = cython.declare(cython.double[::1])
     stall: cython.double[::1]  # torque at stall, and how much less per rad/s
-    fading: cython.double[::1]
-    dry: cython.double[::1]
-    wet: cython.double[::1]
+    fading = dry = wet = cython.declare(cython.double[::1])
     gain: cython.double[::1]  # M Δ at each place
     turn: cython.double[::1]  # c(q, Δ)
     load: cython.double[::1]  # g(q) + dry friction
@@ -92,10 +79,7 @@ class Steps:
     high: cython.double
     top: cython.double  # greatest b, and u, by the joints' own limits
     hurry: cython.double
-    position: cython.double[::1]
-    velocity: cython.double[::1]
-    acceleration: cython.double[::1]
-    torque: cython.double[::1]
+    position = velocity = acceleration = torque = cython.declare(cython.double[::1])
 
     def __init__(self, joints: list[Any], arm: Any) -> None:
         n: cython.Py_ssize_t = len(joints)
@@ -133,13 +117,12 @@ class Steps:
     def take(self, chosen: list[int]) -> cython.bint:
         """Read the joints; whether all are at rest."""
         k: cython.Py_ssize_t
-        volts: cython.double
         resting: cython.bint = True
         for k in range(self.count):
             joint = self.joints[k]
             self.start[k], self.way[k], self.speed[k] = joint.followed, 0.0, 0.0
             self.fastest[k], self.hardest[k] = joint.max_velocity, joint.max_acceleration
-            volts = joint.torque_per_ampere / joint.ohms
+            volts: cython.double = joint.torque_per_ampere / joint.ohms
             self.limit[k] = SHARE * joint.max_torque
             self.stall[k] = SHARE * volts * joint.max_output / joint.percent_per_volt
             self.fading[k] = SHARE * volts * joint.emf
@@ -166,9 +149,6 @@ class Steps:
     @cython.cfunc
     def strained(self) -> cython.bint:
         """Whether a motor lacks torque where each joint steps as fast as its own limits allow."""
-        k: cython.Py_ssize_t
-        left: cython.double
-        after: cython.double
         step: cython.double = 0.0
         moving: cython.bint = True
         for k in range(self.count):
@@ -222,9 +202,7 @@ class Steps:
     @cython.cfunc
     def line(self) -> cython.bint:
         """Find b of each place, and the time; whether there is a way."""
-        i: cython.int
         step: cython.double = 1.0 / PLACES
-        rate: cython.double
         self.measure()
         self.most[PLACES] = 0.0
         for i in range(PLACES - 1, -1, -1):
@@ -244,8 +222,6 @@ class Steps:
     @cython.cfunc
     def measure(self) -> cython.void:
         """What the torques are made of, at each place; and the joints' own limits."""
-        k: cython.Py_ssize_t
-        i: cython.int
         n: cython.Py_ssize_t = self.count
         self.top = self.hurry = 1e300
         for k in range(n):
@@ -276,15 +252,6 @@ class Steps:
 
         Torques are bounded at both places: at the next one b has become b + 2 u/PLACES.
         """
-        k: cython.Py_ssize_t
-        m: cython.Py_ssize_t
-        n: cython.Py_ssize_t
-        gain: cython.double
-        rest: cython.double
-        speed: cython.double
-        above: cython.double
-        below: cython.double
-        ahead: cython.double
         root: cython.double = sqrt(b)
         self.low, self.high = -self.hurry, self.hurry
         for m in range(2 * self.count):
@@ -311,7 +278,6 @@ class Steps:
         """The greatest b of a place from which the next has no more than ``after``; −1: none."""
         low: cython.double = 0.0
         high: cython.double = self.top
-        middle: cython.double
         if self.leads(i, high, after):
             return high
         if not self.leads(i, 0.0, after):
@@ -337,8 +303,6 @@ class Steps:
         """Give the joints their accelerations: ṡ at equal times, scaled to end at the target."""
         k: cython.Py_ssize_t
         i: cython.int = 0
-        step: cython.int
-        steps: cython.int
         period: cython.double = self.joints[0].period
         span: cython.double = period * max(ceil(self.time / (MOST_STEPS * period)), 1.0)
         before: cython.double = 0.0  # time at place i

@@ -27,17 +27,10 @@ joints slide.
 from __future__ import annotations
 
 from array import array
+from math import ceil, fabs, sqrt
 from typing import Any
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
-if cython.compiled:
-    from cython.cimports.libc.math import ceil, fabs, sqrt
-else:
-    from math import ceil, fabs, sqrt
+from ... import nocython as cython
 
 #: What keeping the path may cost a joint, beyond its own braking distance, rad or m.
 KEEPING = cython.declare(cython.double, 0.03)
@@ -123,26 +116,16 @@ class Stops:
     fastest: cython.double[::1]  # speed limit
     wanted: cython.double[::1]  # deceleration
     smooth: cython.double[::1]  # time of a stop within the jerk limit, s; 0: none
-    limit: cython.double[::1]
-    dry: cython.double[::1]
-    wet: cython.double[::1]
+    limit = dry = wet = cython.declare(cython.double[::1])
     urge: cython.double[::1]  # ω
-    weight: cython.double[::1]
-    q: cython.double[::1]
-    v: cython.double[::1]
+    weight = q = v = cython.declare(cython.double[::1])
     most: cython.double[::1]  # way so far
     beyond: cython.double[::1]  # z
-    mass: cython.double[::1]
-    bias: cython.double[::1]
-    x: cython.double[::1]
+    mass = bias = x = cython.declare(cython.double[::1])
     full: cython.double[::1]  # the acceleration of full braking in a step
-    y: cython.double[::1]
-    trial: cython.double[::1]
-    best: cython.double[::1]
-    arm_position: cython.double[::1]
-    arm_velocity: cython.double[::1]
-    arm_acceleration: cython.double[::1]
-    arm_torque: cython.double[::1]
+    y = trial = best = cython.declare(cython.double[::1])
+    arm_position = arm_velocity = cython.declare(cython.double[::1])
+    arm_acceleration = arm_torque = cython.declare(cython.double[::1])
 
     def __init__(self, joints: list[Any], arm: Any) -> None:
         n: cython.Py_ssize_t = len(joints)
@@ -165,9 +148,6 @@ class Stops:
         Args:
             modelled: Whether the dynamics of the arm are known.
         """
-        k: cython.Py_ssize_t
-        i: cython.Py_ssize_t
-        step: cython.int
         longest: cython.double = self.take_joints()
         self.rounds = 0
         self.smoothen()
@@ -192,8 +172,6 @@ class Stops:
     def take_joints(self) -> cython.double:
         """Read the joints: those that stop first, then the others; T, s."""
         k: cython.Py_ssize_t = 0
-        i: cython.Py_ssize_t
-        due: cython.bint
         longest: cython.double = 0.0
         for due in (True, False):
             for i in range(self.count):
@@ -219,10 +197,7 @@ class Stops:
     @cython.cfunc
     def smoothen(self) -> cython.void:
         """Times of stops within the jerk limits, that keep the path; 0 where there is no room."""
-        k: cython.Py_ssize_t
         longest: cython.double = 0.0
-        room: cython.double
-        way: cython.double
         for k in range(self.stopping):
             joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
             self.smooth[k] = 0.0
@@ -236,24 +211,23 @@ class Stops:
             joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
             if self.smooth[k] <= 0.0 or self.speed[k] == 0.0:
                 continue
-            way = 2.0 * KEEPING / fabs(self.speed[k])
+            way: cython.double = 2.0 * KEEPING / fabs(self.speed[k])
             self.smooth[k] = min(longest, self.smooth[k] + way)
             way = 0.5 * self.speed[k] * self.smooth[k]
             way += joint.moved_acceleration * self.smooth[k] * self.smooth[k] / 12.0
-            room = joint.upper - self.place[k] if way > 0.0 else self.place[k] - joint.lower
+            room: cython.double = (
+                joint.upper - self.place[k] if way > 0.0 else self.place[k] - joint.lower
+            )
             if fabs(way) > room:
                 self.smooth[k] = 0.0
 
     @cython.cfunc
     def predict_path(self, longest: cython.double, modelled: cython.bint) -> cython.bint:
         """Set decelerations that keep the path; whether there is the torque for them."""
-        k: cython.Py_ssize_t
-        speed: cython.double
-        time: cython.double
         for k in range(self.stopping):
             speed, self.wanted[k] = fabs(self.speed[k]), self.hardest[k]
             if speed > 0.0:
-                time = min(longest, speed / self.hardest[k] + 2.0 * KEEPING / speed)
+                time: cython.double = min(longest, speed / self.hardest[k] + 2.0 * KEEPING / speed)
                 joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
                 if self.speed[k] > 0.0:
                     room = joint.upper - self.place[k]
@@ -273,12 +247,8 @@ class Stops:
     @cython.cfunc
     def improve(self) -> cython.void:
         """Keep the best of several predictions of full braking in ``best``."""
-        k: cython.Py_ssize_t
         least: cython.double = 1e300
         steps: cython.int = 0
-        z: cython.double
-        score: cython.double
-        good: cython.bint
         for k in range(self.stopping):
             self.wanted[k] = self.hardest[k]
             self.limit[k] -= self.lost_torque(k)
@@ -286,7 +256,7 @@ class Stops:
             self.rounds += 1
             z = self.predict()
             score = z + max(self.excess - SLACK, 0.0) + max(self.hasty - SLACK, 0.0)
-            good = score < GOOD
+            good: cython.bint = score < GOOD
             score += LATE * self.steps * self.step
             if score < least:
                 least, steps, self.furthest = score, self.steps, z
@@ -311,10 +281,7 @@ class Stops:
     @cython.cfunc
     def predict(self) -> cython.double:
         """Predict a stop into ``trial``; z of its furthest joint."""
-        k: cython.Py_ssize_t
         moving: cython.bint = True
-        way: cython.double
-        change: cython.double
         z: cython.double = 0.0
         self.excess, self.hasty, self.strained = 0.0, 0.0, False
         for k in range(self.count):
@@ -362,9 +329,6 @@ class Stops:
     @cython.cfunc
     def evaluate(self) -> cython.void:
         """Mass matrix and h = c(q, q̇) + g(q) + friction of the joints that stop."""
-        k: cython.Py_ssize_t
-        i: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         for k in range(self.count):
             i = cython.cast(cython.Py_ssize_t, self.chosen[k])
             self.arm_position[i], self.arm_velocity[i] = self.q[k], self.v[k]
@@ -389,8 +353,6 @@ class Stops:
     @cython.cfunc
     def solve(self) -> cython.void:
         """The accelerations of a step, into ``x``: dual coordinate ascent (Hildreth, 1957)."""
-        k: cython.Py_ssize_t
-        error: cython.double
         for k in range(self.stopping):
             error = -self.v[k] / self.step
             self.x[k] = self.full[k] = max(min(error, self.wanted[k]), -self.wanted[k])
@@ -421,9 +383,6 @@ class Stops:
     @cython.cfunc
     def warm(self) -> cython.void:
         """Start from the multipliers of the step before."""
-        k: cython.Py_ssize_t
-        i: cython.Py_ssize_t
-        pull: cython.double
         for k in range(self.stopping):
             pull = self.y[self.count + k]
             for i in range(self.stopping):
@@ -432,7 +391,6 @@ class Stops:
 
     @cython.cfunc
     def torque(self, k: cython.Py_ssize_t) -> cython.double:
-        i: cython.Py_ssize_t
         torque: cython.double = self.bias[k]
         for i in range(self.stopping):
             torque += self.mass[k * self.count + i] * self.x[i]
@@ -441,7 +399,6 @@ class Stops:
     @cython.cfunc
     def torque_error(self) -> cython.double:
         """The greatest torque beyond a limit, as a part of it."""
-        k: cython.Py_ssize_t
         most: cython.double = 0.0
         for k in range(self.stopping):
             most = max(most, fabs(self.torque(k)) / self.limit[k] - 1.0)
@@ -452,7 +409,6 @@ class Stops:
         """No joint brakes harder than fully, turns round, or leaves its speed limit."""
         top: cython.double = self.hardest[k]
         bottom: cython.double = -self.hardest[k]
-        y: cython.double
         if self.v[k] > 0.0:
             bottom, top = self.full[k], max((self.fastest[k] - self.v[k]) / self.step, 0.0)
         if self.v[k] < 0.0:
@@ -463,10 +419,7 @@ class Stops:
 
     @cython.cfunc
     def bound_torque(self, k: cython.Py_ssize_t) -> cython.void:
-        i: cython.Py_ssize_t
         scale: cython.double = 0.0
-        y: cython.double
-        m: cython.double
         for i in range(self.stopping):
             m = self.mass[k * self.count + i]
             scale += m * m / self.weight[i]

@@ -7,19 +7,10 @@ Decision 25 says what was measured, and what was not taken.
 from __future__ import annotations
 
 from array import array
+from math import fabs
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
-from ...nocython import start_at_zero
+from ... import nocython as cython
 from .formulas import INFINITE, clamp
-
-if cython.compiled:
-    from cython.cimports.libc.math import fabs
-else:
-    from math import fabs
 
 #: Longest mean interval, s, at which direct positions become a stream, and at which they remain
 #: one; half of the intervals' mean deviation is added. Slower ones are steps.
@@ -137,11 +128,6 @@ class TimeBase:
             max_acceleration: rad/s².
             share: of this fit in ω²; 0: it has been taken in already.
         """
-        k: cython.int
-        t: cython.double
-        y: cython.double
-        s: cython.double
-        c: cython.double
         n: cython.double = 1.0 / knots  # about the means
         ss: cython.double = 0.0
         cc: cython.double = 0.0
@@ -202,10 +188,6 @@ class TimeBase:
         e: value less fit; g: the derivative of the motion by ω², less what the fit makes up for.
         Where errors of predictions are large, ω² tends to 0.
         """
-        k: cython.int
-        t: cython.double
-        z: cython.double
-        d: cython.double
         d1: cython.double = 0.0
         ds: cython.double = 0.0
         dc: cython.double = 0.0
@@ -323,8 +305,6 @@ class Stream:
             max_velocity: rad/s; a faster difference is a step.
             max_acceleration: rad/s².
         """
-        m: cython.double
-        reach: cython.double
         d: cython.double = age * period
         if self.count == 0.0 or d > LAST or d > 5.0 * self.interval > 0.0:
             self.count = 0.0
@@ -370,7 +350,6 @@ class Stream:
     def clock(self, x: cython.double, d: cython.double, period: cython.double) -> cython.double:
         """Update interval, lateness and time base after ``d`` s; ``d`` in intervals."""
         m: cython.double = self.intervals(x, d) if self.count > 2.0 else 1.0
-        share: cython.double
         n: cython.double = self.count
         self.missing += 0.05 * (m - 1.0 - self.missing)
         self.mean += (d - self.mean) / (n - 1.0 if n < 20.0 else 20.0)
@@ -415,8 +394,6 @@ class Stream:
         self, d: cython.double, m: cython.double, period: cython.double
     ) -> cython.void:
         """Lateness of the last sample; the earliest of the last ARRIVALS is in time."""
-        k: cython.int
-        late: cython.double
         latest: cython.double = 0.0
         if self.heard < ARRIVALS:
             self.heard += 1
@@ -441,9 +418,7 @@ class Stream:
         Their regression over the numbers is compared with those where a gap is longer or shorter
         by one interval.
         """
-        k: cython.int
         n: cython.int = self.heard
-        x: cython.double
         sum_x: cython.double = 0.0
         sum_y: cython.double = 0.0
         xx: cython.double = 0.0
@@ -464,7 +439,6 @@ class Stream:
         tail_n: cython.double = 0.0
         tail_x: cython.double = 0.0
         tail_y: cython.double = 0.0
-        left: cython.double
         for k in range(n - 1, 0, -1):
             tail_n += 1.0
             tail_x -= self.places[k]
@@ -529,9 +503,6 @@ class Stream:
         The least of Σ (error/deviation)²: arrival beyond what is usual, value off the motion, and
         what each loss costs, which is rare.
         """
-        k: cython.int
-        cost: cython.double
-        error: cython.double
         m: cython.double = 1.0
         least: cython.double = INFINITE
         interval: cython.double = self.interval
@@ -560,8 +531,6 @@ class Stream:
     @cython.cfunc
     def keep(self, x: cython.double, d: cython.double, m: cython.double) -> cython.void:
         """Store a sample; it replaces the last one where that one is close to its predecessor."""
-        k: cython.int
-        first: cython.double
         grid: cython.double[::1] = self.grid.times
         sent: cython.double[::1] = self.sent.times
         self.share = 0.0
@@ -619,7 +588,3 @@ class Stream:
         if not self.flows:
             return 0.0
         return self.grid.v if self.on_grid else self.sent.v
-
-
-if not cython.compiled:
-    start_at_zero(TimeBase, Stream)

@@ -18,19 +18,10 @@ N where joints slide.
 
 from __future__ import annotations
 
+from math import cos, fabs, sin
 from typing import Any
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
-from ...nocython import start_at_zero
-
-if cython.compiled:
-    from cython.cimports.libc.math import cos, fabs, sin
-else:
-    from math import cos, fabs, sin
+from ... import nocython as cython
 
 #: Least part of a torque limit that is left for motion, whatever the load.
 LEAST_ROOM = cython.declare(cython.double, 0.1)
@@ -43,64 +34,25 @@ class Body:
     carrier: Body
     slides = cython.declare(cython.bint, visibility="public")
     # constants
-    e0 = cython.declare(cython.double, visibility="public")
-    e1 = cython.declare(cython.double, visibility="public")
-    e2 = cython.declare(cython.double, visibility="public")
-    e3 = cython.declare(cython.double, visibility="public")
-    e4 = cython.declare(cython.double, visibility="public")
-    e5 = cython.declare(cython.double, visibility="public")
-    e6 = cython.declare(cython.double, visibility="public")
-    e7 = cython.declare(cython.double, visibility="public")
-    e8 = cython.declare(cython.double, visibility="public")
-    px = cython.declare(cython.double, visibility="public")
-    py = cython.declare(cython.double, visibility="public")
-    pz = cython.declare(cython.double, visibility="public")
+    e0 = e1 = e2 = e3 = e4 = e5 = e6 = e7 = e8 = cython.declare(cython.double, visibility="public")
+    px = py = pz = cython.declare(cython.double, visibility="public")
     mass = cython.declare(cython.double, visibility="public")
-    hx = cython.declare(cython.double, visibility="public")
-    hy = cython.declare(cython.double, visibility="public")
-    hz = cython.declare(cython.double, visibility="public")
-    ixx = cython.declare(cython.double, visibility="public")
-    iyy = cython.declare(cython.double, visibility="public")
-    izz = cython.declare(cython.double, visibility="public")
-    ixy = cython.declare(cython.double, visibility="public")
-    ixz = cython.declare(cython.double, visibility="public")
-    iyz = cython.declare(cython.double, visibility="public")
+    hx = hy = hz = cython.declare(cython.double, visibility="public")
+    ixx = iyy = izz = ixy = ixz = iyz = cython.declare(cython.double, visibility="public")
     rotor = cython.declare(cython.double, visibility="public")
     coulomb = cython.declare(cython.double, visibility="public")
     viscous = cython.declare(cython.double, visibility="public")
     # state: position, velocity, acceleration
-    q = cython.declare(cython.double, visibility="public")
-    dq = cython.declare(cython.double, visibility="public")
-    ddq = cython.declare(cython.double, visibility="public")
+    q = dq = ddq = cython.declare(cython.double, visibility="public")
     # found: R, the position that it is of, way to the origin, ω, α, a, f, n, torque
     turned = cython.declare(cython.double, visibility="public")
-    r0 = cython.declare(cython.double, visibility="public")
-    r1 = cython.declare(cython.double, visibility="public")
-    r2 = cython.declare(cython.double, visibility="public")
-    r3 = cython.declare(cython.double, visibility="public")
-    r4 = cython.declare(cython.double, visibility="public")
-    r5 = cython.declare(cython.double, visibility="public")
-    r6 = cython.declare(cython.double, visibility="public")
-    r7 = cython.declare(cython.double, visibility="public")
-    r8 = cython.declare(cython.double, visibility="public")
-    ox = cython.declare(cython.double, visibility="public")
-    oy = cython.declare(cython.double, visibility="public")
-    oz = cython.declare(cython.double, visibility="public")
-    wx = cython.declare(cython.double, visibility="public")
-    wy = cython.declare(cython.double, visibility="public")
-    wz = cython.declare(cython.double, visibility="public")
-    lx = cython.declare(cython.double, visibility="public")
-    ly = cython.declare(cython.double, visibility="public")
-    lz = cython.declare(cython.double, visibility="public")
-    ax = cython.declare(cython.double, visibility="public")
-    ay = cython.declare(cython.double, visibility="public")
-    az = cython.declare(cython.double, visibility="public")
-    fx = cython.declare(cython.double, visibility="public")
-    fy = cython.declare(cython.double, visibility="public")
-    fz = cython.declare(cython.double, visibility="public")
-    nx = cython.declare(cython.double, visibility="public")
-    ny = cython.declare(cython.double, visibility="public")
-    nz = cython.declare(cython.double, visibility="public")
+    r0 = r1 = r2 = r3 = r4 = r5 = r6 = r7 = r8 = cython.declare(cython.double, visibility="public")
+    ox = oy = oz = cython.declare(cython.double, visibility="public")
+    wx = wy = wz = cython.declare(cython.double, visibility="public")
+    lx = ly = lz = cython.declare(cython.double, visibility="public")
+    ax = ay = az = cython.declare(cython.double, visibility="public")
+    fx = fy = fz = cython.declare(cython.double, visibility="public")
+    nx = ny = nz = cython.declare(cython.double, visibility="public")
     torque = cython.declare(cython.double, visibility="public")
     whole = cython.declare(cython.double, visibility="public")
     # a move: start, its velocity and acceleration, target, T, T_b, time past; drift; bounds
@@ -112,8 +64,7 @@ class Body:
     brake = cython.declare(cython.double, visibility="public")
     past = cython.declare(cython.double, visibility="public")
     drift = cython.declare(cython.double, visibility="public")
-    lower = cython.declare(cython.double, visibility="public")
-    upper = cython.declare(cython.double, visibility="public")
+    lower = upper = cython.declare(cython.double, visibility="public")
     # torque limit; torque at stall, and how much less per rad/s
     limit = cython.declare(cython.double, visibility="public")
     stall = cython.declare(cython.double, visibility="public")
@@ -129,17 +80,10 @@ class Body:
         self.carrier = carrier
 
 
-if not cython.compiled:
-    start_at_zero(Body)
-
-
 @cython.cfunc
 def outwards(b: Body) -> cython.void:
     """Motion of a link, and its force and torque."""
     u: Body = b.carrier
-    x: cython.double
-    y: cython.double
-    z: cython.double
     turn(b)
     # a + α × p + ω × (ω × p), in the carrier's axes
     x, y, z = u.wy * b.oz - u.wz * b.oy, u.wz * b.ox - u.wx * b.oz, u.wx * b.oy - u.wy * b.ox
@@ -237,10 +181,7 @@ class Arm:
     gx: cython.double
     gy: cython.double
     gz: cython.double
-    position: cython.double[::1]
-    velocity: cython.double[::1]
-    acceleration: cython.double[::1]
-    torque: cython.double[::1]
+    position = velocity = acceleration = torque = cython.declare(cython.double[::1])
 
     def __init__(
         self,
@@ -262,7 +203,6 @@ class Arm:
         Args:
             weight: of gravity: 1, or 0 for the torques of the motion alone.
         """
-        k: cython.Py_ssize_t
         b: Body
         for k in range(len(self.bodies)):
             b = self.bodies[k]
@@ -275,7 +215,6 @@ class Arm:
     @cython.cfunc
     def solve(self, weight: cython.double) -> cython.void:
         """Both passes, from q, dq, ddq of the bodies to their torques."""
-        k: cython.Py_ssize_t
         n: cython.Py_ssize_t = len(self.ordered)
         b: Body
         base: Body = self.base
@@ -300,8 +239,6 @@ class Arm:
         """
         peak: cython.double = 0.0
         longest: cython.double = 0.0
-        end: cython.double
-        k: cython.int
         b: Body
         for b in self.ordered:
             longest = max(longest, ending(b))
@@ -379,8 +316,6 @@ def share(b: Body) -> cython.double:
 @cython.cfunc
 def place(b: Body, time: cython.double) -> cython.void:
     """State of a joint in its move, as in ``laws.advance_move``."""
-    u: cython.double
-    s: cython.double
     run: cython.double = 0.0
     bend: cython.double = b.start_acceleration * b.brake
     elapsed: cython.double = time + b.past

@@ -6,17 +6,13 @@ Plain Python in Cython's pure mode, as the laws are: every cycle is kept.
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
-
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import nocython as cython
 from ..state import BLOCK_ROWS, StateArrays
 
 #: Time that is kept of a fault, s: before it, and after it.
@@ -93,7 +89,6 @@ class FreezeFrames:
     def note(self) -> None:
         """Keep the cycle that ends; cut out a frame that is complete."""
         row: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         place: cython.Py_ssize_t = self._cycles % self._size
         for row in range(BLOCK_ROWS):
             for k in range(len(self.done)):

@@ -15,18 +15,10 @@ by bit, where there is none. Units: rad, rad/s, N·m, A, °C, s; m and N for pri
 
 from __future__ import annotations
 
-try:
-    import cython
-except ImportError:
-    from ... import nocython as cython
+from math import fabs
 
-from ...nocython import start_at_zero
+from ... import nocython as cython
 from ..terms.measurement import CREDIBLE, MOTOR_ROWS, ROWS, doubles
-
-if cython.compiled:
-    from cython.cimports.libc.math import fabs
-else:
-    from math import fabs
 
 #: The checks, in the order of the search for a cause; causes.Check gives them names.
 NOTHING = cython.declare(cython.int, 0)
@@ -160,10 +152,6 @@ class JointMonitor:
         self.travel, self.slipped = 0.0, False
 
 
-if not cython.compiled:
-    start_at_zero(JointMonitor)
-
-
 @cython.cfunc
 @cython.inline
 def known(value: cython.double, before: cython.double) -> cython.double:
@@ -211,7 +199,6 @@ def integrate(
     What a reading shows acted in its own period; between two that are further apart it is taken
     to have changed evenly.
     """
-    unseen: cython.double
     if periods > 1.0:
         unseen = 0.5 * (periods - 1.0)
         m.currents += unseen * (m.current + current)
@@ -338,20 +325,10 @@ class Monitor:
     measured: cython.double[:, ::1]
     before: cython.double[:, ::1]
     motors: cython.double[:, ::1]
-    alarm: cython.double[::1]
-    current: cython.double[::1]
-    encoder_age: cython.double[::1]
-    position: cython.double[::1]
-    velocity: cython.double[::1]
-    torque_age: cython.double[::1]
-    torque: cython.double[::1]
-    temperature: cython.double[::1]
-    joint_position: cython.double[::1]
-    joint_current: cython.double[::1]
-    output: cython.double[::1]
-    applied: cython.double[::1]
-    travelled: cython.double[::1]
-    used: cython.double[::1]
+    alarm = current = encoder_age = position = velocity = cython.declare(cython.double[::1])
+    torque_age = torque = temperature = cython.declare(cython.double[::1])
+    joint_position = joint_current = cython.declare(cython.double[::1])
+    output = applied = travelled = used = cython.declare(cython.double[::1])
 
     def __init__(
         self,
@@ -401,8 +378,6 @@ class Monitor:
 
         Unless the plant reports otherwise, the last output acts.
         """
-        row: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         if values is not self.sources[0] or motors is not self.sources[1]:
             self.look_at(values, motors)
         for row in range(len(self.raw)):
@@ -421,12 +396,8 @@ class Monitor:
         Args:
             periods: Of control that passed since the last one.
         """
-        k: cython.Py_ssize_t
         m: JointMonitor
-        current: cython.double
-        between: cython.double
         healthy: cython.bint = True
-        again: cython.bint
         self.countdown -= 1
         slowly: cython.bint = self.countdown == 0
         if slowly:
@@ -437,7 +408,7 @@ class Monitor:
             if self.encoder_age[k] > 0.0 or m.age > 0.0:
                 between = max(periods + (m.age - self.encoder_age[k]) / self.period, 0.0)
                 m.age = known(self.encoder_age[k], 0.0)
-            again = between < 0.5 and self.position[k] == m.last  # the same reading
+            again: cython.bint = between < 0.5 and self.position[k] == m.last  # the same reading
             if between > 1.0:
                 expect_later(m, between)
             m.passed = self.first_passed(m, k)
