@@ -63,8 +63,7 @@ class Drive:
     slip_torque = cython.declare(cython.double, visibility="public")  # 0: there is no brake
     clutch_stiffness = cython.declare(cython.double, visibility="public")  # σ h
     clutch_damping = cython.declare(cython.double, visibility="public")  # c
-    release_steps = cython.declare(cython.int, visibility="public")
-    engage_steps = cython.declare(cython.int, visibility="public")
+    release_steps = engage_steps = cython.declare(cython.int, visibility="public")
     # --- its own loops, where it follows more than a PWM ------------------------------------
     every = cython.declare(cython.int, visibility="public")  # physics steps from loop to loop
     period = cython.declare(cython.double, visibility="public")  # of the loops, s
@@ -74,18 +73,12 @@ class Drive:
     damping = cython.declare(cython.double, visibility="public")
     integral_limit = cython.declare(cython.double, visibility="public")
     torque_integration = cython.declare(cython.double, visibility="public")  # 1/s
-    max_torque = cython.declare(cython.double, visibility="public")
-    max_velocity = cython.declare(cython.double, visibility="public")
-    max_current = cython.declare(cython.double, visibility="public")
-    max_pwm = cython.declare(cython.double, visibility="public")
+    max_torque = max_velocity = cython.declare(cython.double, visibility="public")
+    max_current = max_pwm = cython.declare(cython.double, visibility="public")
     # --- what it follows, see core.terms.measurement -------------------------------------------
     kind = cython.declare(cython.int, visibility="public")
-    set_current = cython.declare(cython.double, visibility="public")
-    set_torque = cython.declare(cython.double, visibility="public")
-    set_velocity = cython.declare(cython.double, visibility="public")
-    set_position = cython.declare(cython.double, visibility="public")
-    set_stiffness = cython.declare(cython.double, visibility="public")
-    set_damping = cython.declare(cython.double, visibility="public")
+    set_current = set_torque = set_velocity = cython.declare(cython.double, visibility="public")
+    set_position = set_stiffness = set_damping = cython.declare(cython.double, visibility="public")
     # --- state ------------------------------------------------------------------------------
     pwm = cython.declare(cython.double, visibility="public")  # of its own loops, percent
     step = cython.declare(cython.int, visibility="public")  # since its last loop
@@ -100,15 +93,8 @@ class Drive:
     clutch_torque = cython.declare(cython.double, visibility="public")
 
     def __init__(self, **constants: float) -> None:
-        self.powered = False
-        self.current = self.bristle_torque = self.clutch_torque = 0.0
-        self.slip_torque = self.clutch_stiffness = self.clutch_damping = 0.0
-        self.release_steps = self.engage_steps = self.steps_left = 0
         self.closed = self.order = True
-        self.kind, self.every, self.step = PWM, 1, 0
-        self.set_current = self.set_torque = self.set_velocity = 0.0
-        self.set_position = self.set_stiffness = self.set_damping = 0.0
-        self.pwm = self.integral = self.torque_integral = 0.0
+        self.kind, self.every = PWM, 1
         for name, value in constants.items():
             setattr(self, name, value)
 

@@ -10,8 +10,18 @@ from math import fabs, sqrt
 
 from ... import nocython as cython
 from .formulas import INFINITE, brake_speed, clamp, speed_ahead
-from .joint import AS_POSITION, AS_VELOCITY, REST_SPEED, REST_TIME, Joint, go_on_stopping, run_move
-from .observing import GAP, cross_gap
+from .joint import (
+    AS_POSITION,
+    AS_VELOCITY,
+    GAP,
+    REST_SPEED,
+    REST_TIME,
+    Joint,
+    come_in,
+    cross_gap,
+    go_on_stopping,
+    run_move,
+)
 from .stream import BRIEF, LAST, Stream, TimeBase, sine, versine
 
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
@@ -68,16 +78,6 @@ def rest_in_place(j: Joint) -> cython.void:
         j.sag, j.trail = j.set_position - j.position, 0.0
         j.moved = j.reference = j.followed = j.position
         j.ramped, j.active = 0.0, True
-
-
-@cython.cfunc
-@cython.inline
-def come_in(j: Joint, place: cython.double) -> cython.void:
-    """The bounds of a joint found outside its limits follow it in, not out again (P9, P16)."""
-    if j.lower < j.limit_lower:
-        j.lower = clamp(place, j.lower, j.limit_lower)
-    if j.upper > j.limit_upper:
-        j.upper = clamp(place, j.limit_upper, j.upper)
 
 
 @cython.cfunc

@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import fabs
 
 from ... import nocython as cython
-from .advancing import come_in
 from .formulas import INFINITE, brake_speed, clamp, is_number
 from .joint import (
     AS_CURRENT,
@@ -19,16 +18,20 @@ from .joint import (
     AS_TORQUE,
     AS_VELOCITY,
     CURRENT,
+    GAP,
+    HOLD_FILTER,
     IMPEDANCE,
     OFF,
     OUTPUT,
     POSITION,
     REST_SPEED,
+    WIRE_PHASE,
     Joint,
+    come_in,
     friction,
     go_on_stopping,
+    place_of,
 )
-from .observing import GAP, HOLD_FILTER, WIRE_PHASE, place_of
 from .pid import Pid, pid_step, unwind
 
 #: Largest holding torque in TORQUE before the first reference, as a part of the torque limit.

@@ -39,8 +39,8 @@ def brake_speed(
         return FAR
     if distance < 0.99 * acceleration * period * period:  # in one cycle
         return distance / period
-    cycles: cython.double = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
-    cycles = max(cycles, 1.0)
+    cycles = 0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0)
+    cycles = max(ceil(cycles), 1.0)
     return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
 
 

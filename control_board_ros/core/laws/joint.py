@@ -11,7 +11,7 @@ from array import array
 from math import fabs, sqrt
 
 from ... import nocython as cython
-from .formulas import INFINITE, braking, clamp
+from .formulas import INFINITE, braking, clamp, is_number
 from .pid import Pid
 from .stream import SLOWER, Stream
 
@@ -41,6 +41,13 @@ REST_TIME = cython.declare(cython.double, 0.03)
 FED = cython.declare(cython.int, 64)
 #: Speed, as a part of the limit, up to which the sag of a drive is that at rest.
 SAGGING = cython.declare(cython.double, 0.05)
+#: Periods without a fresh reading, and between two cycles, from which on a joint coasts, and its
+#: reference begins anew from where the joint is (B6, B7).
+GAP = cython.declare(cython.double, 3.0)
+#: Phase that the age of readings may cost the velocity loop, rad.
+WIRE_PHASE = cython.declare(cython.double, 0.2)
+#: Time constant of the feedback that a coasting joint keeps, s.
+HOLD_FILTER = cython.declare(cython.double, 0.03)
 
 
 @cython.final
@@ -63,10 +70,8 @@ class Joint:
     inertia = cython.declare(cython.double, visibility="public")
     # friction of motion in positive and in negative direction, N·m, N·m·s/rad, and the speed
     # from which on the dry part is whole, rad/s
-    coulomb = cython.declare(cython.double, visibility="public")
-    coulomb_negative = cython.declare(cython.double, visibility="public")
-    viscous = cython.declare(cython.double, visibility="public")
-    viscous_negative = cython.declare(cython.double, visibility="public")
+    coulomb = coulomb_negative = cython.declare(cython.double, visibility="public")
+    viscous = viscous_negative = cython.declare(cython.double, visibility="public")
     slip = cython.declare(cython.double, visibility="public")
     torque_per_ampere = cython.declare(cython.double, visibility="public")
     has_torque_sensor = cython.declare(cython.bint, visibility="public")
@@ -100,11 +105,8 @@ class Joint:
     feeds = cython.declare(cython.bint, visibility="public")  # u_ff acts
     compensates = cython.declare(cython.bint, visibility="public")  # gravity's torque is added
     braked = cython.declare(cython.bint, visibility="public")  # its law waits for the brake (Y4)
-    position_pid = cython.declare(Pid, visibility="public")
-    torque_pid = cython.declare(Pid, visibility="public")
-    current_pid = cython.declare(Pid, visibility="public")
-    stiffness = cython.declare(cython.double, visibility="public")
-    damping = cython.declare(cython.double, visibility="public")
+    position_pid = torque_pid = current_pid = cython.declare(Pid, visibility="public")
+    stiffness = damping = cython.declare(cython.double, visibility="public")
     torque_offset = cython.declare(cython.double, visibility="public")  # τ_ff
     offset_given = cython.declare(cython.bint, visibility="public")  # by a user
     load_taken = cython.declare(cython.double, visibility="public")  # at the start of the law
@@ -224,12 +226,9 @@ class Joint:
     torque_reference = cython.declare(cython.double, visibility="public")
     asked = cython.declare(cython.double, visibility="public")  # drive for the torque, last cycle
     output = cython.declare(cython.double, visibility="public")  # PWM, percent
-    set_current = cython.declare(cython.double, visibility="public")  # of the set-point
-    set_torque = cython.declare(cython.double, visibility="public")
-    set_velocity = cython.declare(cython.double, visibility="public")
-    set_position = cython.declare(cython.double, visibility="public")
-    set_stiffness = cython.declare(cython.double, visibility="public")
-    set_damping = cython.declare(cython.double, visibility="public")
+    # of the set-point
+    set_current = set_torque = set_velocity = cython.declare(cython.double, visibility="public")
+    set_position = set_stiffness = set_damping = cython.declare(cython.double, visibility="public")
     on_limit = cython.declare(cython.bint, visibility="public")
     was_on_limit = cython.declare(cython.bint, visibility="public")  # in the last step
     diverged = cython.declare(cython.bint, visibility="public")  # its output was not finite
@@ -240,20 +239,13 @@ class Joint:
         self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
         self.lower, self.upper, self.entry_speed = -INFINITE, INFINITE, INFINITE
         self.stream = Stream()
-        self.plan, self.stepping = memoryview(array("d", [0.0])), False
-        self.fed, self.fed_now = memoryview(array("d", [0.0] * FED)), 0
+        self.plan = memoryview(array("d", [0.0]))
+        self.fed = memoryview(array("d", [0.0] * FED))
         self.drawn = memoryview(array("d", [0.0] * FED))
-        self.smooth, self.max_jerk, self.moved_acceleration = False, 0.0, 0.0
         self.kind = AS_PWM
-        self.set_current = self.set_torque = self.set_velocity = 0.0
-        self.set_position = self.set_stiffness = self.set_damping = 0.0
         self.direct_age = self.sample_age = INFINITE
         self.alone = True
-        self.was_on_limit = self.diverged = self.strained = self.blind = self.coasts = False
         self.calm = self.spring = self.steady = 1.0
-        self.contact = self.had_contact = False
-        self.dead_band = self.sag = self.trail = self.felt = self.borne = 0.0
-        self.feels = self.comes_to_rest = False
 
     # --- requests ---------------------------------------------------------------------------
 
@@ -700,6 +692,52 @@ def go_on_stopping(j: Joint, place: cython.double) -> cython.void:
     j.followed, j.moved = place, place - j.ramped
     j.moved_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
     j.followed_velocity = j.moved_velocity
+
+
+@cython.cfunc
+@cython.inline
+def come_in(j: Joint, place: cython.double) -> cython.void:
+    """The bounds of a joint found outside its limits follow it in, not out again (P9, P16)."""
+    if j.lower < j.limit_lower:
+        j.lower = clamp(place, j.lower, j.limit_lower)
+    if j.upper > j.limit_upper:
+        j.upper = clamp(place, j.limit_upper, j.upper)
+
+
+@cython.cfunc
+def restart_at(j: Joint, place: cython.double) -> cython.void:
+    """Continue the followed reference from a place, with the joint's velocity."""
+    j.followed = clamp(place, j.lower, j.upper)
+    j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
+    j.followed_acceleration = 0.0
+    j.stepping = False
+    if j.stopping:
+        go_on_stopping(j, j.followed)
+    j.active = True
+
+
+@cython.cfunc
+def cross_gap(j: Joint) -> cython.void:
+    """After a gap between two cycles, in which the drive got no set-point (B6).
+
+    A joint by torque or velocity coasted, one by position stood: the followed reference goes on
+    from where the joint is between both, as if one period had passed.
+    """
+    end: cython.double = j.followed + j.followed_velocity * j.elapsed
+    if not j.active or not is_number(j.position):
+        return
+    if j.kind >= AS_POSITION and j.missed > 0.0:  # where it is now is not known yet
+        j.followed_velocity = j.followed_acceleration = 0.0
+    else:
+        restart_at(j, clamp(j.position, min(j.followed, end), max(j.followed, end)))
+
+
+@cython.cfunc
+@cython.inline
+def place_of(j: Joint, age: cython.double) -> cython.int:
+    """Where what was so an age ago is kept, as far back as it is."""
+    cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FED - 1.0))
+    return (j.fed_now - cycles) & (FED - 1)
 
 
 @cython.cfunc

@@ -9,17 +9,21 @@ from __future__ import annotations
 from math import fabs, sqrt
 
 from ... import nocython as cython
-from .formulas import clamp, is_number
+from .formulas import is_number
 from .joint import (
     AS_IMPEDANCE,
     AS_POSITION,
     AS_VELOCITY,
     FED,
+    GAP,
+    HOLD_FILTER,
     POSITION,
     REST_TIME,
+    WIRE_PHASE,
     Joint,
     friction,
-    go_on_stopping,
+    place_of,
+    restart_at,
 )
 from .pid import Pid
 
@@ -30,20 +34,14 @@ SETTLE_LEAST = cython.declare(cython.double, 0.05)
 SETTLE_MOST = cython.declare(cython.double, 0.5)
 #: Maximum time that a joint at rest waits for others that still brake, s.
 OTHERS_MOST = cython.declare(cython.double, 3.0)
-#: Periods without a fresh reading, and between two cycles, from which on a joint coasts, and its
-#: reference begins anew from where the joint is (B6, B7).
-GAP = cython.declare(cython.double, 3.0)
-#: Memory of the age of readings, s, and the phase that it may cost the velocity loop, rad.
+#: Memory of the age of readings, s.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
-WIRE_PHASE = cython.declare(cython.double, 0.2)
 #: Speed that uneven ages add behind a drive's loop of position, over their deviation × ``pursuit``
 #: × the speed; the most of both, in speed limits (B7).
 UNEVEN_SPEED = cython.declare(cython.double, 2.5)
 UNEVEN_MOST = cython.declare(cython.double, 1.04)
 #: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
 SEPARATION = cython.declare(cython.double, 0.25)
-#: Time constant of the feedback that a coasting joint keeps, s.
-HOLD_FILTER = cython.declare(cython.double, 0.03)
 #: Part of the torque limit that the error of a reference may be worth after a gap.
 GAP_SHARE = cython.declare(cython.double, 0.05)
 
@@ -116,14 +114,6 @@ def fed_since(j: Joint, age: cython.double) -> cython.double:
 
 
 @cython.cfunc
-@cython.inline
-def place_of(j: Joint, age: cython.double) -> cython.int:
-    """Where what was so an age ago is kept, as far back as it is."""
-    cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FED - 1.0))
-    return (j.fed_now - cycles) & (FED - 1)
-
-
-@cython.cfunc
 def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     """What the age of a reading means for the laws (B7).
 
@@ -191,34 +181,6 @@ def take_up(j: Joint) -> cython.void:
     p.room = max(fabs(p.integral) - p.limit, 0.0)
     p.fall = p.room * j.period / HOLD_FILTER
     p.derivative = j.feedback = 0.0
-
-
-@cython.cfunc
-def restart_at(j: Joint, place: cython.double) -> cython.void:
-    """Continue the followed reference from a place, with the joint's velocity."""
-    j.followed = clamp(place, j.lower, j.upper)
-    j.followed_velocity = clamp(j.velocity, -j.max_velocity, j.max_velocity)
-    j.followed_acceleration = 0.0
-    j.stepping = False
-    if j.stopping:
-        go_on_stopping(j, j.followed)
-    j.active = True
-
-
-@cython.cfunc
-def cross_gap(j: Joint) -> cython.void:
-    """After a gap between two cycles, in which the drive got no set-point (B6).
-
-    A joint by torque or velocity coasted, one by position stood: the followed reference goes on
-    from where the joint is between both, as if one period had passed.
-    """
-    end: cython.double = j.followed + j.followed_velocity * j.elapsed
-    if not j.active or not is_number(j.position):
-        return
-    if j.kind >= AS_POSITION and j.missed > 0.0:  # where it is now is not known yet
-        j.followed_velocity = j.followed_acceleration = 0.0
-    else:
-        restart_at(j, clamp(j.position, min(j.followed, end), max(j.followed, end)))
 
 
 @cython.cfunc

@@ -18,23 +18,13 @@ class Pid:
     cycle.
     """
 
-    kp = cython.declare(cython.double, visibility="public")
-    ki_period = cython.declare(cython.double, visibility="public")
-    kd = cython.declare(cython.double, visibility="public")
-    kff = cython.declare(cython.double, visibility="public")
+    kp = ki_period = kd = kff = cython.declare(cython.double, visibility="public")
     limit = cython.declare(cython.double, visibility="public")
     room = cython.declare(cython.double, visibility="public")
     fall = cython.declare(cython.double, visibility="public")
     alpha = cython.declare(cython.double, visibility="public")
-    integral = cython.declare(cython.double, visibility="public")
-    derivative = cython.declare(cython.double, visibility="public")
-    previous = cython.declare(cython.double, visibility="public")
-    error = cython.declare(cython.double, visibility="public")
-    reference = cython.declare(cython.double, visibility="public")
-
-    def __init__(self) -> None:
-        self.kp = self.ki_period = self.kd = self.kff = self.limit = self.fall = self.alpha = 0.0
-        self.reset(0.0)
+    integral = derivative = previous = cython.declare(cython.double, visibility="public")
+    error = reference = cython.declare(cython.double, visibility="public")
 
     @cython.ccall
     def reset(self, integral: cython.double) -> cython.void:

@@ -62,14 +62,8 @@ class TimeBase:
     turned = cython.declare(cython.double, visibility="public")  # Σ of ω² and its weight
     run = cython.declare(cython.double, visibility="public")  # Σ of the weights
     turning = cython.declare(cython.double, visibility="public")  # ω²
-    ss = cython.declare(cython.double, visibility="public")  # sums of the fit
-    cc = cython.declare(cython.double, visibility="public")
-    sc = cython.declare(cython.double, visibility="public")
-    s1 = cython.declare(cython.double, visibility="public")
-    c1 = cython.declare(cython.double, visibility="public")
-    x = cython.declare(cython.double, visibility="public")
-    v = cython.declare(cython.double, visibility="public")
-    a = cython.declare(cython.double, visibility="public")
+    ss = cc = sc = s1 = c1 = cython.declare(cython.double, visibility="public")  # sums of the fit
+    x = v = a = cython.declare(cython.double, visibility="public")
     residual = cython.declare(cython.double, visibility="public")  # mean square, of predictions
 
     def __init__(self) -> None:
@@ -261,11 +255,8 @@ class Stream:
     late = cython.declare(cython.double, visibility="public")  # of the last sample, s
     uneven = cython.declare(cython.double, visibility="public")  # mean deviation of intervals, s
     gap = cython.declare(cython.double, visibility="public")  # the longest of late, s
-    weight = cython.declare(cython.double, visibility="public")  # sums of the regression
-    sum_k = cython.declare(cython.double, visibility="public")
-    sum_t = cython.declare(cython.double, visibility="public")
-    sum_kk = cython.declare(cython.double, visibility="public")
-    sum_kt = cython.declare(cython.double, visibility="public")
+    # sums of the regression
+    weight = sum_k = sum_t = sum_kk = sum_kt = cython.declare(cython.double, visibility="public")
     missing = cython.declare(cython.double, visibility="public")  # samples lost per sample
     share = cython.declare(cython.double, visibility="public")  # of the last sample in ω²
     mean = cython.declare(cython.double, visibility="public")  # time between samples, s

@@ -39,9 +39,7 @@ class Body:
     mass = cython.declare(cython.double, visibility="public")
     hx = hy = hz = cython.declare(cython.double, visibility="public")
     ixx = iyy = izz = ixy = ixz = iyz = cython.declare(cython.double, visibility="public")
-    rotor = cython.declare(cython.double, visibility="public")
-    coulomb = cython.declare(cython.double, visibility="public")
-    viscous = cython.declare(cython.double, visibility="public")
+    rotor = coulomb = viscous = cython.declare(cython.double, visibility="public")
     # state: position, velocity, acceleration
     q = dq = ddq = cython.declare(cython.double, visibility="public")
     # found: R, the position that it is of, way to the origin, ω, α, a, f, n, torque
@@ -57,21 +55,13 @@ class Body:
     whole = cython.declare(cython.double, visibility="public")
     # a move: start, its velocity and acceleration, target, T, T_b, time past; drift; bounds
     start = cython.declare(cython.double, visibility="public")
-    start_velocity = cython.declare(cython.double, visibility="public")
-    start_acceleration = cython.declare(cython.double, visibility="public")
-    target = cython.declare(cython.double, visibility="public")
-    time = cython.declare(cython.double, visibility="public")
-    brake = cython.declare(cython.double, visibility="public")
-    past = cython.declare(cython.double, visibility="public")
-    drift = cython.declare(cython.double, visibility="public")
+    start_velocity = start_acceleration = cython.declare(cython.double, visibility="public")
+    target = time = brake = past = drift = cython.declare(cython.double, visibility="public")
     lower = upper = cython.declare(cython.double, visibility="public")
     # torque limit; torque at stall, and how much less per rad/s
-    limit = cython.declare(cython.double, visibility="public")
-    stall = cython.declare(cython.double, visibility="public")
-    fading = cython.declare(cython.double, visibility="public")
+    limit = stall = fading = cython.declare(cython.double, visibility="public")
 
     def __init__(self) -> None:
-        self.slides, self.start_acceleration = False, 0.0
         self.turned = float("nan")
 
     @cython.ccall

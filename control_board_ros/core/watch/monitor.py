@@ -116,9 +116,6 @@ class JointMonitor:
     )  # beyond max_velocity for OVERSPEED_READINGS
 
     def __init__(self) -> None:
-        self.switched = self.strained = self.hot = False
-        self.slipped = self.overran = self.overloaded = self.raced = self.seen = False
-        self.read = False
         self.expect_anything()
 
     def set(self, values: dict[str, float]) -> None:
