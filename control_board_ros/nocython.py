@@ -42,6 +42,7 @@ view = CType(as_it_is)
 double: Any = CType(builtins.float)
 float: Any = double  # noqa: A001
 int: Any = CType(builtins.int)  # noqa: A001
+long: Any = int
 uchar: Any = int
 Py_ssize_t: Any = int
 bint: Any = CType(bool)

@@ -251,7 +251,7 @@ def test_an_old_reading_goes_on_with_what_was_accelerated_since() -> None:
         LAWS.note_feed(idle)
         assert LAWS.fed_since(idle, 0.01) == 0.0
     one.followed_acceleration = 0.0
-    for _ in range(LAWS.FED):  # the oldest are forgotten
+    for _ in range(LAWS.FEED_CYCLES):  # the oldest are forgotten
         LAWS.note_feed(one)
     assert LAWS.fed_since(one, 9.0) == 0.0
     one.followed_acceleration, one.missed = 4.0, 0.0
@@ -453,8 +453,8 @@ def test_braking_in_whole_cycles() -> None:
         k = next(k for k in range(1, 10**4) if speed <= 20.0 * 0.01 * k * (1 + 1e-12))
         assert distance == pytest.approx(k * speed * 0.01 - 20.0 * 1e-4 * k * (k - 1) / 2)
     assert LAWS.brake_speed(0.0, 20.0, 0.01) == LAWS.brake_speed(-1.0, 20.0, 0.01) == 0.0
-    assert LAWS.brake_speed(LAWS.FAR * 1.01, 20.0, 0.01) == LAWS.FAR
-    assert LAWS.brake_speed(LAWS.FAR, 20.0, 0.01) < LAWS.FAR
+    assert LAWS.brake_speed(LAWS.FAR_DISTANCE * 1.01, 20.0, 0.01) == LAWS.FAR_DISTANCE
+    assert LAWS.brake_speed(LAWS.FAR_DISTANCE, 20.0, 0.01) < LAWS.FAR_DISTANCE
 
 
 @pytest.mark.parametrize(

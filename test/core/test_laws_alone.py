@@ -139,7 +139,7 @@ BLOCKED = {
     "velocity": 0.0, "position": 0.2, "followed": 0.5, "followed_velocity": 0.0, "carried": 2.0,
     "blocked": True,
 }  # fmt: skip
-#: LIGHT J v/(T (1 + lead/2) + delay), N·m.
+#: LIGHT_FACTOR J v/(T (1 + lead/2) + delay), N·m.
 PUSH = 0.7 * 0.1 * 3.0 / (0.01 * 1.25 + 0.004)
 
 

@@ -250,7 +250,11 @@ def pursued(j: Any) -> tuple[dict[str, float], str]:
     stream, period, most = j.stream, j.period, j.max_acceleration
     base = stream.grid if stream.on_grid else stream.sent
     age = (j.direct_age - 1.0) * period + (stream.late if stream.on_grid else 0.0)
-    quick = min(LAWS.QUICK / max(stream.interval, LAWS.BRIEF), LAWS.QUICKEST, 0.2 / period)
+    quick = min(
+        LAWS.FREQUENCY_INTERVAL / max(stream.interval, LAWS.MIN_STREAM_INTERVAL),
+        LAWS.MAX_FREQUENCY,
+        0.2 / period,
+    )
     goal, speed, rate = motion(base, age)
     speed, rate = clip(speed, j.max_velocity), clip(rate, most)
     where = "free"

@@ -132,7 +132,7 @@ def test_a_stream_into_a_limit_ends_there() -> None:
 
 
 def test_a_single_step_is_followed_until_it_can_be_no_stream() -> None:
-    """P4: at rest at its target, a joint waits for the next position of a stream, LAST long."""
+    """P4: at rest at its target, a joint waits STREAM_END_AGE for the next sample of a stream."""
     one = OneJoint()
     one.step(2)
     one.joint.start(Law.POSITION)

@@ -72,8 +72,8 @@ def test_it_begins_with_one_sample(given: bool) -> None:
         (0.05, 0.01, 0.01, True),
         (0.05, 0.0501, 0.01, False),  # more than five intervals
         (0.05, 0.0499, 0.01, True),
-        (0.05, LAWS.LAST + 0.001, 1.0, False),
-        (0.05, LAWS.LAST - 0.001, 1.0, True),
+        (0.05, LAWS.STREAM_END_AGE + 0.001, 1.0, False),
+        (0.05, LAWS.STREAM_END_AGE - 0.001, 1.0, True),
         (0.15, 0.01, 0.01, True),  # 10 rad/s in the interval and half of one
         (0.151, 0.01, 0.01, False),
         (-0.151, 0.01, 0.01, False),
@@ -413,7 +413,7 @@ def test_the_velocity_is_that_of_the_reading_believed() -> None:
 @pytest.mark.parametrize("flows", [True, False])
 def test_slow_streams_are_steps(flows: bool) -> None:
     """Where it begins below one interval, and ends above another one."""
-    least = LAWS.SLOWER if flows else LAWS.SLOWEST
+    least = LAWS.MAX_STREAM_INTERVAL if flows else LAWS.MAX_BEGINNING_INTERVAL
     for factor, expected in ((0.99, True), (1.01, False)):
         d = factor * least
         made = stream()
@@ -439,8 +439,8 @@ def test_an_uneven_stream_may_be_slower(ways: tuple[float, float], flows: bool) 
     """By half its unevenness: both are 1.025 of the limit in the mean."""
     made = stream()
     for k, way in enumerate(ways):
-        taken(made, 0.01 * (k + 1), way * LAWS.SLOWEST)
-    assert made.interval > LAWS.SLOWEST
+        taken(made, 0.01 * (k + 1), way * LAWS.MAX_BEGINNING_INTERVAL)
+    assert made.interval > LAWS.MAX_BEGINNING_INTERVAL
     assert bool(made.flows) is flows
 
 

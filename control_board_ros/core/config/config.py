@@ -85,7 +85,7 @@ BOUND, REFUSE = OUT_OF_RANGE = ("bound", "refuse")
 #: The torque sensor is another program.
 EXTERNAL = "external"
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
-DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
+DAMPING_RATIO, MAX_DAMPING_RATE = 0.75, 400.0
 
 #: Units of the loops' gains.
 _POSITION = {"kp": "N·m/rad", "ki": "N·m/(rad·s)", "kd": "N·m·s/rad", "kff": "N·m/rad"}
@@ -96,9 +96,9 @@ _CURRENT = {"kp": "V/A", "ki": "V/(A·s)", "kd": "V·s/A", "kff": "V/A", "integr
 #: Types of calibration and their names; core.calibration has the class of each.
 CALIBRATION_TYPES = {3: "offset and move", 5: "move to a hard stop", 12: "absolute sensor"}
 
-#: A hard stop is confirmed by a push that is harder by PUSH, and by LEAST_PUSH at least; it stays
+#: A hard stop is confirmed by a push that is harder by PUSH, and by MIN_PUSH at least; it stays
 #: below the peak current by PUSH_CURRENT.
-PUSH, LEAST_PUSH, PUSH_CURRENT = 1.5, 1.2, 0.9
+PUSH, MIN_PUSH, PUSH_CURRENT = 1.5, 1.2, 0.9
 
 
 @configuration
@@ -174,11 +174,11 @@ class Calibration:
             f"{key}.stop", self.stop, limits.hard_lower - margin, limits.hard_upper + margin
         )
         push = self.push(limits, motor)
-        if push < LEAST_PUSH * abs(self.output):
+        if push < MIN_PUSH * abs(self.output):
             raise ConfigError(
                 f"{key}.output",
                 self.output,
-                f"at most {push / LEAST_PUSH:.4g} %, so that limits.output, limits.torque and "
+                f"at most {push / MIN_PUSH:.4g} %, so that limits.output, limits.torque and "
                 "limits.peak_current let a harder push confirm the stop",
             )
 
@@ -480,7 +480,7 @@ def damping_for(stiffness: float, joint: JointConfig) -> float:
     max_damping, and the stable limit of the torque loop at inertia_min.
     """
     best = spring_damping(stiffness, joint.inertia_max)
-    return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
+    return min(best, MAX_DAMPING_RATE * joint.inertia_min, joint.impedance.max_damping)
 
 
 class Zone(NamedTuple):

@@ -22,14 +22,14 @@ from .joint import (
     go_on_stopping,
     run_move,
 )
-from .stream import BRIEF, LAST, Stream, TimeBase, sine, versine
+from .stream import MIN_STREAM_INTERVAL, STREAM_END_AGE, Stream, TimeBase, sine, versine
 
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
-QUICKEST = cython.declare(cython.double, 60.0)
-QUICK = cython.declare(cython.double, 1.2)
+MAX_FREQUENCY = cython.declare(cython.double, 60.0)
+FREQUENCY_INTERVAL = cython.declare(cython.double, 1.2)
 #: Time over which braking fades out on a wire, in ages of late readings; at most, s.
-FADE_AGES = cython.declare(cython.double, 12.0)
-FADE_MOST = cython.declare(cython.double, 0.12)
+FADE_TIME_AGES = cython.declare(cython.double, 12.0)
+MAX_FADE_TIME = cython.declare(cython.double, 0.12)
 #: Time in which a reference that brakes on a wire yields to a joint ahead of it, s.
 YIELD_TIME = cython.declare(cython.double, 0.015)
 
@@ -140,7 +140,7 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
 
     A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
     """
-    time: cython.double = min(FADE_AGES * j.wire, FADE_MOST)
+    time: cython.double = min(FADE_TIME_AGES * j.wire, MAX_FADE_TIME)
     if time <= 0.0:
         return INFINITE
     return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)
@@ -258,7 +258,7 @@ def follow(j: Joint) -> cython.void:
         and fabs(velocity) <= step * 1e-6
         and not (j.moving or j.stopping or j.ramp_target != 0.0 or j.ramp_velocity != 0.0)
         and j.direct_velocity == 0.0
-        and (j.direct_age == INFINITE or j.direct_age * j.period > LAST)
+        and (j.direct_age == INFINITE or j.direct_age * j.period > STREAM_END_AGE)
     ):
         j.active, j.sample_age = False, INFINITE
         j.followed_velocity = j.followed_acceleration = 0.0
@@ -275,11 +275,13 @@ def follow_stream(j: Joint) -> cython.double:
     s: Stream = j.stream
     base: TimeBase = s.grid if s.on_grid else s.sent
     age: cython.double = (j.direct_age - 1.0) * j.period
-    interval: cython.double = s.interval if s.interval > BRIEF else BRIEF
-    quick: cython.double = QUICK / interval
+    interval: cython.double = (
+        s.interval if s.interval > MIN_STREAM_INTERVAL else MIN_STREAM_INTERVAL
+    )
+    quick: cython.double = FREQUENCY_INTERVAL / interval
     if s.on_grid:
         age += s.late
-    quick = min(quick, QUICKEST)
+    quick = min(quick, MAX_FREQUENCY)
     quick = min(quick, 0.2 / j.period)
     turned: cython.double = versine(base.turning, age)
     cosine: cython.double = 1.0 - base.turning * turned

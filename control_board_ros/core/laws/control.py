@@ -33,7 +33,7 @@ PEAK_SHARE = 0.95
 PURSUIT_SHARE = 0.2
 
 #: A winding that is slower than the control period by more than this is not made up for whole.
-MOST_LEAD = 3.0
+MAX_LEAD = 3.0
 
 #: Hysteresis of the warning of a limit at most, rad or m.
 EDGE_ANGLE, EDGE_DISTANCE = 1.0 * DEGREE, 1e-3
@@ -232,18 +232,20 @@ class Controller:
     def terms_in_force(self, j: int) -> list[float]:
         """Constants and friction that the laws of a joint use, by Term."""
         usual = usual_terms(self._config.joints[j], *self._bodies.get(j, ())[:1])
-        given: list[float] = self.terms[:, j].tolist()
-        return [a if math.isnan(b) else b for a, b in zip(usual, given, strict=True)]
+        overrides: list[float] = self.terms[:, j].tolist()
+        return [a if math.isnan(b) else b for a, b in zip(usual, overrides, strict=True)]
 
     def _cap(self, j: int) -> None:
         """Set the constants of a joint, within the caps of users."""
         joint, own = self.joints[j], self._config.joints[j]
         limits = own.limits
-        most, output = np.minimum(self.caps[:, j], (limits.peak_current, limits.output)).tolist()
-        self.caps[:, j] = most, output
+        current, output = np.minimum(
+            self.caps[:, j], (limits.peak_current, limits.output)
+        ).tolist()
+        self.caps[:, j] = current, output
         set_constants(joint, own, self._config.period, self.terms_in_force(j))
-        if most < limits.peak_current:
-            joint.max_torque = min(joint.max_torque, most * joint.torque_per_ampere)
+        if current < limits.peak_current:
+            joint.max_torque = min(joint.max_torque, current * joint.torque_per_ampere)
         joint.max_output = output
         self._set_drive(j, self._armed[j][0])
 
@@ -316,11 +318,11 @@ class Controller:
         set_drive(joint, own, kind, in_amps=in_amps)
         current, output = self.caps[:, j].tolist()
         if kind > SetPoint.CURRENT:
-            most = current * joint.torque_per_ampere
+            cap = current * joint.torque_per_ampere
         else:
-            most = current if joint.in_amps else output
+            cap = current if joint.in_amps else output
         if current < own.limits.peak_current or output < own.limits.output:
-            joint.max_drive = min(joint.max_drive, most)
+            joint.max_drive = min(joint.max_drive, cap)
 
 
 def in_between(before: Payload, after: Payload, share: float) -> Payload:
@@ -354,7 +356,7 @@ def check_weights(
     k = int(np.argmin(shares))
     if shares[k] >= 1.0:
         return
-    heaviest = max(new, key=lambda one: joints[one].payload.mass)
+    heaviest = max(new, key=lambda k: joints[k].payload.mass)
     mass = joints[heaviest].payload.mass
     raise ConfigError(
         f"{joints[heaviest].name}.payload.mass",
@@ -410,7 +412,7 @@ def set_constants(
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     winding = motor.inductance / motor.resistance
     kept = math.exp(-period / winding)
-    joint.lead = min(kept / (1.0 - kept), MOST_LEAD)
+    joint.lead = min(kept / (1.0 - kept), MAX_LEAD)
     joint.lag = winding / period - kept / (1.0 - kept)
 
 

@@ -45,11 +45,11 @@ SPAN = cython.declare(cython.double, 3.0)
 RETURN = cython.declare(cython.double, 0.1)
 #: Part of the acceleration limit with which the protection brakes ahead of a limit.
 BRAKING = cython.declare(cython.double, 0.7)
-#: Inertia that the protection assumes: LIGHT × the least where torque grows; HEAVY × the mean
-#: where torque is reduced, at most WIDE × the former.
-LIGHT = cython.declare(cython.double, 0.7)
-HEAVY = cython.declare(cython.double, 2.0)
-WIDE = cython.declare(cython.double, 4.0)
+#: Inertia that the protection assumes: LIGHT_FACTOR × the least where torque grows; HEAVY_FACTOR ×
+#: the mean where torque is reduced, at most WIDE_FACTOR × the former.
+LIGHT_FACTOR = cython.declare(cython.double, 0.7)
+HEAVY_FACTOR = cython.declare(cython.double, 2.0)
+WIDE_FACTOR = cython.declare(cython.double, 4.0)
 #: Time constant in which the lag at a stop fades from set-points, once references follow, s.
 TRAIL_FADING = cython.declare(cython.double, 0.2)
 #: Largest lead of the followed reference over the joint, in errors worth the torque limit.
@@ -125,13 +125,13 @@ def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
 
     What it sags by under a load is no lead: a reference that followed such a joint would sink with
     it. At the torque limit, by its current, the reference yields, so that it is that limit. Below,
-    it goes on, up to WIDE leads. Beyond, and where no current is known, it waits.
+    it goes on, up to WIDE_FACTOR leads. Beyond, and where no current is known, it waits.
     """
     error: cython.double = j.followed - j.position
     torque: cython.double = j.torque if error > 0.0 else -j.torque
     if torque > j.max_torque:
         stay(j, j.position + error * j.max_torque / torque)
-    elif not (fabs(torque) > 0.0 and fabs(error) <= WIDE * lead):
+    elif not (fabs(torque) > 0.0 and fabs(error) <= WIDE_FACTOR * lead):
         wait_for_drive(j, clamp(j.followed, j.position - lead, j.position + lead))
 
 
@@ -175,12 +175,12 @@ def hold_back(j: Joint) -> cython.void:
     push: cython.double = p.kp * (j.followed - j.position) + p.integral
     if j.kind == AS_POSITION and is_number(j.torque) and j.torque != 0.0:
         push = j.torque
-    most: cython.double = (
-        LIGHT * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
+    max_excess: cython.double = (
+        LIGHT_FACTOR * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
     )
-    if most >= j.max_torque:
+    if max_excess >= j.max_torque:
         return
-    most = max(most, HOLD_SHARE * j.max_torque)
+    max_excess = max(max_excess, HOLD_SHARE * j.max_torque)
     if fabs(j.velocity) > REST_SPEED * j.max_velocity:
         j.blocked = False
     elif j.followed_velocity != 0.0:
@@ -191,8 +191,8 @@ def hold_back(j: Joint) -> cython.void:
         j.carried = push if j.kind == AS_POSITION else p.integral
         return
     excess = push - j.carried
-    if fabs(excess) > most:
-        back = j.followed - (excess - clamp(excess, -most, most)) / p.kp
+    if fabs(excess) > max_excess:
+        back = j.followed - (excess - clamp(excess, -max_excess, max_excess)) / p.kp
         # not beyond where the joint is
         back = clamp(back, min(j.followed, j.position), max(j.followed, j.position))
         if j.kind == AS_POSITION:
@@ -308,21 +308,21 @@ def control(j: Joint) -> cython.void:
     if j.law == OFF:
         j.output = 0.0
         return
-    given = j.output_offset * j.per_feed if j.feeds else 0.0
+    feed = j.output_offset * j.per_feed if j.feeds else 0.0
     if j.kind in (AS_POSITION, AS_VELOCITY):
-        lead_drive(j, given)
+        lead_drive(j, feed)
         return
     if j.coasts and j.law != POSITION and not j.settling:
         coast(j)
         return
     if j.kind == AS_IMPEDANCE and j.wire > 0.0 and (j.law == POSITION or j.settling):
-        hand_down_spring(j, given)
+        hand_down_spring(j, feed)
         return
     if j.law == OUTPUT:
-        output_law(j, j.output_command + given)
+        output_law(j, j.output_command + feed)
         return
     if j.law == CURRENT and not (j.settling or j.holding):
-        drive = clamp(j.current_command + given, -j.max_drive, j.max_drive)
+        drive = clamp(j.current_command + feed, -j.max_drive, j.max_drive)
         hand_down(j, protect(j, drive))
         return
     if j.law == POSITION or j.settling:
@@ -336,11 +336,11 @@ def control(j: Joint) -> cython.void:
     elif j.strain_cycles < 1000000:
         j.strain_cycles += 1
     drive = ahead_of_winding(j, drive * j.per_torque)
-    drive += j.compensation * j.per_speed * j.velocity + given
-    given = protect(j, clamp(drive, -j.max_drive, j.max_drive))
-    if given != drive:
-        unwind(loop, drive - given)
-    hand_down(j, given)
+    drive += j.compensation * j.per_speed * j.velocity + feed
+    bounded = protect(j, clamp(drive, -j.max_drive, j.max_drive))
+    if bounded != drive:
+        unwind(loop, drive - bounded)
+    hand_down(j, bounded)
 
 
 @cython.cfunc
@@ -412,10 +412,10 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
     wanted: cython.double = j.percent_per_volt * (
         feedback + j.ohms * (reference + j.lead * (reference - before)) + j.emf * j.velocity
     )
-    given: cython.double = clamp(wanted, -j.max_output, j.max_output)
-    if given != wanted:
-        unwind(p, wanted - given)
-    return given
+    bounded: cython.double = clamp(wanted, -j.max_output, j.max_output)
+    if bounded != wanted:
+        unwind(p, wanted - bounded)
+    return bounded
 
 
 @cython.cfunc
@@ -488,9 +488,9 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
         if j.law != POSITION and not j.settling:
             speed += gained * (j.age - j.missed)
     spare: cython.double = (top - speed) / span - gain * gained
-    inertia: cython.double = LIGHT * j.inertia_min
+    inertia: cython.double = LIGHT_FACTOR * j.inertia_min
     if spare < 0.0:
-        inertia = min(HEAVY * j.inertia, WIDE * inertia)
+        inertia = min(HEAVY_FACTOR * j.inertia, WIDE_FACTOR * inertia)
     bound: cython.double = torque - gain * j.lag * grown + inertia * spare
     if bound >= j.max_torque:
         return INFINITE

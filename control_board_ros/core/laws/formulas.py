@@ -10,7 +10,7 @@ from ... import nocython as cython
 #: No limit, and no time at which something was.
 INFINITE = cython.declare(cython.double, 1e300)
 #: Distance above which no braking is needed, rad or m.
-FAR = cython.declare(cython.double, 1e9)
+FAR_DISTANCE = cython.declare(cython.double, 1e9)
 NAN = cython.declare(cython.double, float("nan"))
 
 
@@ -35,8 +35,8 @@ def brake_speed(
     """
     if distance <= 0.0:
         return 0.0
-    if distance > FAR:  # no limit is known
-        return FAR
+    if distance > FAR_DISTANCE:  # no limit is known
+        return FAR_DISTANCE
     if distance < 0.99 * acceleration * period * period:  # in one cycle
         return distance / period
     cycles = 0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0)

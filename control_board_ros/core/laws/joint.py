@@ -13,7 +13,7 @@ from math import fabs, sqrt
 from ... import nocython as cython
 from .formulas import INFINITE, braking, clamp, is_number
 from .pid import Pid
-from .stream import SLOWER, Stream
+from .stream import MAX_STREAM_INTERVAL, Stream
 
 #: The laws of source Fig. 2; modes.Law gives them names.
 OFF = cython.declare(cython.int, 0)
@@ -38,7 +38,7 @@ REST_TORQUE = cython.declare(cython.double, 5e-3)
 REST_TIME = cython.declare(cython.double, 0.03)
 #: Cycles over which what the feed-forward accelerated is kept, a power of two: as far as the
 #: motion of an old reading is continued.
-FED = cython.declare(cython.int, 64)
+FEED_CYCLES = cython.declare(cython.int, 64)
 #: Speed, as a part of the limit, up to which the sag of a drive is that at rest.
 SAGGING = cython.declare(cython.double, 0.05)
 #: Periods without a fresh reading, and between two cycles, from which on a joint coasts, and its
@@ -169,7 +169,7 @@ class Joint:
     steady = cython.declare(cython.double, visibility="public")  # top speed that this allows, 0…1
     missed = cython.declare(cython.double, visibility="public")  # without a fresh reading, s
     weighed_torque = cython.declare(cython.double, visibility="public")  # of the last reading
-    # ∫a_ref dt of the last FED cycles, rad/s: what the feed-forward has accelerated
+    # ∫a_ref dt of the last FEED_CYCLES cycles, rad/s: what the feed-forward has accelerated
     fed = cython.declare(cython.double[::1], visibility="public")
     fed_now = cython.declare(cython.int, visibility="public")  # the place of the last one
     drawn = cython.declare(cython.double[::1], visibility="public")  # current references then, A
@@ -240,8 +240,8 @@ class Joint:
         self.lower, self.upper, self.entry_speed = -INFINITE, INFINITE, INFINITE
         self.stream = Stream()
         self.plan = memoryview(array("d", [0.0]))
-        self.fed = memoryview(array("d", [0.0] * FED))
-        self.drawn = memoryview(array("d", [0.0] * FED))
+        self.fed = memoryview(array("d", [0.0] * FEED_CYCLES))
+        self.drawn = memoryview(array("d", [0.0] * FEED_CYCLES))
         self.kind = AS_PWM
         self.direct_age = self.sample_age = INFINITE
         self.alone = True
@@ -422,13 +422,13 @@ class Joint:
 
     @cython.cfunc
     def take_sample(
-        self, position: cython.double, velocity: cython.double, given: cython.bint
+        self, position: cython.double, velocity: cython.double, has_velocity: cython.bint
     ) -> cython.void:
-        self.alone, self.sample_age = self.sample_age * self.period > SLOWER, 0.0
-        if not given and self.goes_to(position):
+        self.alone, self.sample_age = self.sample_age * self.period > MAX_STREAM_INTERVAL, 0.0
+        if not has_velocity and self.goes_to(position):
             return
         self.stream.take(
-            position, velocity, given, self.direct_age, self.period, self.max_velocity,
+            position, velocity, has_velocity, self.direct_age, self.period, self.max_velocity,
             self.max_acceleration,
         )  # fmt: skip
         self.active, self.moving, self.stopping = True, False, False
@@ -736,8 +736,8 @@ def cross_gap(j: Joint) -> cython.void:
 @cython.inline
 def place_of(j: Joint, age: cython.double) -> cython.int:
     """Where what was so an age ago is kept, as far back as it is."""
-    cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FED - 1.0))
-    return (j.fed_now - cycles) & (FED - 1)
+    cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FEED_CYCLES - 1.0))
+    return (j.fed_now - cycles) & (FEED_CYCLES - 1)
 
 
 @cython.cfunc

@@ -33,7 +33,7 @@ from .stopping import Stops
 #: Time beyond the torque limit in a position mode after which the log reports it, s.
 STRAIN_TIME = cython.declare(cython.double, 0.05)
 #: Outputs above this, and NaN, are a divergence, percent.
-MOST_OUTPUT = cython.declare(cython.double, 1e3)
+DIVERGED_OUTPUT = cython.declare(cython.double, 1e3)
 
 
 @cython.final
@@ -159,7 +159,7 @@ class Laws:
         for k in range(len(self.joints)):
             j = self.joints[k]
             control(j)
-            if not fabs(j.output) <= MOST_OUTPUT or not is_number(set_point_sum(j)):
+            if not fabs(j.output) <= DIVERGED_OUTPUT or not is_number(set_point_sum(j)):
                 j.give_up()
                 self.position_reference[k], self.velocity_reference[k] = j.reference, 0.0
                 changed = True

@@ -14,7 +14,7 @@ from .joint import (
     AS_IMPEDANCE,
     AS_POSITION,
     AS_VELOCITY,
-    FED,
+    FEED_CYCLES,
     GAP,
     HOLD_FILTER,
     POSITION,
@@ -30,16 +30,16 @@ from .pid import Pid
 #: Time constant of the load's filter, s.
 LOAD_FILTER = cython.declare(cython.double, 0.01)
 #: Time to measure the load, s: minimum where a reference waits for it, maximum.
-SETTLE_LEAST = cython.declare(cython.double, 0.05)
-SETTLE_MOST = cython.declare(cython.double, 0.5)
+MIN_SETTLING_TIME = cython.declare(cython.double, 0.05)
+MAX_SETTLING_TIME = cython.declare(cython.double, 0.5)
 #: Maximum time that a joint at rest waits for others that still brake, s.
-OTHERS_MOST = cython.declare(cython.double, 3.0)
+MAX_WAIT_TIME = cython.declare(cython.double, 3.0)
 #: Memory of the age of readings, s.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
 #: Speed that uneven ages add behind a drive's loop of position, over their deviation × ``pursuit``
 #: × the speed; the most of both, in speed limits (B7).
 UNEVEN_SPEED = cython.declare(cython.double, 2.5)
-UNEVEN_MOST = cython.declare(cython.double, 1.04)
+MAX_UNEVEN_SPEED = cython.declare(cython.double, 1.04)
 #: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
 SEPARATION = cython.declare(cython.double, 0.25)
 #: Part of the torque limit that the error of a reference may be worth after a gap.
@@ -102,7 +102,7 @@ def note_feed(j: Joint) -> cython.void:
     fed: cython.double = j.fed[j.fed_now]
     if j.active and (j.law == POSITION or j.settling):
         fed += j.followed_acceleration * j.elapsed
-    j.fed_now = (j.fed_now + 1) & (FED - 1)
+    j.fed_now = (j.fed_now + 1) & (FEED_CYCLES - 1)
     j.fed[j.fed_now] = fed
     j.drawn[j.fed_now] = j.current_pid.reference
 
@@ -144,7 +144,7 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     j.steady = 1.0
     if j.kind >= AS_POSITION and j.age_variance > 0.0:
         speed *= sqrt(j.age_variance) * (j.calm if j.kind == AS_IMPEDANCE else 1.0)
-        j.steady = min(UNEVEN_MOST / (1.0 + UNEVEN_SPEED * speed), 1.0)
+        j.steady = min(MAX_UNEVEN_SPEED / (1.0 + UNEVEN_SPEED * speed), 1.0)
     j.blind = j.missed > GAP * j.period + j.wire
     if j.blind and j.kind < AS_VELOCITY:
         j.coasts = True
@@ -248,7 +248,7 @@ def feel(j: Joint, motion: cython.double) -> cython.void:
 
 @cython.cfunc
 def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
-    """Capture the load once it is known, or after SETTLE_MOST.
+    """Capture the load once it is known, or after MAX_SETTLING_TIME.
 
     Args:
         j: The joint, which settles.
@@ -259,7 +259,7 @@ def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
         return  # it still brakes
     if braking and not j.awaited:
         j.wait_cycles += 1
-        if j.wait_cycles * j.period < OTHERS_MOST:
+        if j.wait_cycles * j.period < MAX_WAIT_TIME:
             return
     j.settle_cycles += 1
     elapsed = j.settle_cycles * j.period
@@ -267,7 +267,7 @@ def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
         rested = j.rest_cycles * j.period >= REST_TIME
     if (
         (rested and elapsed >= REST_TIME)
-        or elapsed >= SETTLE_MOST
-        or (j.awaited and elapsed >= SETTLE_LEAST)
+        or elapsed >= MAX_SETTLING_TIME
+        or (j.awaited and elapsed >= MIN_SETTLING_TIME)
     ):
         j.take(j.load)

@@ -53,13 +53,13 @@ class ReferenceTimeouts:
         self._next = float(self._deadline.min())
 
     def renew(
-        self, kind: CommandKind, joints: Indices, now: float, own: float | None = None
+        self, kind: CommandKind, joints: Indices, now: float, lasts: float | None = None
     ) -> None:
-        """Restart the timeouts of a kind; ``own``: duration of these references."""
+        """Restart the timeouts of a kind; ``lasts``: duration of these references."""
         self._running.update(joints.tolist())
         self._renewed[joints], self._kind[joints] = now, kind
-        self._own[joints] = np.nan if own is None else own
-        self._deadline[joints] = now + (self._lasting[kind, joints] if own is None else own)
+        self._own[joints] = np.nan if lasts is None else lasts
+        self._deadline[joints] = now + (self._lasting[kind, joints] if lasts is None else lasts)
         self._next = float(self._deadline.min())
 
     def cancel(self, joints: Sequence[int]) -> None:
@@ -127,9 +127,12 @@ class References:
     def power_on(self, joints: Sequence[int], config: BoardConfig) -> None:
         """Reset the references of joints, and the settings of users (N1)."""
         for j in joints:
-            own = config.joints[j]
+            joint = config.joints[j]
             self.last[:, j] = 0.0
-            self.speed[j], self.acceleration[j] = own.reference_speed, own.reference_acceleration
+            self.speed[j], self.acceleration[j] = (
+                joint.reference_speed,
+                joint.reference_acceleration,
+            )
 
     def reset(self, joints: Sequence[int], *, bounded: bool) -> None:
         """Hold joints where they are, or come to rest (M9).
@@ -201,8 +204,8 @@ class References:
         self, joints: Indices, targets: Array, plans: list[Plan], times: list[float]
     ) -> Moves:
         """Moves as planned, longer than ``times`` (s) where torques of a part's arm require it."""
-        chosen, places = joints.tolist(), targets.tolist()
-        efforts = [self._efforts[j] for j in chosen]
+        numbers, places = joints.tolist(), targets.tolist()
+        efforts = [self._efforts[j] for j in numbers]
         factors, made = [1.0] * len(plans), list(plans)
 
         def plan(some: list[int], factor: float) -> list[Plan]:
@@ -210,7 +213,7 @@ class References:
                 return [plans[k] for k in some]
             longer = partial(durations_within, stretch=factor)
             return [
-                planned(longer, self._joints[chosen[k]], places[k], factor * times[k])
+                planned(longer, self._joints[numbers[k]], places[k], factor * times[k])
                 for k in some
             ]
 
@@ -219,11 +222,11 @@ class References:
                 continue
             some = [k for k, its in enumerate(efforts) if its is effort]
             factor, stretched = effort.stretched(
-                [chosen[k] for k in some], [places[k] for k in some], partial(plan, some)
+                [numbers[k] for k in some], [places[k] for k in some], partial(plan, some)
             )
-            for k, one in zip(some, stretched, strict=True):
-                factors[k], made[k] = factor, one
-        return Moves(chosen, factors, made)
+            for k, move in zip(some, stretched, strict=True):
+                factors[k], made[k] = factor, move
+        return Moves(numbers, factors, made)
 
     def _start(self, joints: Indices, targets: Array, moves: Moves) -> Moves:
         self._state.done[joints] = False
@@ -259,12 +262,12 @@ class References:
     def _step_together(self, joints: list[int]) -> None:
         """Plan steps of several joints of an arm; those from motion may become moves (P4, P14)."""
         for effort in dict.fromkeys(self._efforts[j] for j in joints):
-            chosen = [j for j in joints if self._efforts[j] is effort]
-            if effort is None or len(chosen) < 2 or effort.step(chosen):
+            numbers = [j for j in joints if self._efforts[j] is effort]
+            if effort is None or len(numbers) < 2 or effort.step(numbers):
                 continue
-            which = np.array(chosen)
-            targets = np.array([self._joints[j].give_back() for j in chosen])
-            fastest = np.array([self._joints[j].max_velocity for j in chosen])
+            which = np.array(numbers)
+            targets = np.array([self._joints[j].give_back() for j in numbers])
+            fastest = np.array([self._joints[j].max_velocity for j in numbers])
             self._start(which, targets, self.plan_moves(which, targets, fastest))
             self._state.done[which] = True
 

@@ -34,13 +34,13 @@ PLACES = cython.declare(cython.int, 32)
 #: Halvings of b in the search for the greatest one.
 HALVINGS = cython.declare(cython.int, 24)
 #: Steps of a plan at most.
-MOST_STEPS = cython.declare(cython.int, 128)
+MAX_STEPS = cython.declare(cython.int, 128)
 #: Speed at which a joint is at rest, as a part of its limit.
-STILL = cython.declare(cython.double, 2e-3)
+REST_SPEED_SHARE = cython.declare(cython.double, 2e-3)
 #: Steps from motion that last no longer have no plan, s: their want of torque passes.
-BRIEF = cython.declare(cython.double, 0.4)
+MAX_UNPLANNED_TIME = cython.declare(cython.double, 0.4)
 #: Change of a joint's torque along the line that is none, N·m.
-NOTHING = cython.declare(cython.double, 1e-12)
+NO_TORQUE_CHANGE = cython.declare(cython.double, 1e-12)
 
 
 @cython.cfunc
@@ -72,7 +72,7 @@ class Steps:
     gain: cython.double[::1]  # M Δ at each place
     turn: cython.double[::1]  # c(q, Δ)
     load: cython.double[::1]  # g(q) + dry friction
-    most: cython.double[::1]  # greatest b of each place
+    max_b: cython.double[::1]  # greatest b of each place
     b: cython.double[::1]
     longest: cython.double  # time of the longest step by its own limits, s
     low: cython.double  # bounds of u
@@ -84,37 +84,37 @@ class Steps:
     def __init__(self, joints: list[Any], arm: Any) -> None:
         n: cython.Py_ssize_t = len(joints)
         self.joints, self.arm, self.count, self.time = joints, arm, n, 0.0
-        self.plans = [row(MOST_STEPS) for _ in joints]
+        self.plans = [row(MAX_STEPS) for _ in joints]
         self.start, self.way, self.fastest, self.hardest = row(n), row(n), row(n), row(n)
         self.limit, self.stall, self.fading = row(n), row(n), row(n)
         self.speed, self.place = row(n), row(n)
         self.dry, self.wet = row(n), row(n)
         self.gain, self.turn = row(n * (PLACES + 1)), row(n * (PLACES + 1))
         self.load = row(n * (PLACES + 1))
-        self.most, self.b = row(PLACES + 1), row(PLACES + 1)
+        self.max_b, self.b = row(PLACES + 1), row(PLACES + 1)
         self.position, self.velocity, self.acceleration, self.torque = arm.rows
 
-    def plan(self, chosen: list[int]) -> bool:
+    def plan(self, numbers: list[int]) -> bool:
         """Plan the steps of joints to their references, where they lack torque for them.
 
         Args:
-            chosen: places of the joints in the arm.
+            numbers: places of the joints in the arm.
 
         Returns:
             Whether they get there: from motion no line leads there, where joints lack torque for
-            longer than BRIEF.
+            longer than MAX_UNPLANNED_TIME.
         """
         self.time = 0.0
-        resting: cython.bint = self.take(chosen)
-        if not self.strained() or not (resting or self.longest > BRIEF):
+        resting: cython.bint = self.take(numbers)
+        if not self.strained() or not (resting or self.longest > MAX_UNPLANNED_TIME):
             return True
         if not resting or not self.line():
             return False
-        self.order(chosen)
+        self.order(numbers)
         return True
 
     @cython.cfunc
-    def take(self, chosen: list[int]) -> cython.bint:
+    def take(self, numbers: list[int]) -> cython.bint:
         """Read the joints; whether all are at rest."""
         k: cython.Py_ssize_t
         resting: cython.bint = True
@@ -126,10 +126,10 @@ class Steps:
             self.limit[k] = SHARE * joint.max_torque
             self.stall[k] = SHARE * volts * joint.max_output / joint.percent_per_volt
             self.fading[k] = SHARE * volts * joint.emf
-        for k in chosen:
+        for k in numbers:
             joint = self.joints[k]
             self.way[k], self.speed[k] = joint.reference - joint.followed, joint.followed_velocity
-            resting = resting and fabs(self.speed[k]) <= STILL * self.fastest[k]
+            resting = resting and fabs(self.speed[k]) <= REST_SPEED_SHARE * self.fastest[k]
             ahead = self.way[k] > 0.0
             self.dry[k] = joint.coulomb if ahead else joint.coulomb_negative
             self.wet[k] = joint.viscous if ahead else joint.viscous_negative
@@ -204,15 +204,15 @@ class Steps:
         """Find b of each place, and the time; whether there is a way."""
         step: cython.double = 1.0 / PLACES
         self.measure()
-        self.most[PLACES] = 0.0
+        self.max_b[PLACES] = 0.0
         for i in range(PLACES - 1, -1, -1):
-            self.most[i] = self.greatest(i, self.most[i + 1])
-            if self.most[i] < 0.0:
+            self.max_b[i] = self.greatest(i, self.max_b[i + 1])
+            if self.max_b[i] < 0.0:
                 return False
         self.b[0] = self.time = 0.0
         for i in range(PLACES):
             self.bounds(i, self.b[i])
-            rate = min(self.high, 0.5 * (self.most[i + 1] - self.b[i]) / step)
+            rate = min(self.high, 0.5 * (self.max_b[i + 1] - self.b[i]) / step)
             self.b[i + 1] = max(self.b[i] + 2.0 * rate * step, 0.0)
             if self.b[i] + self.b[i + 1] <= 0.0:
                 return False
@@ -265,9 +265,9 @@ class Steps:
                 rest += self.wet[k] * speed
             above = self.bound(k, speed, 1.0) - rest
             below = -self.bound(k, speed, -1.0) - rest
-            if gain > NOTHING:
+            if gain > NO_TORQUE_CHANGE:
                 self.low, self.high = max(self.low, below / gain), min(self.high, above / gain)
-            elif gain < -NOTHING:
+            elif gain < -NO_TORQUE_CHANGE:
                 self.low, self.high = max(self.low, above / gain), min(self.high, below / gain)
             elif above < 0.0 or below > 0.0:
                 self.low, self.high = 1.0, -1.0
@@ -299,18 +299,18 @@ class Steps:
     # --- the plan -------------------------------------------------------------------------------
 
     @cython.cfunc
-    def order(self, chosen: list[int]) -> cython.void:
+    def order(self, numbers: list[int]) -> cython.void:
         """Give the joints their accelerations: ṡ at equal times, scaled to end at the target."""
         k: cython.Py_ssize_t
         i: cython.int = 0
         period: cython.double = self.joints[0].period
-        span: cython.double = period * max(ceil(self.time / (MOST_STEPS * period)), 1.0)
+        span: cython.double = period * max(ceil(self.time / (MAX_STEPS * period)), 1.0)
         before: cython.double = 0.0  # time at place i
         lasts: cython.double = self.interval(0)
         rate: cython.double = 0.0
         last: cython.double = 0.0
         place: cython.double = 0.0
-        rates: cython.double[::1] = row(MOST_STEPS)
+        rates: cython.double[::1] = row(MAX_STEPS)
         steps = cython.cast(cython.int, ceil(self.time / span - 1e-9))
         for step in range(steps):
             while i < PLACES and before + lasts < (step + 1) * span:
@@ -326,7 +326,7 @@ class Steps:
             rates[step] = (rate - last) / span
             place += 0.5 * span * (rate + last)
             last = rate
-        for k in chosen:
+        for k in numbers:
             plan: cython.double[::1] = self.plans[k]
             for step in range(steps):
                 plan[step] = self.way[k] * rates[step] / place

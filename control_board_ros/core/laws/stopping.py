@@ -17,8 +17,8 @@ enough for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes b
 joint that heavy ones pull along may have LEAP a_i, and its reference does too. z_i: what the joint
 runs beyond its braking distance v²/(2a), or comes back. The further a joint runs, the greater its
 ω_i in the next prediction. The best one is that whose furthest joint runs least, time counted as
-LATE. Turning its torque round takes a motor its winding's time, L/R, in which the plan brakes
-already; the torque to make up for it is left, Δτ (L/R)/T, and at most LOST of it.
+LATE_WEIGHT. Turning its torque round takes a motor its winding's time, L/R, in which the plan
+brakes already; the torque to make up for it is left, Δτ (L/R)/T, and at most LOST of it.
 
 Plain Python in Cython's pure mode, as the laws are. Units: rad, rad/s, N·m, s; m and N where
 joints slide.
@@ -40,10 +40,10 @@ SHARE = cython.declare(cython.double, 0.98)
 LOST = cython.declare(cython.double, 0.02)
 #: Steps of a prediction until the slowest joint would rest, and the most.
 STEPS = cython.declare(cython.int, 24)
-MOST_STEPS = cython.declare(cython.int, 64)
+MAX_STEPS = cython.declare(cython.int, 64)
 #: Number of predictions; and when one is good enough: z of the furthest joint, rad or m.
 ROUNDS = cython.declare(cython.int, 6)
-GOOD = cython.declare(cython.double, 1e-3)
+GOOD_SCORE = cython.declare(cython.double, 1e-3)
 #: Weights: of joints at rest, s; of the way beyond the braking distance, 1/rad.
 EASE = cython.declare(cython.double, 0.05)
 URGE = cython.declare(cython.double, 20.0)
@@ -51,15 +51,15 @@ URGE = cython.declare(cython.double, 20.0)
 GROWTH = cython.declare(cython.double, 0.3)
 #: Sweeps of the solver at most; error of torque that ends it, as a part of the limit.
 SWEEPS = cython.declare(cython.int, 60)
-EXACT = cython.declare(cython.double, 2e-3)
+MAX_TORQUE_ERROR = cython.declare(cython.double, 2e-3)
 #: Torque and speed beyond the limit that a plan may have, as a part of it; more counts as z does.
 SLACK = cython.declare(cython.double, 0.03)
 #: Acceleration of a plan beyond the limit that torque may ask for, as a multiple of the limit.
 LEAP = cython.declare(cython.double, 2.0)
 #: A later rest counts as way beyond the braking distance, rad/s.
-LATE = cython.declare(cython.double, 0.2)
+LATE_WEIGHT = cython.declare(cython.double, 0.2)
 #: Slower than this is at rest, as a part of what one step of braking takes away.
-STILL = cython.declare(cython.double, 1e-9)
+REST_SPEED_SHARE = cython.declare(cython.double, 1e-9)
 
 
 @cython.cfunc
@@ -103,8 +103,8 @@ class Stops:
     arm: Any
     plans: list[Any]
     count: cython.Py_ssize_t
-    stopping: cython.Py_ssize_t  # joints that stop: the first ones of ``chosen``
-    chosen: cython.double[::1]
+    stopping: cython.Py_ssize_t  # joints that stop: the first ones of ``numbers``
+    numbers: cython.long[::1]
     step: cython.double  # s
     excess: cython.double  # torque beyond the limits, as a part of them; likewise speed
     hasty: cython.double
@@ -119,7 +119,7 @@ class Stops:
     limit = dry = wet = cython.declare(cython.double[::1])
     urge: cython.double[::1]  # ω
     weight = q = v = cython.declare(cython.double[::1])
-    most: cython.double[::1]  # way so far
+    max_way: cython.double[::1]  # way so far
     beyond: cython.double[::1]  # z
     mass = bias = x = cython.declare(cython.double[::1])
     full: cython.double[::1]  # the acceleration of full braking in a step
@@ -131,14 +131,15 @@ class Stops:
         n: cython.Py_ssize_t = len(joints)
         self.joints, self.arm, self.count = joints, arm, n
         self.rounds, self.furthest = 0, 0.0
-        self.plans = [row(MOST_STEPS) for _ in joints]
+        self.plans = [row(MAX_STEPS) for _ in joints]
         self.place, self.speed, self.hardest, self.wanted = row(n), row(n), row(n), row(n)
         self.fastest, self.smooth = row(n), row(n)
         self.limit, self.dry, self.wet, self.urge = row(n), row(n), row(n), row(n)
-        self.weight, self.q, self.v, self.most = row(n), row(n), row(n), row(n)
-        self.beyond, self.bias, self.x, self.chosen = row(n), row(n), row(n), row(n)
+        self.weight, self.q, self.v, self.max_way = row(n), row(n), row(n), row(n)
+        self.beyond, self.bias, self.x = row(n), row(n), row(n)
+        self.numbers = memoryview(array("l", [0] * n))
         self.mass, self.y, self.full = row(n * n), row(2 * n), row(n)
-        self.trial, self.best = row(n * MOST_STEPS), row(n * MOST_STEPS)
+        self.trial, self.best = row(n * MAX_STEPS), row(n * MAX_STEPS)
         if arm is not None:
             self.arm_position, self.arm_velocity, self.arm_acceleration, self.arm_torque = arm.rows
 
@@ -154,7 +155,7 @@ class Stops:
         if not self.predict_path(longest, modelled):
             self.improve()
         for k in range(self.stopping):
-            i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+            i = self.numbers[k]
             joint = self.joints[i]
             if self.rounds == 0 and self.smooth[k] > 0.0:
                 joint.brake_smoothly(self.smooth[k])
@@ -178,7 +179,7 @@ class Stops:
                 joint = self.joints[i]
                 if bool(joint.stop_due and joint.stopping) is not bool(due):
                     continue
-                self.chosen[k] = i
+                self.numbers[k] = i
                 self.place[k], self.speed[k] = joint.followed, joint.followed_velocity
                 self.hardest[k], self.limit[k] = joint.max_acceleration, SHARE * joint.max_torque
                 self.fastest[k] = joint.max_velocity
@@ -199,7 +200,7 @@ class Stops:
         """Times of stops within the jerk limits, that keep the path; 0 where there is no room."""
         longest: cython.double = 0.0
         for k in range(self.stopping):
-            joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+            joint = self.joints[self.numbers[k]]
             self.smooth[k] = 0.0
             if joint.max_jerk > 0.0:
                 self.smooth[k] = smooth_time(
@@ -208,7 +209,7 @@ class Stops:
                 )  # fmt: skip
                 longest = max(longest, self.smooth[k])
         for k in range(self.stopping):
-            joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+            joint = self.joints[self.numbers[k]]
             if self.smooth[k] <= 0.0 or self.speed[k] == 0.0:
                 continue
             way: cython.double = 2.0 * KEEPING / fabs(self.speed[k])
@@ -228,7 +229,7 @@ class Stops:
             speed, self.wanted[k] = fabs(self.speed[k]), self.hardest[k]
             if speed > 0.0:
                 time: cython.double = min(longest, speed / self.hardest[k] + 2.0 * KEEPING / speed)
-                joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+                joint = self.joints[self.numbers[k]]
                 if self.speed[k] > 0.0:
                     room = joint.upper - self.place[k]
                 else:
@@ -256,8 +257,8 @@ class Stops:
             self.rounds += 1
             z = self.predict()
             score = z + max(self.excess - SLACK, 0.0) + max(self.hasty - SLACK, 0.0)
-            good: cython.bint = score < GOOD
-            score += LATE * self.steps * self.step
+            good: cython.bint = score < GOOD_SCORE
+            score += LATE_WEIGHT * self.steps * self.step
             if score < least:
                 least, steps, self.furthest = score, self.steps, z
                 self.best[:] = self.trial
@@ -270,7 +271,7 @@ class Stops:
     @cython.cfunc
     def lost_torque(self, k: cython.Py_ssize_t) -> cython.double:
         """What turning the torque round costs, spread over the stop: Δτ (L/R)/T, N·m."""
-        joint = self.joints[cython.cast(cython.Py_ssize_t, self.chosen[k])]
+        joint = self.joints[self.numbers[k]]
         time: cython.double = joint.period * (joint.lead + joint.lag)
         torque: cython.double = joint.torque if self.speed[k] > 0.0 else -joint.torque
         change: cython.double = max(min(torque + joint.max_torque, 2.0 * joint.max_torque), 0.0)
@@ -286,10 +287,10 @@ class Stops:
         self.excess, self.hasty, self.strained = 0.0, 0.0, False
         for k in range(self.count):
             self.q[k], self.v[k] = self.place[k], self.speed[k]
-            self.most[k] = self.beyond[k] = 0.0
+            self.max_way[k] = self.beyond[k] = 0.0
             self.y[k] = self.y[self.count + k] = 0.0
         self.steps = 0
-        while moving and self.steps < MOST_STEPS:
+        while moving and self.steps < MAX_STEPS:
             self.evaluate()
             self.solve()
             moving = False
@@ -301,14 +302,14 @@ class Stops:
                 self.q[k] += self.step * (self.v[k] + 0.5 * change)
                 self.v[k] += change
                 self.hasty = max(self.hasty, fabs(self.v[k]) / self.fastest[k] - 1.0)
-                if fabs(self.v[k]) <= STILL * self.step * self.hardest[k]:
+                if fabs(self.v[k]) <= REST_SPEED_SHARE * self.step * self.hardest[k]:
                     self.v[k] = 0.0
                 else:
                     moving = True
                 way = self.q[k] - self.place[k]
                 if self.speed[k] < 0.0:
                     way = -way
-                self.most[k] = max(self.most[k], way)
+                self.max_way[k] = max(self.max_way[k], way)
                 change = self.v[k] * fabs(self.v[k])  # still to go, towards the braking distance
                 if self.speed[k] < 0.0:
                     change = -change
@@ -321,8 +322,8 @@ class Stops:
             way = self.q[k] - self.place[k]
             if self.speed[k] < 0.0:
                 way = -way
-            change = self.most[k] - 0.5 * self.speed[k] * self.speed[k] / self.hardest[k]
-            self.beyond[k] = max(change, 0.0) + self.most[k] - way
+            change = self.max_way[k] - 0.5 * self.speed[k] * self.speed[k] / self.hardest[k]
+            self.beyond[k] = max(change, 0.0) + self.max_way[k] - way
             z = max(z, self.beyond[k])
         return z
 
@@ -330,24 +331,24 @@ class Stops:
     def evaluate(self) -> cython.void:
         """Mass matrix and h = c(q, q̇) + g(q) + friction of the joints that stop."""
         for k in range(self.count):
-            i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+            i = self.numbers[k]
             self.arm_position[i], self.arm_velocity[i] = self.q[k], self.v[k]
             self.arm_acceleration[i] = 0.0
         self.arm.inverse(1.0)
         for k in range(self.stopping):
-            i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+            i = self.numbers[k]
             self.bias[k] = self.arm_torque[i] + self.wet[k] * self.v[k]
             if self.v[k] != 0.0:
                 self.bias[k] += self.dry[k] if self.v[k] > 0.0 else -self.dry[k]
         for k in range(self.count):
             self.arm_velocity[k] = 0.0
         for c in range(self.stopping):
-            i = cython.cast(cython.Py_ssize_t, self.chosen[c])
+            i = self.numbers[c]
             self.arm_acceleration[i] = 1.0
             self.arm.inverse(0.0)
             self.arm_acceleration[i] = 0.0
             for k in range(self.stopping):
-                i = cython.cast(cython.Py_ssize_t, self.chosen[k])
+                i = self.numbers[k]
                 self.mass[c * self.count + k] = self.arm_torque[i]
 
     @cython.cfunc
@@ -361,7 +362,7 @@ class Stops:
             error = 1.0 + URGE * max(self.beyond[k], 0.0)
             self.weight[k] *= error * error
         error = self.torque_error()
-        if error <= EXACT:
+        if error <= MAX_TORQUE_ERROR:
             for k in range(2 * self.count):
                 self.y[k] = 0.0
             return
@@ -376,7 +377,7 @@ class Stops:
             for k in range(self.stopping):
                 self.bound_torque(k)
             error = self.torque_error()
-            if error <= EXACT:
+            if error <= MAX_TORQUE_ERROR:
                 break
         self.excess = max(self.excess, error)
 
@@ -399,10 +400,10 @@ class Stops:
     @cython.cfunc
     def torque_error(self) -> cython.double:
         """The greatest torque beyond a limit, as a part of it."""
-        most: cython.double = 0.0
+        excess: cython.double = 0.0
         for k in range(self.stopping):
-            most = max(most, fabs(self.torque(k)) / self.limit[k] - 1.0)
-        return most
+            excess = max(excess, fabs(self.torque(k)) / self.limit[k] - 1.0)
+        return excess
 
     @cython.cfunc
     def bound_acceleration(self, k: cython.Py_ssize_t) -> cython.void:

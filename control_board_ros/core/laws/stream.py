@@ -14,20 +14,20 @@ from .formulas import INFINITE, clamp
 
 #: Longest mean interval, s, at which direct positions become a stream, and at which they remain
 #: one; half of the intervals' mean deviation is added. Slower ones are steps.
-SLOWEST = cython.declare(cython.double, 0.052)
-SLOWER = cython.declare(cython.double, 0.060)
+MAX_BEGINNING_INTERVAL = cython.declare(cython.double, 0.052)
+MAX_STREAM_INTERVAL = cython.declare(cython.double, 0.060)
 #: Age at which a direct position ends its stream, s: five intervals at 20 Hz.
-LAST = cython.declare(cython.double, 0.25)
+STREAM_END_AGE = cython.declare(cython.double, 0.25)
 #: Shortest interval of a stream that the tracking assumes, s.
-BRIEF = cython.declare(cython.double, 0.008)
+MIN_STREAM_INTERVAL = cython.declare(cython.double, 0.008)
 #: Samples that a motion is fitted to, and their least distance, s.
 KNOTS = cython.declare(cython.int, 6)
-APART = cython.declare(cython.double, 0.012)
+MIN_KNOT_DISTANCE = cython.declare(cython.double, 0.012)
 #: Interval above which jitter does not hide the curvature of a motion, s.
-SLOW = cython.declare(cython.double, 0.025)
+JITTER_INTERVAL = cython.declare(cython.double, 0.025)
 #: Memory of the interval; of the curvature; of residuals; in samples.
 MEMORY = cython.declare(cython.double, 100.0)
-BRIEF_MEMORY = cython.declare(cython.double, 12.0)
+CURVATURE_MEMORY = cython.declare(cython.double, 12.0)
 RESIDUAL_MEMORY = cython.declare(cython.double, 6.0)
 #: Largest square of an error in residuals, in mean squares so far.
 OUTLIER = cython.declare(cython.double, 4.0)
@@ -44,8 +44,8 @@ RENUMBER = cython.declare(cython.double, 35.0)
 #: of the arrival and of the value; all in squares of standard deviations.
 LOSS = cython.declare(cython.double, 3.0)
 EARLY_LOSS = cython.declare(cython.double, 100.0)
-MOST_OF_ARRIVAL = cython.declare(cython.double, 40.0)
-MOST_OF_VALUE = cython.declare(cython.double, 60.0)
+MAX_ARRIVAL_COST = cython.declare(cython.double, 40.0)
+MAX_VALUE_COST = cython.declare(cython.double, 60.0)
 
 
 @cython.final
@@ -92,7 +92,7 @@ class TimeBase:
 
     @cython.cfunc
     def speed_up(
-        self, before: cython.double, time: cython.double, most: cython.double
+        self, before: cython.double, time: cython.double, max_acceleration: cython.double
     ) -> cython.void:
         """The acceleration from the velocity ``time`` s ago to the present one.
 
@@ -104,7 +104,7 @@ class TimeBase:
         if self.turning * time * time > 3.0:
             self.turning = 0.0
         before = self.v * (1.0 - self.turning * versine(self.turning, time)) - before
-        self.a = clamp(before / sine(self.turning, time), -most, most)
+        self.a = clamp(before / sine(self.turning, time), -max_acceleration, max_acceleration)
 
     @cython.cfunc
     def fit(
@@ -279,7 +279,7 @@ class Stream:
         self,
         x: cython.double,
         velocity: cython.double,
-        given: cython.bint,
+        has_velocity: cython.bint,
         age: cython.double,
         period: cython.double,
         max_velocity: cython.double,
@@ -289,15 +289,15 @@ class Stream:
 
         Args:
             x: rad.
-            velocity: rad/s; ignored unless ``given``.
-            given: whether the sample has a velocity.
+            velocity: rad/s; ignored unless ``has_velocity``.
+            has_velocity: whether the sample has a velocity.
             age: of the last sample, control cycles.
             period: of control, s.
             max_velocity: rad/s; a faster difference is a step.
             max_acceleration: rad/s².
         """
         d: cython.double = age * period
-        if self.count == 0.0 or d > LAST or d > 5.0 * self.interval > 0.0:
+        if self.count == 0.0 or d > STREAM_END_AGE or d > 5.0 * self.interval > 0.0:
             self.count = 0.0
         elif self.count == 1.0:
             reach = max_velocity * d
@@ -306,24 +306,28 @@ class Stream:
         if self.count > 0.0 and fabs(x - self.last) > reach:
             self.count = 0.0  # a step
         if self.count == 0.0:
-            self.begin(x, velocity if given else 0.0, given)
+            self.begin(x, velocity if has_velocity else 0.0, has_velocity)
             return
         self.count += 1.0
         m = self.clock(x, d, period)
         self.keep(x, d, m)
         self.grid.fit(self.values, self.knots, max_acceleration, self.share)
         if self.interval > 1.5 * period:
-            few: cython.bint = self.knots > 5 and 0.015 < self.interval < SLOW
+            few: cython.bint = self.knots > 5 and 0.015 < self.interval < JITTER_INTERVAL
             self.sent.fit(self.values, 5 if few else self.knots, max_acceleration, self.share)
-        if given:
+        if has_velocity:
             self.take_velocity(velocity, d, m, max_acceleration)
         self.last, self.last_velocity = x, velocity
-        reach = SLOWER if self.flows else SLOWEST
+        reach = MAX_STREAM_INTERVAL if self.flows else MAX_BEGINNING_INTERVAL
         reach += 0.5 * self.uneven
-        self.flows = self.interval < reach and (given or self.count > 2.0)  # two may be two steps
+        self.flows = self.interval < reach and (
+            has_velocity or self.count > 2.0
+        )  # two may be two steps
 
     @cython.cfunc
-    def begin(self, x: cython.double, velocity: cython.double, given: cython.bint) -> cython.void:
+    def begin(
+        self, x: cython.double, velocity: cython.double, has_velocity: cython.bint
+    ) -> cython.void:
         """Start with one sample."""
         self.count, self.knots, self.pushed, self.weight = 1.0, 1, 0.0, 1.0
         self.values[0], self.numbers[0] = x, 0.0
@@ -335,7 +339,7 @@ class Stream:
         self.pace = self.surprise = 0.0
         self.heard = 1
         self.on_grid = True
-        self.flows = given
+        self.flows = has_velocity
 
     @cython.cfunc
     def clock(self, x: cython.double, d: cython.double, period: cython.double) -> cython.double:
@@ -510,11 +514,11 @@ class Stream:
                 error = max(error - self.latest, 0.0)
             error /= width
             error *= error
-            cost += min(error, MOST_OF_ARRIVAL)
+            cost += min(error, MAX_ARRIVAL_COST)
             if self.count > 7.0 and spread > 0.0:
                 error = x - self.grid.at(k * interval)
                 error *= error / spread
-                cost += min(error, MOST_OF_VALUE)
+                cost += min(error, MAX_VALUE_COST)
             if cost < least:
                 m, least = k, cost
         return m
@@ -526,7 +530,7 @@ class Stream:
         sent: cython.double[::1] = self.sent.times
         self.share = 0.0
         apart: cython.double = 0.6 * self.interval
-        apart = max(apart, APART)
+        apart = max(apart, MIN_KNOT_DISTANCE)
         for k in range(self.knots):
             self.numbers[k] -= m
             grid[k] = self.numbers[k] * self.interval
@@ -544,7 +548,7 @@ class Stream:
         self.values[0] = x
         self.pushed += 1.0
         first = 0.5 * self.pushed + 1.0
-        self.share = 1.0 / (first if first < BRIEF_MEMORY else BRIEF_MEMORY)
+        self.share = 1.0 / (first if first < CURVATURE_MEMORY else CURVATURE_MEMORY)
 
     @cython.cfunc
     def take_velocity(
@@ -566,7 +570,9 @@ class Stream:
 
         1.5 intervals of an even stream; an uneven one ends when three samples are missing.
         """
-        least: cython.double = 1.5 * (self.interval if self.interval > BRIEF else BRIEF)
+        least: cython.double = 1.5 * (
+            self.interval if self.interval > MIN_STREAM_INTERVAL else MIN_STREAM_INTERVAL
+        )
         longest: cython.double = 1.2 * self.gap
         if self.uneven > 0.1 * self.interval:
             longest = self.interval + 3.5 * self.uneven

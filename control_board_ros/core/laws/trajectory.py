@@ -194,8 +194,8 @@ def _fits(
     if brake:
         speed += velocity * (1 + u**2 * (2 * u - 3)) + acceleration * brake * u * (1 - u) ** 2
         change += 6 * velocity * u * (u - 1) / brake + acceleration * (1 + u * (3 * u - 4))
-        own = velocity * (12 * u - 6) / brake**2 + acceleration * (6 * u - 4) / brake
-        jerk += own * (t <= brake)
+        braking_jerk = velocity * (12 * u - 6) / brake**2 + acceleration * (6 * u - 4) / brake
+        jerk += braking_jerk * (t <= brake)
     elif acceleration:
         place = s * (run + s * (bend + s * (a + s * (b + s * c)))) / distance
         if place.max() > 1.0 + 1e-9:
@@ -211,7 +211,7 @@ def _fits(
 #: Part of a joint's torque that a planned motion may use; the rest is for its control.
 SHARE = 0.9
 #: Points at which a move is evaluated; maximum number of stretches, and the least one.
-SAMPLES, STRETCHES, LEAST_STRETCH = 14, 16, 1.02
+SAMPLES, STRETCHES, MIN_STRETCH = 14, 16, 1.02
 
 #: Durations of a move and of its braking, s; see ``trajectory.durations``.
 Plan = tuple[float, float]
@@ -230,29 +230,29 @@ class Effort:
         self._arm, self._joints, self._first = arm, joints, first
         self._steps = Steps(list(joints), arm)
 
-    def step(self, chosen: Sequence[int]) -> bool:
+    def step(self, numbers: Sequence[int]) -> bool:
         """Plan direct steps that need more torque together than there is (``stepping``).
 
         Args:
-            chosen: the board's numbers of the joints that step.
+            numbers: the board's numbers of the joints that step.
 
         Returns:
             Whether they get there: False where they are to move instead.
         """
         if not all(joint.calibrated for joint in self._joints):
             return True
-        return self._steps.plan([j - self._first for j in chosen])
+        return self._steps.plan([j - self._first for j in numbers])
 
     def stretched(
         self,
-        chosen: Sequence[int],
+        numbers: Sequence[int],
         targets: Sequence[float],
         plan: Callable[[float], list[Plan]],
     ) -> tuple[float, list[Plan]]:
         """Moves stretched by one factor until no joint needs more torque than it has.
 
         Args:
-            chosen: the board's numbers of the joints that start to move.
+            numbers: the board's numbers of the joints that start to move.
             targets: where to.
             plan: their moves, stretched by a factor.
 
@@ -264,12 +264,12 @@ class Effort:
             return factor, moves
         self._note_others()
         for _ in range(STRETCHES):
-            for j, target, (time, brake) in zip(chosen, targets, moves, strict=True):
+            for j, target, (time, brake) in zip(numbers, targets, moves, strict=True):
                 self._note_move(j, target, time, brake)
             excess = self._arm.excess(SAMPLES)
             if excess <= 1.0:
                 break
-            factor *= max(math.sqrt(excess), LEAST_STRETCH)
+            factor *= max(math.sqrt(excess), MIN_STRETCH)
             moves = plan(factor)
         return factor, moves
 

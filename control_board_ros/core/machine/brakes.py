@@ -28,7 +28,7 @@ from ..terms.vocabs import BrakeMode
 
 #: A brake that is to open and whose switch reports closed gets this multiple of its release
 #: time, and s at least, before that is a fault.
-PATIENCE, LEAST_PATIENCE = 5.0, 0.1
+PATIENCE, MIN_PATIENCE = 5.0, 0.1
 #: How far a joint that has come to rest behind its closed brake may move, rad or m.
 SLIP_ANGLE, SLIP_DISTANCE = 0.5 * DEGREE, 1e-3
 #: Maximum time for a brake to stop a joint, s, and the speed of a stopped joint, rad/s or m/s.
@@ -162,7 +162,7 @@ class Brakes:
         """The time of an order is over."""
         machine, opening = self._machine, not self.orders[j]
         if opening and self.switches is not None and self.switches[j] > 0.0:
-            patience = max(PATIENCE * brake.config.release_time, LEAST_PATIENCE)
+            patience = max(PATIENCE * brake.config.release_time, MIN_PATIENCE)
             if (self._state.cycle - brake.since) * self._period < patience:
                 return
             brake.stuck, brake.due = True, None

@@ -24,7 +24,7 @@ from typing import Any
 from ... import nocython as cython
 
 #: Least part of a torque limit that is left for motion, whatever the load.
-LEAST_ROOM = cython.declare(cython.double, 0.1)
+MIN_ROOM = cython.declare(cython.double, 0.1)
 
 
 @cython.cclass
@@ -300,7 +300,7 @@ def share(b: Body) -> cython.double:
     """|τ_motion| / (τ_limit − τ_static) of a joint whose motion alone is in ``torque``."""
     sign: cython.double = 1.0 if b.whole + rubbed(b) >= 0.0 else -1.0
     static: cython.double = sign * (b.whole - b.torque + rubbed(b))
-    return fabs(b.torque) / max(bound(b, sign) - static, LEAST_ROOM * b.limit)
+    return fabs(b.torque) / max(bound(b, sign) - static, MIN_ROOM * b.limit)
 
 
 @cython.cfunc
