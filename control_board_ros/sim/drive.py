@@ -249,15 +249,8 @@ class Drives:
     def __init__(self, drives: list[Drive], rows: list[object]) -> None:
         self.drives = drives
         self.sources = (None, None)
-        (
-            self.position,
-            self.velocity,
-            self.pwm,
-            self.current,
-            self.torque,
-            self.applied,
-            self.acted,
-        ) = rows
+        self.position, self.velocity, self.pwm, self.current = rows[:4]
+        self.torque, self.applied, self.acted = rows[4:]
 
     def look_at(self, pwm: object, powered: object) -> None:
         """View other arrays; a copy of what is no such array is made again in every cycle."""

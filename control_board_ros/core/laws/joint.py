@@ -57,17 +57,14 @@ class Joint:
 
     # --- constants of the configuration -----------------------------------------------------
     period = cython.declare(cython.double, visibility="public")
-    limit_lower = cython.declare(cython.double, visibility="public")
-    limit_upper = cython.declare(cython.double, visibility="public")
+    limit_lower = limit_upper = cython.declare(cython.double, visibility="public")
     limit_edge = cython.declare(cython.double, visibility="public")  # hysteresis of on_limit
-    max_velocity = cython.declare(cython.double, visibility="public")
-    max_acceleration = cython.declare(cython.double, visibility="public")
+    max_velocity = max_acceleration = cython.declare(cython.double, visibility="public")
     max_jerk = cython.declare(cython.double, visibility="public")  # of moves and stops; 0: none
     max_torque = cython.declare(cython.double, visibility="public")
     max_output = cython.declare(cython.double, visibility="public")  # PWM, percent
     max_drive = cython.declare(cython.double, visibility="public")  # PWM or A, as the laws give
-    inertia_min = cython.declare(cython.double, visibility="public")
-    inertia = cython.declare(cython.double, visibility="public")
+    inertia_min = inertia = cython.declare(cython.double, visibility="public")
     # friction of motion in positive and in negative direction, N·m, N·m·s/rad, and the speed
     # from which on the dry part is whole, rad/s
     coulomb = coulomb_negative = cython.declare(cython.double, visibility="public")
@@ -110,14 +107,12 @@ class Joint:
     torque_offset = cython.declare(cython.double, visibility="public")  # τ_ff
     offset_given = cython.declare(cython.bint, visibility="public")  # by a user
     load_taken = cython.declare(cython.double, visibility="public")  # at the start of the law
-    torque_command = cython.declare(cython.double, visibility="public")
-    output_command = cython.declare(cython.double, visibility="public")
+    torque_command = output_command = cython.declare(cython.double, visibility="public")
     current_command = cython.declare(cython.double, visibility="public")  # A
     output_offset = cython.declare(cython.double, visibility="public")  # u_ff, percent
 
     # --- reference --------------------------------------------------------------------------
-    lower = cython.declare(cython.double, visibility="public")  # bounds of the reference
-    upper = cython.declare(cython.double, visibility="public")
+    lower = upper = cython.declare(cython.double, visibility="public")  # bounds of the reference
     entry_speed = cython.declare(cython.double, visibility="public")  # from outside limits, rad/s
     active = cython.declare(cython.bint, visibility="public")  # the reference moves
     moving = cython.declare(cython.bint, visibility="public")  # a position move is under way
@@ -131,8 +126,7 @@ class Joint:
     plan_steps = cython.declare(cython.int, visibility="public")  # 0: none
     plan_step = cython.declare(cython.double, visibility="public")  # s
     plan_time = cython.declare(cython.double, visibility="public")  # past, s
-    move_start = cython.declare(cython.double, visibility="public")
-    move_target = cython.declare(cython.double, visibility="public")
+    move_start = move_target = cython.declare(cython.double, visibility="public")
     move_velocity = cython.declare(cython.double, visibility="public")  # at its start
     move_acceleration = cython.declare(cython.double, visibility="public")  # with a jerk limit
     moved_acceleration = cython.declare(cython.double, visibility="public")  # likewise, of now
@@ -141,11 +135,9 @@ class Joint:
     brake_time = cython.declare(cython.double, visibility="public")
     brake_even = cython.declare(cython.bint, visibility="public")  # first, at one rate
     move_cycles = cython.declare(cython.double, visibility="public")  # past
-    moved = cython.declare(cython.double, visibility="public")
-    moved_velocity = cython.declare(cython.double, visibility="public")
+    moved = moved_velocity = cython.declare(cython.double, visibility="public")
     ramped = cython.declare(cython.double, visibility="public")  # ∫v dt
-    ramp_velocity = cython.declare(cython.double, visibility="public")
-    ramp_target = cython.declare(cython.double, visibility="public")
+    ramp_velocity = ramp_target = cython.declare(cython.double, visibility="public")
     ramp_step = cython.declare(cython.double, visibility="public")  # rad/s per cycle
     driven = cython.declare(cython.bint, visibility="public")  # by a velocity without a ramp
     direct_velocity = cython.declare(cython.double, visibility="public")
@@ -153,11 +145,11 @@ class Joint:
     stream = cython.declare(Stream, visibility="public")
     stream_acceleration = cython.declare(cython.double, visibility="public")  # filtered
     stream_peak = cython.declare(cython.double, visibility="public")  # decaying maximum of it
-    reference = cython.declare(cython.double, visibility="public")
-    reference_velocity = cython.declare(cython.double, visibility="public")
-    followed = cython.declare(cython.double, visibility="public")  # within all limits
-    followed_velocity = cython.declare(cython.double, visibility="public")
-    followed_acceleration = cython.declare(cython.double, visibility="public")
+    reference = reference_velocity = cython.declare(cython.double, visibility="public")
+    # within all limits
+    followed = followed_velocity = followed_acceleration = cython.declare(
+        cython.double, visibility="public"
+    )
 
     # --- time -------------------------------------------------------------------------------
     elapsed = cython.declare(cython.double, visibility="public")  # since the last cycle, s
@@ -180,10 +172,7 @@ class Joint:
     feedback = cython.declare(cython.double, visibility="public")  # filtered, without integral
 
     # --- measured and observed --------------------------------------------------------------
-    position = cython.declare(cython.double, visibility="public")
-    velocity = cython.declare(cython.double, visibility="public")
-    torque = cython.declare(cython.double, visibility="public")
-    current = cython.declare(cython.double, visibility="public")
+    position = velocity = torque = current = cython.declare(cython.double, visibility="public")
     current_before = cython.declare(cython.double, visibility="public")  # a cycle ago
     sampled = cython.declare(cython.double, visibility="public")  # velocity of the reading
     behind = cython.declare(cython.double, visibility="public")  # way since the reading, rad
@@ -204,8 +193,9 @@ class Joint:
     felt_time = cython.declare(cython.double, visibility="public")  # in which it is taken, s
     felt_left = cython.declare(cython.double, visibility="public")  # of it
     offset_taken = cython.declare(cython.double, visibility="public")  # τ_ff before it
-    goal = cython.declare(cython.double, visibility="public")  # of the drive, in COMPLIANT
-    goal_velocity = cython.declare(cython.double, visibility="public")
+    goal = goal_velocity = cython.declare(
+        cython.double, visibility="public"
+    )  # of the drive, in COMPLIANT
     sag = cython.declare(cython.double, visibility="public")  # set-point beyond goal or reference
     trail = cython.declare(cython.double, visibility="public")  # of a stop, fading, likewise
     comes_to_rest = cython.declare(cython.bint, visibility="public")  # no reference since a hold

@@ -87,25 +87,12 @@ class Laws:
         if external is not None:
             self.external = external
         self.feeds_arm = feeds_arm
-        (
-            self.set_current,
-            self.set_torque,
-            self.set_velocity,
-            self.set_position,
-            self.set_stiffness,
-            self.set_damping,
-        ) = rows[:6] if handed is None else handed
-        (
-            self.position,
-            self.velocity,
-            self.torque,
-            self.current,
-            self.position_reference,
-            self.velocity_reference,
-            self.torque_reference,
-            self.output,
-            self.age,
-        ) = rows
+        handed = rows[:6] if handed is None else handed
+        self.set_current, self.set_torque, self.set_velocity = handed[:3]
+        self.set_position, self.set_stiffness, self.set_damping = handed[3:]
+        self.position, self.velocity, self.torque, self.current = rows[:4]
+        self.position_reference, self.velocity_reference, self.torque_reference = rows[4:7]
+        self.output, self.age = rows[7:]
         self.done = done
         if arm is not None:
             self.arm_position, self.arm_velocity, self.arm_acceleration, self.arm_torque = arm.rows

@@ -66,17 +66,11 @@ class JointMonitor:
     warn_temperature = cython.declare(cython.double, visibility="public")
 
     # --- limits in force; infinite while the joint is not configured (N1) -------------------
-    max_alarm = cython.declare(cython.double, visibility="public")
-    max_current = cython.declare(cython.double, visibility="public")
-    max_encoder_age = cython.declare(cython.double, visibility="public")
-    max_jump = cython.declare(cython.double, visibility="public")
-    max_velocity = cython.declare(cython.double, visibility="public")
-    max_torque_age = cython.declare(cython.double, visibility="public")
-    max_torque = cython.declare(cython.double, visibility="public")
+    max_alarm = max_current = max_encoder_age = cython.declare(cython.double, visibility="public")
+    max_jump = max_velocity = cython.declare(cython.double, visibility="public")
+    max_torque_age = max_torque = cython.declare(cython.double, visibility="public")
     max_temperature = cython.declare(cython.double, visibility="public")
-    max_travel = cython.declare(cython.double, visibility="public")
-    max_overrun = cython.declare(cython.double, visibility="public")
-    max_overload = cython.declare(cython.double, visibility="public")
+    max_travel = max_overrun = max_overload = cython.declare(cython.double, visibility="public")
 
     # --- state ------------------------------------------------------------------------------
     live = cython.declare(cython.double, visibility="public")  # 1 with power, 0 without
@@ -343,24 +337,10 @@ class Monitor:
         self.news = False
         self.sources = (None, None)
         self.raw, self.measured, self.before, self.motors = blocks
-        (
-            self.alarm,
-            self.current,
-            self.encoder_age,
-            self.position,
-            self.velocity,
-            self.torque_age,
-            self.torque,
-            self.temperature,
-        ) = readings
-        (
-            self.joint_position,
-            self.joint_current,
-            self.output,
-            self.applied,
-            self.travelled,
-            self.used,
-        ) = rows
+        self.alarm, self.current, self.encoder_age, self.position, self.velocity = readings[:5]
+        self.torque_age, self.torque, self.temperature = readings[5:]
+        self.joint_position, self.joint_current, self.output = rows[:3]
+        self.applied, self.travelled, self.used = rows[3:]
 
     def look_at(self, values: object, motors: object) -> None:
         """View other arrays; a copy of what is no such array is made again in every cycle."""
