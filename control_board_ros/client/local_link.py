@@ -326,10 +326,8 @@ class LocalServices:
         return {"message": acts}
 
     def get_freeze_frame(self, request: Any) -> Fields:
-        joint, frame = (
-            self._group.get_config(request.name)[0],
-            self._group.get_freeze_frame(request.name),
-        )
+        joint = self._group.get_config(request.name)[0]
+        frame = self._group.get_freeze_frame(request.name)
         if frame is None:
             raise RequestError(f"{request.name} has had no fault since the board was started")
         return frame_fields(frame, joint.torque_sensor) | {

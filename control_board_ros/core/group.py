@@ -73,11 +73,8 @@ class JointGroup(ModeShortcuts):
 
     def __init__(self, engine: Engine, zone: Zone) -> None:
         self.engine, self.name, self.joints = engine, zone.name, zone.joints
-        self.names, self.count, self.period = (
-            zone.config.names,
-            len(zone.joints),
-            zone.config.period,
-        )
+        self.names, self.period = zone.config.names, zone.config.period
+        self.count = len(zone.joints)
         self.selector = Selector(self.names, zone.columns.start)
         self.state: StateArrays = engine.state
         self._columns, self._unknown = zone.columns, 0

@@ -60,11 +60,8 @@ class Watchdogs:
             self._last_received = arriving
             self._silent = [0] * len(self._silent)
             return arriving
-        kinds, values, released = (
-            arriving.kinds.copy(),
-            arriving.values.copy(),
-            arriving.released.copy(),
-        )
+        kinds, values = arriving.kinds.copy(), arriving.values.copy()
+        released = arriving.released.copy()
         for j in range(len(kinds)):
             if j not in deaf:
                 self._silent[j] = 0

@@ -120,10 +120,8 @@ def kinds_of(plan: Plan) -> Mapping[str, JointKind]:
 
 def mean_text(name: str, played: Played, kind: JointKind) -> str:
     """The mean of a figure with its unit; a lower bound where not settled."""
-    text, late = (
-        value_text(name, played.mean(name), kind),
-        sum(not f.settled for f in played.figures),
-    )
+    text = value_text(name, played.mean(name), kind)
+    late = sum(not f.settled for f in played.figures)
     if name != "settling" or not late:
         return text
     return f"more than {text} (not settled in {late} of {len(played.figures)} poses)"

@@ -87,10 +87,8 @@ class Parameter:
     @property
     def bounds(self) -> tuple[float, float]:
         """Both ends of the range, inclusive; of HUGE where another parameter is the bound."""
-        low, high = (
-            0.0 if self.or_zero else self.low,
-            HUGE if isinstance(self.high, str) else self.high,
-        )
+        low = 0.0 if self.or_zero else self.low
+        high = HUGE if isinstance(self.high, str) else self.high
         if self.above is not None:
             low = self.above if isinstance(self.above, str) else self.above + TINY
         return -HUGE if isinstance(low, str) else low, high

@@ -172,10 +172,8 @@ class JointMove:
     def ending(self, standing: Standing, now: JointNow) -> str:
         """One line when the move has ended (not SETTLING); empty where the joint has arrived."""
         kind = self.kind
-        where, target_text = (
-            f"{self.name} is at {kind.position(now.position)}",
-            kind.position(self.target),
-        )
+        where = f"{self.name} is at {kind.position(now.position)}"
+        target_text = kind.position(self.target)
         away = abs(now.position - self.target)
         if standing is Standing.ARRIVED:
             if not now.compliant or away <= tolerance(kind):
