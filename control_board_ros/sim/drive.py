@@ -134,7 +134,7 @@ def gearbox_friction(d: Drive, velocity: cython.double) -> cython.double:
 
     coulomb tanh(dq/eps) + rise u exp((1 − u²)/2) + viscous dq
     """
-    dry: cython.double = d.coulomb * tanh(velocity * d.inverse_slip_speed)
+    dry = d.coulomb * tanh(velocity * d.inverse_slip_speed)
     if d.rise > 0.0:
         u = velocity * d.inverse_peak_speed
         dry += d.rise * u * exp(0.5 - 0.5 * u * u)
@@ -147,7 +147,7 @@ def stiction(d: Drive, velocity: cython.double) -> cython.double:
 
     y' = clip(y + σ dq h, ± B);  friction = clip(y' + c dq, ± B)
     """
-    limit: cython.double = d.stiction_torque
+    limit = d.stiction_torque
     d.bristle_torque = max(min(d.bristle_torque + d.bristle_stiffness * velocity, limit), -limit)
     return max(min(d.bristle_torque + d.bristle_damping * velocity, limit), -limit)
 
@@ -158,8 +158,8 @@ def brake_torque(d: Drive, velocity: cython.double) -> cython.double:
 
     y' = clip(y + σ dq h, ± B);  friction = clip(y' + c dq, ± B)
     """
-    limit: cython.double = d.slip_torque
-    torque: cython.double = 0.0
+    limit = d.slip_torque
+    torque = 0.0
     if d.closed:
         torque = d.clutch_torque + d.clutch_stiffness * velocity
         d.clutch_torque = max(min(torque, limit), -limit)
@@ -191,9 +191,9 @@ def loops(
     impedance  τ = k e + d ė + τ_ff;   it and torque: τ_motor = τ + ∫K (τ − τ_measured) dt
     current    V = R (i + (i_set − i)/s) + Ke q̇: there at the end of the period
     """
-    error: cython.double = d.set_position - position
-    rate: cython.double = d.set_velocity - velocity
-    current: cython.double = d.set_current
+    error = d.set_position - position
+    rate = d.set_velocity - velocity
+    current = d.set_current
     if d.kind in (TORQUE, IMPEDANCE):
         wanted = d.set_torque
         if d.kind == IMPEDANCE:
@@ -214,7 +214,7 @@ def loops(
         current = bounded(wanted, d.max_torque) / d.torque_per_ampere
     current = bounded(current, d.max_current)
     current = d.current + (current - d.current) / d.loop_response
-    volts: cython.double = d.resistance * current + d.back_emf * velocity
+    volts = d.resistance * current + d.back_emf * velocity
     return bounded(volts / d.volts_per_percent, d.max_pwm)
 
 
@@ -377,7 +377,7 @@ class StateReader:
             states: One tuple per joint that begins with position and velocity.
         """
         state: tuple[float, ...]
-        total: cython.double = 0.0
+        total = 0.0
         for k in range(len(states)):
             state = states[k]
             self.position[k] = state[0]

@@ -11,7 +11,7 @@ PARTS = ("position_pid", "torque_pid", "current_pid", "stream", "fed", "fed_now"
 NUMBERS = [
     name
     for name, value in vars(LAWS.Joint).items()
-    if isinstance(value, float) and name not in PARTS
+    if isinstance(value, int | float) and name not in PARTS
 ]
 INFINITE = LAWS.INFINITE
 GIVEN = {

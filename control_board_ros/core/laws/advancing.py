@@ -37,7 +37,7 @@ YIELD_TIME = cython.declare(cython.double, 0.015)
 @cython.cfunc
 def advance(j: Joint) -> cython.void:
     """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
-    periods: cython.double = j.elapsed / j.period
+    periods = j.elapsed / j.period
     j.sample_age += periods
     if periods > GAP:
         cross_gap(j)
@@ -83,9 +83,9 @@ def rest_in_place(j: Joint) -> cython.void:
 @cython.cfunc
 def advance_move(j: Joint) -> cython.void:
     """One cycle of a move (P1)."""
-    time: cython.double = j.move_time
+    time = j.move_time
     j.move_cycles += j.elapsed / j.period
-    elapsed: cython.double = j.move_cycles * j.period
+    elapsed = j.move_cycles * j.period
     if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
         j.moving = False
         j.moved, j.moved_velocity, j.moved_acceleration = j.move_target, 0.0, 0.0
@@ -96,12 +96,12 @@ def advance_move(j: Joint) -> cython.void:
 @cython.cfunc
 def advance_stop(j: Joint) -> cython.void:
     """Brake as planned (``stopping``), to hold where the joint comes to rest (M9, P3)."""
-    step: cython.int = j.plan_steps
-    elapsed: cython.double = min(j.elapsed, GAP * j.period)
-    span: cython.double = min(j.span, GAP * j.period)
-    rate: cython.double = fading(j, j.moved_velocity)
-    change: cython.double = min(j.stop_rate, rate) * span
-    over: cython.double = j.velocity - j.ramp_velocity
+    step = j.plan_steps
+    elapsed = min(j.elapsed, GAP * j.period)
+    span = min(j.span, GAP * j.period)
+    rate = fading(j, j.moved_velocity)
+    change = min(j.stop_rate, rate) * span
+    over = j.velocity - j.ramp_velocity
     if step > 0:
         step = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
     if j.smooth:
@@ -140,7 +140,7 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
 
     A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
     """
-    time: cython.double = min(FADE_TIME_AGES * j.wire, MAX_FADE_TIME)
+    time = min(FADE_TIME_AGES * j.wire, MAX_FADE_TIME)
     if time <= 0.0:
         return INFINITE
     return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)
@@ -154,7 +154,7 @@ def yielded(j: Joint) -> cython.double:
     Set-points that come late brake late: what the joint runs on by is not driven back (M9). A
     drive that closes a loop of its own has a reference that does not jump.
     """
-    ahead: cython.double = clamp(j.position, j.lower, j.upper) - j.followed
+    ahead = clamp(j.position, j.lower, j.upper) - j.followed
     if j.wire == 0.0 or j.blind or j.kind >= AS_VELOCITY or ahead * j.followed_velocity <= 0.0:
         return 0.0
     ahead *= min(j.elapsed / YIELD_TIME, 1.0)
@@ -178,11 +178,11 @@ def advance_ramp(j: Joint) -> cython.void:
 
     The speed limit applies to the sum with a move's velocity.
     """
-    step: cython.double = j.ramp_step * (j.elapsed / j.period)
+    step = j.ramp_step * (j.elapsed / j.period)
     if j.ramp_target == 0.0 and not j.driven:
         step = min(step, fading(j, j.ramp_velocity) * j.elapsed)
-    v: cython.double = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
-    top: cython.double = j.steady * j.max_velocity
+    v = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
+    top = j.steady * j.max_velocity
     up = speed_ahead(j.upper - j.reference, j.max_acceleration, j.elapsed, top)
     down = speed_ahead(j.reference - j.lower, j.max_acceleration, j.elapsed, top)
     total = clamp(j.moved_velocity + v, -down, up)
@@ -214,10 +214,10 @@ def follow(j: Joint) -> cython.void:
     fitted to the samples (``follow_stream``). Joints that lack the torque to step together have a
     plan (``stepping``).
     """
-    goal: cython.double = j.reference
-    top: cython.double = top_speed(j)
-    goal_velocity: cython.double = j.reference_velocity
-    step: cython.double = j.max_acceleration * j.span
+    goal = j.reference
+    top = top_speed(j)
+    goal_velocity = j.reference_velocity
+    step = j.max_acceleration * j.span
     if j.direct_age < INFINITE:
         goal_velocity = 0.0
         if j.stream.flows and (j.direct_age - 1.0) * j.period > j.stream.patience():
@@ -274,40 +274,38 @@ def follow_stream(j: Joint) -> cython.double:
     """
     s: Stream = j.stream
     base: TimeBase = s.grid if s.on_grid else s.sent
-    age: cython.double = (j.direct_age - 1.0) * j.period
-    interval: cython.double = (
-        s.interval if s.interval > MIN_STREAM_INTERVAL else MIN_STREAM_INTERVAL
-    )
-    quick: cython.double = FREQUENCY_INTERVAL / interval
+    age = (j.direct_age - 1.0) * j.period
+    interval = s.interval if s.interval > MIN_STREAM_INTERVAL else MIN_STREAM_INTERVAL
+    quick = FREQUENCY_INTERVAL / interval
     if s.on_grid:
         age += s.late
     quick = min(quick, MAX_FREQUENCY)
     quick = min(quick, 0.2 / j.period)
-    turned: cython.double = versine(base.turning, age)
-    cosine: cython.double = 1.0 - base.turning * turned
-    run: cython.double = sine(base.turning, age)
-    goal: cython.double = base.x + base.v * run + base.a * turned
-    speed: cython.double = base.v * cosine + base.a * run
+    turned = versine(base.turning, age)
+    cosine = 1.0 - base.turning * turned
+    run = sine(base.turning, age)
+    goal = base.x + base.v * run + base.a * turned
+    speed = base.v * cosine + base.a * run
     speed = clamp(speed, -j.max_velocity, j.max_velocity)
-    rate: cython.double = base.a * cosine - base.turning * base.v * run
+    rate = base.a * cosine - base.turning * base.v * run
     rate = clamp(rate, -j.max_acceleration, j.max_acceleration)
     if (goal >= j.upper and speed > 0.0) or (goal <= j.lower and speed < 0.0):
         goal, speed, rate = clamp(goal, j.lower, j.upper), 0.0, 0.0
     j.reference_velocity = j.direct_velocity = speed
-    share: cython.double = 3.0 * quick * j.elapsed
+    share = 3.0 * quick * j.elapsed
     j.stream_acceleration += (rate - j.stream_acceleration) * (share if share < 1.0 else 1.0)
     rate = j.stream_acceleration
     j.stream_peak *= 1.0 - j.elapsed
     j.stream_peak = max(j.stream_peak, fabs(rate))
     speed -= 0.5 * rate * j.elapsed  # the mean over this cycle
-    error: cython.double = goal - j.followed - speed * j.elapsed
-    off: cython.double = j.followed_velocity - speed + rate * j.span
-    brake: cython.double = 0.8 * (j.max_acceleration - j.stream_peak)
+    error = goal - j.followed - speed * j.elapsed
+    off = j.followed_velocity - speed + rate * j.span
+    brake = 0.8 * (j.max_acceleration - j.stream_peak)
     brake = max(brake, 0.03 * j.max_acceleration)
-    slope: cython.double = 0.5 * quick
-    near: cython.double = brake / (slope * slope)
-    wanted: cython.double = slope * error
-    ahead: cython.double = 0.0
+    slope = 0.5 * quick
+    near = brake / (slope * slope)
+    wanted = slope * error
+    ahead = 0.0
     if fabs(error) > near:
         wanted = sqrt(2.0 * brake * (fabs(error) - 0.5 * near))
         ahead = brake * fabs(off) / wanted
@@ -316,7 +314,7 @@ def follow_stream(j: Joint) -> cython.double:
             wanted = -wanted
         else:
             ahead = -ahead
-    change: cython.double = (rate + ahead + 4.0 * slope * (wanted - off)) * j.span
+    change = (rate + ahead + 4.0 * slope * (wanted - off)) * j.span
     wanted = speed + error / j.elapsed
     if fabs(wanted - j.followed_velocity - change) <= 0.01 * j.max_acceleration * j.span:
         return wanted

@@ -73,7 +73,7 @@ def position_law(j: Joint) -> cython.double:
     """
     p: Pid = j.position_pid
     keep_near(j)
-    late: cython.double = j.followed - j.delay * j.followed_velocity  # what the drive has by now
+    late = j.followed - j.delay * j.followed_velocity  # what the drive has by now
     if j.coasts:
         torque = p.kff * j.followed + p.integral + j.feedback
     elif j.blind:  # the drive has the same spring, with the present error
@@ -90,7 +90,7 @@ def position_law(j: Joint) -> cython.double:
 def keep_feedback(j: Joint) -> cython.void:
     """Filter the feedback: what a joint that coasts keeps of it is its load (B7)."""
     p: Pid = j.position_pid
-    feedback: cython.double = p.kp * p.error * j.spring + p.kd * p.derivative * j.calm
+    feedback = p.kp * p.error * j.spring + p.kd * p.derivative * j.calm
     j.feedback += j.period / (j.period + HOLD_FILTER) * (feedback - j.feedback)
 
 
@@ -127,8 +127,8 @@ def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
     it. At the torque limit, by its current, the reference yields, so that it is that limit. Below,
     it goes on, up to WIDE_FACTOR leads. Beyond, and where no current is known, it waits.
     """
-    error: cython.double = j.followed - j.position
-    torque: cython.double = j.torque if error > 0.0 else -j.torque
+    error = j.followed - j.position
+    torque = j.torque if error > 0.0 else -j.torque
     if torque > j.max_torque:
         stay(j, j.position + error * j.max_torque / torque)
     elif not (fabs(torque) > 0.0 and fabs(error) <= WIDE_FACTOR * lead):
@@ -138,9 +138,9 @@ def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
 @cython.cfunc
 def wait_for_drive(j: Joint, place: cython.double) -> cython.void:
     """Stop the followed reference at a place that it has not passed, else where it was."""
-    before: cython.double = j.set_position - j.sag - j.trail
-    low: cython.double = min(j.followed, place)
-    high: cython.double = max(j.followed, place)
+    before = j.set_position - j.sag - j.trail
+    low = min(j.followed, place)
+    high = max(j.followed, place)
     place = clamp(before, low, high)
     if place != j.followed:
         stay(j, place)
@@ -172,10 +172,10 @@ def hold_back(j: Joint) -> cython.void:
     current, where known, and I_free what it gave.
     """
     p: Pid = j.position_pid
-    push: cython.double = p.kp * (j.followed - j.position) + p.integral
+    push = p.kp * (j.followed - j.position) + p.integral
     if j.kind == AS_POSITION and is_number(j.torque) and j.torque != 0.0:
         push = j.torque
-    max_excess: cython.double = (
+    max_excess = (
         LIGHT_FACTOR * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
     )
     if max_excess >= j.max_torque:
@@ -209,7 +209,7 @@ def impedance(j: Joint) -> cython.double:
     compensated gravity. With g(q) and k = 0 the joint stays where it is put, by a holding torque
     of the size of gearbox friction (G1).
     """
-    torque: cython.double = (
+    torque = (
         j.torque_offset
         + j.load_taken
         + j.lift
@@ -230,11 +230,11 @@ def give_way(j: Joint) -> cython.void:
     limit and braking ahead of software limits bound ġ (P9, P14); where τ is not known, or old
     (B7), it is zero.
     """
-    time: cython.double = j.elapsed if j.elapsed <= GAP * j.period else j.period
-    least: cython.double = j.dead_band + j.load_share * j.borne
-    speed: cython.double = 0.0
-    up: cython.double = brake_speed(j.upper - j.goal, j.max_acceleration, time)
-    down: cython.double = brake_speed(j.goal - j.lower, j.max_acceleration, time)
+    time = j.elapsed if j.elapsed <= GAP * j.period else j.period
+    least = j.dead_band + j.load_share * j.borne
+    speed = 0.0
+    up = brake_speed(j.upper - j.goal, j.max_acceleration, time)
+    down = brake_speed(j.goal - j.lower, j.max_acceleration, time)
     if j.felt_left > 0.0:  # it follows what the braking has left in the low pass
         j.felt_left -= time
         j.felt_taken = j.felt
@@ -260,11 +260,11 @@ def hold_torque(j: Joint, share: cython.double) -> cython.double:
     Pushed harder, the joint moves, and holds where it is released.
     """
     p: Pid = j.position_pid
-    firm: cython.double = share * j.max_torque
+    firm = share * j.max_torque
     if p.kp > 0.0:
         j.hold_place = clamp(j.hold_place, j.position - firm / p.kp, j.position + firm / p.kp)
-    spring: cython.double = p.kp * j.spring
-    damper: cython.double = p.kd * j.calm
+    spring = p.kp * j.spring
+    damper = p.kd * j.calm
     return clamp(spring * (j.hold_place - j.position) - damper * j.velocity, -firm, firm)
 
 
@@ -402,17 +402,17 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
     user's reference (Y2) is a step: the PI compares with the one before, reached by now.
     """
     p: Pid = j.current_pid
-    before: cython.double = p.reference
-    reached: cython.double = before if j.law == CURRENT else reference
-    feedback: cython.double = (
+    before = p.reference
+    reached = before if j.law == CURRENT else reference
+    feedback = (
         late_feedback(j, reference)
         if j.wire > 0.0
         else pid_step(p, reference, reached - j.current, 0.0)
     )
-    wanted: cython.double = j.percent_per_volt * (
+    wanted = j.percent_per_volt * (
         feedback + j.ohms * (reference + j.lead * (reference - before)) + j.emf * j.velocity
     )
-    bounded: cython.double = clamp(wanted, -j.max_output, j.max_output)
+    bounded = clamp(wanted, -j.max_output, j.max_output)
     if bounded != wanted:
         unwind(p, wanted - bounded)
     return bounded
@@ -426,9 +426,9 @@ def late_feedback(j: Joint, reference: cython.double) -> cython.double:
     those of the position loop; the same reading is not integrated twice.
     """
     p: Pid = j.current_pid
-    error: cython.double = 0.0
-    gain: cython.double = p.kp + p.ki_period / j.period * j.wire
-    calm: cython.double = 1.0
+    error = 0.0
+    gain = p.kp + p.ki_period / j.period * j.wire
+    calm = 1.0
     if j.missed == 0.0:
         error = j.drawn[place_of(j, j.age)] - j.current
     if gain > WIRE_PHASE * j.ohms:
@@ -449,8 +449,8 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
     braking distance, and from beyond one it is driven back: to where it was found, where that is
     outside (P16).
     """
-    top: cython.double = PURSUIT * j.max_velocity
-    bottom: cython.double = -top
+    top = PURSUIT * j.max_velocity
+    bottom = -top
     free: cython.bint = j.law != POSITION and not j.settling
     if free:
         top, bottom = j.max_velocity, -j.max_velocity
@@ -477,21 +477,21 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
     lag·Δτ is the torque at the end of the cycle beyond its mean. Torque grows as for a light
     joint, and is reduced as for a heavy one.
     """
-    span: cython.double = SPAN * (j.period + j.delay + j.wire)
-    speed: cython.double = way * j.velocity
-    torque: cython.double = way * j.current * j.torque_per_ampere
-    grown: cython.double = torque - way * j.current_before * j.torque_per_ampere
-    gain: cython.double = 1.0 + j.lag * j.period / span
-    gained: cython.double = way * j.acceleration
+    span = SPAN * (j.period + j.delay + j.wire)
+    speed = way * j.velocity
+    torque = way * j.current * j.torque_per_ampere
+    grown = torque - way * j.current_before * j.torque_per_ampere
+    gain = 1.0 + j.lag * j.period / span
+    gained = way * j.acceleration
     if j.wire > 0.0:  # more than the motor gives is an impact, which does not last
         gained = clamp(gained, -j.max_torque / j.inertia_min, j.max_torque / j.inertia_min)
         if j.law != POSITION and not j.settling:
             speed += gained * (j.age - j.missed)
-    spare: cython.double = (top - speed) / span - gain * gained
-    inertia: cython.double = LIGHT_FACTOR * j.inertia_min
+    spare = (top - speed) / span - gain * gained
+    inertia = LIGHT_FACTOR * j.inertia_min
     if spare < 0.0:
         inertia = min(HEAVY_FACTOR * j.inertia, WIDE_FACTOR * inertia)
-    bound: cython.double = torque - gain * j.lag * grown + inertia * spare
+    bound = torque - gain * j.lag * grown + inertia * spare
     if bound >= j.max_torque:
         return INFINITE
     bound = max(bound, -j.max_torque)
@@ -513,10 +513,10 @@ def speed_towards(j: Joint, room: cython.double, top: cython.double) -> cython.d
 @cython.cfunc
 def note_limit(j: Joint) -> cython.void:
     """Whether the joint is beyond a limit, with a hysteresis (P9)."""
-    room: cython.double = j.limit_upper - j.position
-    below: cython.double = j.position - j.limit_lower
+    room = j.limit_upper - j.position
+    below = j.position - j.limit_lower
     room = min(room, below)
-    edge: cython.double = 0.01 * (j.limit_upper - j.limit_lower)
+    edge = 0.01 * (j.limit_upper - j.limit_lower)
     edge = min(edge, j.limit_edge)
     j.on_limit = room < 0.0 or (j.on_limit and room < edge)
 
@@ -532,7 +532,7 @@ def hand_down(j: Joint, drive: cython.double) -> cython.void:
     damping it subtracts the filtered rate that the law used: the raw one would return delayed.
     """
     p: Pid = j.position_pid
-    spring: cython.double = 0.0
+    spring = 0.0
     if j.kind == AS_PWM:
         j.output = current_law(j, drive) if j.in_amps else drive
     elif j.kind == AS_CURRENT:
@@ -563,7 +563,7 @@ def hand_down_path(
     on entering is added to the place of a joint that gives way (M9).
     """
     p: Pid = j.position_pid
-    torque: cython.double = p.integral + p.kff * place + j.forward + feed
+    torque = p.integral + p.kff * place + j.forward + feed
     torque += friction(j, velocity)
     j.set_torque = clamp(torque, -j.max_torque, j.max_torque)
     j.set_position, j.set_velocity = place, velocity

@@ -247,7 +247,7 @@ class Joint:
         drive that closes the loop of position goes on from its set-point, which is beyond the
         joint by sag and lag; of the braking distance the set-point has gone that lag already.
         """
-        speed: cython.double = self.velocity
+        speed = self.velocity
         guided: cython.bint = self.law == IMPEDANCE and not self.settling
         held: cython.bint = self.kind == AS_POSITION and (guided or self.holds_place())
         smooth: cython.bint = self.max_jerk > 0.0 and self.active and self.law == POSITION
@@ -288,9 +288,9 @@ class Joint:
     @cython.cfunc
     def speed_left(self, speed: cython.double, lag: cython.double) -> cython.double:
         """Of a stop whose set-point is ahead by a lag: ±√(v² − 2 a lag), v at most the joint's."""
-        v: cython.double = clamp(speed, min(self.velocity, 0.0), max(self.velocity, 0.0))
-        spent: cython.double = 2.0 * self.max_acceleration * (lag if v > 0.0 else -lag)
-        left: cython.double = sqrt(max(v * v - max(spent, 0.0), 0.0))
+        v = clamp(speed, min(self.velocity, 0.0), max(self.velocity, 0.0))
+        spent = 2.0 * self.max_acceleration * (lag if v > 0.0 else -lag)
+        left = sqrt(max(v * v - max(spent, 0.0), 0.0))
         return left if v > 0.0 else -left
 
     @cython.ccall
@@ -337,7 +337,7 @@ class Joint:
     @cython.ccall
     def give_back(self) -> cython.double:
         """Take a direct position back, to go on from the followed reference; the position."""
-        position: cython.double = self.reference
+        position = self.reference
         self.reference = self.moved = self.followed
         self.reference_velocity = self.moved_velocity = self.followed_velocity
         self.direct_age, self.direct_velocity = INFINITE, 0.0
@@ -483,7 +483,7 @@ class Joint:
             resting: whether the other joints are at rest.
             held: whether the drive goes on with the set-point that it has.
         """
-        load: cython.double = self.known_load()
+        load = self.known_load()
         if not resting and self.wire == 0.0:
             load = self.torque - self.motion
         self.law = law
@@ -556,7 +556,7 @@ class Joint:
         Switching it on or off is offset in the load and the command: the torque makes no step.
         """
         lifts: cython.bint = self.compensates and known
-        lift: cython.double = gravity if lifts else 0.0
+        lift = gravity if lifts else 0.0
         if lifts != self.lifts:
             self.lifts = lifts
             self.load_taken -= lift - self.lift
@@ -597,12 +597,12 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
     With a jerk limit the acceleration a0 at the start goes on: B = a0 T²/2 adds B (s² − 3s³ + 3s⁴
     − s⁵), in braking a0 T_b u (1 − u)² to the velocity.
     """
-    bend: cython.double = 0.0
-    change: cython.double = 0.0
-    run: cython.double = 0.0
-    way: cython.double = 0.0
-    speed: cython.double = 0.0
-    time: cython.double = j.move_time
+    bend = 0.0
+    change = 0.0
+    run = 0.0
+    way = 0.0
+    speed = 0.0
+    time = j.move_time
     reach = j.move_target - j.move_start
     if j.brake_even:
         u = elapsed / j.brake_time
@@ -636,9 +636,9 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
         j.moved, j.moved_velocity = j.move_start + way + reach, speed
         j.moved_acceleration = change if j.max_jerk > 0.0 else 0.0
         return
-    a: cython.double = 10.0 * reach - 6.0 * run - 3.0 * bend
-    b: cython.double = 8.0 * run - 15.0 * reach + 3.0 * bend
-    c: cython.double = 6.0 * reach - 3.0 * run - bend
+    a = 10.0 * reach - 6.0 * run - 3.0 * bend
+    b = 8.0 * run - 15.0 * reach + 3.0 * bend
+    c = 6.0 * reach - 3.0 * run - bend
     j.moved = j.move_start + way + s * (run + s * s * (a + s * (b + s * c))) + s * s * bend
     j.moved_velocity = speed + (run + s * s * (3.0 * a + s * (4.0 * b + s * 5.0 * c))) / time
     j.moved_velocity, j.moved_acceleration = j.moved_velocity + 2.0 * s * bend / time, 0.0
@@ -650,13 +650,13 @@ def run_move(j: Joint, elapsed: cython.double) -> cython.void:
 @cython.cfunc
 def keep_inside(j: Joint) -> cython.void:
     """Brake evenly, then move, where braking within the move would pass a limit (P14)."""
-    way: cython.double = 1.0 if j.move_velocity > 0.0 else -1.0
-    room: cython.double = (j.upper if way > 0.0 else -j.lower) - way * j.move_start
-    step: cython.double = (j.move_time if j.move_time > j.brake_time else j.brake_time) / 64.0
-    slack: cython.double = 0.125 * j.max_acceleration * step * step
-    last: cython.double = 0.0
-    before: cython.double = 0.0
-    speed: cython.double = j.moved_velocity
+    way = 1.0 if j.move_velocity > 0.0 else -1.0
+    room = (j.upper if way > 0.0 else -j.lower) - way * j.move_start
+    step = (j.move_time if j.move_time > j.brake_time else j.brake_time) / 64.0
+    slack = 0.125 * j.max_acceleration * step * step
+    last = 0.0
+    before = 0.0
+    speed = j.moved_velocity
     passes: cython.bint = False
     if room <= 0.0 or 0.5 * fabs(speed) * j.brake_time < room:
         return
@@ -713,7 +713,7 @@ def cross_gap(j: Joint) -> cython.void:
     A joint by torque or velocity coasted, one by position stood: the followed reference goes on
     from where the joint is between both, as if one period had passed.
     """
-    end: cython.double = j.followed + j.followed_velocity * j.elapsed
+    end = j.followed + j.followed_velocity * j.elapsed
     if not j.active or not is_number(j.position):
         return
     if j.kind >= AS_POSITION and j.missed > 0.0:  # where it is now is not known yet
@@ -726,7 +726,7 @@ def cross_gap(j: Joint) -> cython.void:
 @cython.inline
 def place_of(j: Joint, age: cython.double) -> cython.int:
     """Where what was so an age ago is kept, as far back as it is."""
-    cycles: cython.int = cython.cast(cython.int, min(age / j.period + 0.5, FEED_CYCLES - 1.0))
+    cycles = cython.cast(cython.int, min(age / j.period + 0.5, FEED_CYCLES - 1.0))
     return (j.fed_now - cycles) & (FEED_CYCLES - 1)
 
 
@@ -734,8 +734,8 @@ def place_of(j: Joint, age: cython.double) -> cython.int:
 def friction(j: Joint, velocity: cython.double) -> cython.double:
     """Friction at a velocity: clip(F_c v/v_slip, ± F_c) + F_v v, with F of its direction."""
     ahead: cython.bint = velocity >= 0.0
-    dry: cython.double = j.coulomb if ahead else j.coulomb_negative
-    wet: cython.double = j.viscous if ahead else j.viscous_negative
+    dry = j.coulomb if ahead else j.coulomb_negative
+    wet = j.viscous if ahead else j.viscous_negative
     if dry == 0.0:
         return wet * velocity
     return dry * clamp(velocity / j.slip, -1.0, 1.0) + wet * velocity

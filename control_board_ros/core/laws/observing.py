@@ -50,7 +50,7 @@ GAP_SHARE = cython.declare(cython.double, 0.05)
 @cython.inline
 def pass_time(j: Joint, elapsed: cython.double) -> cython.void:
     """Time since the last cycle, s; 0: one control period (B6)."""
-    before: cython.double = j.elapsed if j.elapsed > 0.0 else j.period
+    before = j.elapsed if j.elapsed > 0.0 else j.period
     j.elapsed = elapsed if elapsed > 0.0 else j.period
     j.span = 0.5 * (before + j.elapsed)
 
@@ -66,8 +66,8 @@ def observe(
 
         q = q(t − age) + q̇ age + ½ Δq̇ age,   q̇ = q̇(t − age) + Δq̇,   Δq̇ = ∫a_ref dt
     """
-    ahead: cython.double = 0.0
-    between: cython.double = j.elapsed + j.age - age
+    ahead = 0.0
+    between = j.elapsed + j.age - age
     if not is_number(position + velocity):  # there is no reading yet
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         j.behind = 0.0
@@ -99,7 +99,7 @@ def observe(
 @cython.inline
 def note_feed(j: Joint) -> cython.void:
     """Keep what the last set-point fed forward, and which current it was for, on a wire."""
-    fed: cython.double = j.fed[j.fed_now]
+    fed = j.fed[j.fed_now]
     if j.active and (j.law == POSITION or j.settling):
         fed += j.followed_acceleration * j.elapsed
     j.fed_now = (j.fed_now + 1) & (FEED_CYCLES - 1)
@@ -124,7 +124,7 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     drive that closes the loop of position makes speed, which the reference leaves room for.
     """
     p: Pid = j.position_pid
-    speed: cython.double = p.kd / j.inertia_min  # of the loop, 1/s
+    speed = p.kd / j.inertia_min  # of the loop, 1/s
     if between < 0.5 * j.elapsed:  # it is the same reading
         j.missed += j.elapsed
     else:
@@ -156,7 +156,7 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
 @cython.cfunc
 def note_age(j: Joint, age: cython.double) -> cython.void:
     """Mean and variance of the ages of fresh readings, from the first late one on."""
-    off: cython.double = age - j.mean_age
+    off = age - j.mean_age
     if j.wire == 0.0:
         j.mean_age, j.age_variance = age, 0.0
         return
@@ -190,8 +190,8 @@ def weigh(j: Joint) -> cython.void:
     The acceleration is that between two readings. On a wire these are some periods apart, so τ is
     the mean of both, and no reading is weighed twice (B7).
     """
-    raw: cython.double = j.torque - j.motion
-    before: cython.double = j.weighed_torque
+    raw = j.torque - j.motion
+    before = j.weighed_torque
     if j.wire > 0.0:
         if j.missed > 0.0:
             return
@@ -219,7 +219,7 @@ def observe_external(j: Joint, motion: cython.double) -> cython.double:
         j: The joint.
         motion: M Δq̇/T + c + g of the arm, N·m.
     """
-    torque: cython.double = motion - j.torque
+    torque = motion - j.torque
     j.unobserved += j.elapsed
     if j.missed > 0.0:  # no reading since
         return j.external
@@ -240,7 +240,7 @@ def observe_external(j: Joint, motion: cython.double) -> cython.double:
 @cython.cfunc
 def feel(j: Joint, motion: cython.double) -> cython.void:
     """What a goal gives way to, and the load: low-passed from their first numbers on."""
-    share: cython.double = min(j.felt_share * j.unobserved / j.period, 1.0) if j.feels else 1.0
+    share = min(j.felt_share * j.unobserved / j.period, 1.0) if j.feels else 1.0
     j.felt += share * (j.external - j.felt)
     j.borne += share * (fabs(motion) - j.borne)
     j.feels = True

@@ -48,7 +48,7 @@ def pid_step(
     p.previous = p.integral
     if p.room > 0.0:
         p.room = max(p.room - p.fall, 0.0)
-    bound: cython.double = p.limit + p.room
+    bound = p.limit + p.room
     p.integral = clamp(p.integral + p.ki_period * error, -bound, bound)
     p.derivative += p.alpha * (rate - p.derivative)
     return p.kff * reference + p.kp * error + p.integral + p.kd * p.derivative

@@ -82,7 +82,7 @@ class Steps:
     position = velocity = acceleration = torque = cython.declare(cython.double[::1])
 
     def __init__(self, joints: list[Any], arm: Any) -> None:
-        n: cython.Py_ssize_t = len(joints)
+        n = len(joints)
         self.joints, self.arm, self.count, self.time = joints, arm, n, 0.0
         self.plans = [row(MAX_STEPS) for _ in joints]
         self.start, self.way, self.fastest, self.hardest = row(n), row(n), row(n), row(n)
@@ -149,7 +149,7 @@ class Steps:
     @cython.cfunc
     def strained(self) -> cython.bint:
         """Whether a motor lacks torque where each joint steps as fast as its own limits allow."""
-        step: cython.double = 0.0
+        step = 0.0
         moving: cython.bint = True
         for k in range(self.count):
             left = fabs(self.speed[k]) / self.hardest[k]
@@ -188,8 +188,8 @@ class Steps:
         self, k: cython.Py_ssize_t, left: cython.double, step: cython.double
     ) -> cython.double:
         """The speed after a step of a joint that has a way left, within its own limits."""
-        change: cython.double = step * self.hardest[k]
-        speed: cython.double = sqrt(2.0 * self.hardest[k] * fabs(left) + 0.25 * change * change)
+        change = step * self.hardest[k]
+        speed = sqrt(2.0 * self.hardest[k] * fabs(left) + 0.25 * change * change)
         speed = min(speed - 0.5 * change, self.fastest[k], fabs(left) / step)
         if left < 0.0:
             speed = -speed
@@ -202,7 +202,7 @@ class Steps:
     @cython.cfunc
     def line(self) -> cython.bint:
         """Find b of each place, and the time; whether there is a way."""
-        step: cython.double = 1.0 / PLACES
+        step = 1.0 / PLACES
         self.measure()
         self.max_b[PLACES] = 0.0
         for i in range(PLACES - 1, -1, -1):
@@ -222,7 +222,7 @@ class Steps:
     @cython.cfunc
     def measure(self) -> cython.void:
         """What the torques are made of, at each place; and the joints' own limits."""
-        n: cython.Py_ssize_t = self.count
+        n = self.count
         self.top = self.hurry = 1e300
         for k in range(n):
             if self.way[k] != 0.0:
@@ -252,7 +252,7 @@ class Steps:
 
         Torques are bounded at both places: at the next one b has become b + 2 u/PLACES.
         """
-        root: cython.double = sqrt(b)
+        root = sqrt(b)
         self.low, self.high = -self.hurry, self.hurry
         for m in range(2 * self.count):
             k = m if m < self.count else m - self.count
@@ -276,8 +276,8 @@ class Steps:
     @cython.cfunc
     def greatest(self, i: cython.int, after: cython.double) -> cython.double:
         """The greatest b of a place from which the next has no more than ``after``; −1: none."""
-        low: cython.double = 0.0
-        high: cython.double = self.top
+        low = 0.0
+        high = self.top
         if self.leads(i, high, after):
             return high
         if not self.leads(i, 0.0, after):
@@ -302,11 +302,11 @@ class Steps:
     def order(self, numbers: list[int]) -> cython.void:
         """Give the joints their accelerations: ṡ at equal times, scaled to end at the target."""
         k: cython.Py_ssize_t
-        i: cython.int = 0
+        i = 0
         period: cython.double = self.joints[0].period
         span: cython.double = period * max(ceil(self.time / (MAX_STEPS * period)), 1.0)
-        before: cython.double = 0.0  # time at place i
-        lasts: cython.double = self.interval(0)
+        before = 0.0  # time at place i
+        lasts = self.interval(0)
         rate: cython.double = 0.0
         last: cython.double = 0.0
         place: cython.double = 0.0

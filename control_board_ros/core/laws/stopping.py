@@ -128,7 +128,7 @@ class Stops:
     arm_acceleration = arm_torque = cython.declare(cython.double[::1])
 
     def __init__(self, joints: list[Any], arm: Any) -> None:
-        n: cython.Py_ssize_t = len(joints)
+        n = len(joints)
         self.joints, self.arm, self.count = joints, arm, n
         self.rounds, self.furthest = 0, 0.0
         self.plans = [row(MAX_STEPS) for _ in joints]
@@ -149,7 +149,7 @@ class Stops:
         Args:
             modelled: Whether the dynamics of the arm are known.
         """
-        longest: cython.double = self.take_joints()
+        longest = self.take_joints()
         self.rounds = 0
         self.smoothen()
         if not self.predict_path(longest, modelled):
@@ -172,8 +172,8 @@ class Stops:
     @cython.cfunc
     def take_joints(self) -> cython.double:
         """Read the joints: those that stop first, then the others; T, s."""
-        k: cython.Py_ssize_t = 0
-        longest: cython.double = 0.0
+        k = 0
+        longest = 0.0
         for due in (True, False):
             for i in range(self.count):
                 joint = self.joints[i]
@@ -198,7 +198,7 @@ class Stops:
     @cython.cfunc
     def smoothen(self) -> cython.void:
         """Times of stops within the jerk limits, that keep the path; 0 where there is no room."""
-        longest: cython.double = 0.0
+        longest = 0.0
         for k in range(self.stopping):
             joint = self.joints[self.numbers[k]]
             self.smooth[k] = 0.0
@@ -248,8 +248,8 @@ class Stops:
     @cython.cfunc
     def improve(self) -> cython.void:
         """Keep the best of several predictions of full braking in ``best``."""
-        least: cython.double = 1e300
-        steps: cython.int = 0
+        least = 1e300
+        steps = 0
         for k in range(self.stopping):
             self.wanted[k] = self.hardest[k]
             self.limit[k] -= self.lost_torque(k)
@@ -283,7 +283,7 @@ class Stops:
     def predict(self) -> cython.double:
         """Predict a stop into ``trial``; z of its furthest joint."""
         moving: cython.bint = True
-        z: cython.double = 0.0
+        z = 0.0
         self.excess, self.hasty, self.strained = 0.0, 0.0, False
         for k in range(self.count):
             self.q[k], self.v[k] = self.place[k], self.speed[k]
@@ -400,7 +400,7 @@ class Stops:
     @cython.cfunc
     def torque_error(self) -> cython.double:
         """The greatest torque beyond a limit, as a part of it."""
-        excess: cython.double = 0.0
+        excess = 0.0
         for k in range(self.stopping):
             excess = max(excess, fabs(self.torque(k)) / self.limit[k] - 1.0)
         return excess
@@ -408,8 +408,8 @@ class Stops:
     @cython.cfunc
     def bound_acceleration(self, k: cython.Py_ssize_t) -> cython.void:
         """No joint brakes harder than fully, turns round, or leaves its speed limit."""
-        top: cython.double = self.hardest[k]
-        bottom: cython.double = -self.hardest[k]
+        top = self.hardest[k]
+        bottom = -self.hardest[k]
         if self.v[k] > 0.0:
             bottom, top = self.full[k], max((self.fastest[k] - self.v[k]) / self.step, 0.0)
         if self.v[k] < 0.0:
@@ -420,7 +420,7 @@ class Stops:
 
     @cython.cfunc
     def bound_torque(self, k: cython.Py_ssize_t) -> cython.void:
-        scale: cython.double = 0.0
+        scale = 0.0
         for i in range(self.stopping):
             m = self.mass[k * self.count + i]
             scale += m * m / self.weight[i]
@@ -441,8 +441,8 @@ class Stops:
         scale: cython.double,
     ) -> cython.double:
         """The multiplier of low ≤ value ≤ high: positive at the upper, negative at the lower."""
-        above: cython.double = y + (value - high) / scale
-        below: cython.double = y + (value - low) / scale
+        above = y + (value - high) / scale
+        below = y + (value - low) / scale
         if above > 0.0:
             return above
         return below if below < 0.0 else 0.0

@@ -122,20 +122,20 @@ class TimeBase:
             max_acceleration: rad/s².
             share: of this fit in ω²; 0: it has been taken in already.
         """
-        n: cython.double = 1.0 / knots  # about the means
-        ss: cython.double = 0.0
-        cc: cython.double = 0.0
-        sc: cython.double = 0.0
-        s1: cython.double = 0.0
-        c1: cython.double = 0.0
-        y1: cython.double = 0.0
-        ys: cython.double = 0.0
-        yc: cython.double = 0.0
-        span: cython.double = -self.times[knots - 1]
+        n = 1.0 / knots  # about the means
+        ss = 0.0
+        cc = 0.0
+        sc = 0.0
+        s1 = 0.0
+        c1 = 0.0
+        y1 = 0.0
+        ys = 0.0
+        yc = 0.0
+        span = -self.times[knots - 1]
         self.x, self.a = values[0], 0.0
         if span <= 0.0:
             return
-        scale: cython.double = 1.0 / span
+        scale = 1.0 / span
         for k in range(knots):
             t = self.times[k]
             y = values[k] - values[0]
@@ -154,7 +154,7 @@ class TimeBase:
         cc -= c1 * c1 * n
         ys -= y1 * s1 * n
         yc -= y1 * c1 * n
-        whole: cython.double = ss * cc - sc * sc
+        whole = ss * cc - sc * sc
         if knots < 3 or whole < 1e-9:
             self.v = (values[0] - values[knots - 1]) * scale
             return
@@ -182,11 +182,11 @@ class TimeBase:
         e: value less fit; g: the derivative of the motion by ω², less what the fit makes up for.
         Where errors of predictions are large, ω² tends to 0.
         """
-        d1: cython.double = 0.0
-        ds: cython.double = 0.0
-        dc: cython.double = 0.0
-        gg: cython.double = 0.0
-        ge: cython.double = 0.0
+        d1 = 0.0
+        ds = 0.0
+        dc = 0.0
+        gg = 0.0
+        ge = 0.0
         for k in range(knots):
             t = self.times[k]
             z = self.turning * t * t
@@ -215,7 +215,7 @@ class TimeBase:
 @cython.inline
 def sine(turning: cython.double, t: cython.double) -> cython.double:
     """sin(ωt)/ω as a series of ω²; t where ω is zero."""
-    z: cython.double = turning * t * t
+    z = turning * t * t
     return t * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
 
 
@@ -223,7 +223,7 @@ def sine(turning: cython.double, t: cython.double) -> cython.double:
 @cython.inline
 def versine(turning: cython.double, t: cython.double) -> cython.double:
     """(1 − cos ωt)/ω² as a series of ω²; t²/2 where ω is zero."""
-    z: cython.double = turning * t * t
+    z = turning * t * t
     return 0.5 * t * t * (1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0)))
 
 
@@ -296,7 +296,7 @@ class Stream:
             max_velocity: rad/s; a faster difference is a step.
             max_acceleration: rad/s².
         """
-        d: cython.double = age * period
+        d = age * period
         if self.count == 0.0 or d > STREAM_END_AGE or d > 5.0 * self.interval > 0.0:
             self.count = 0.0
         elif self.count == 1.0:
@@ -344,8 +344,8 @@ class Stream:
     @cython.cfunc
     def clock(self, x: cython.double, d: cython.double, period: cython.double) -> cython.double:
         """Update interval, lateness and time base after ``d`` s; ``d`` in intervals."""
-        m: cython.double = self.intervals(x, d) if self.count > 2.0 else 1.0
-        n: cython.double = self.count
+        m = self.intervals(x, d) if self.count > 2.0 else 1.0
+        n = self.count
         self.missing += 0.05 * (m - 1.0 - self.missing)
         self.mean += (d - self.mean) / (n - 1.0 if n < 20.0 else 20.0)
         if n > 20.0 and self.missing > (0.15 if self.surprise > DOUBTFUL else 0.25):
@@ -353,7 +353,7 @@ class Stream:
             self.missing = self.sum_k = self.sum_t = 0.0
             self.sum_kk, self.sum_kt = 20.0, 20.0 * self.mean
             self.weight, self.count, n, m = 1.0, 8.0, 8.0, 1.0
-        fade: cython.double = 1.0 - 1.0 / MEMORY
+        fade = 1.0 - 1.0 / MEMORY
         self.sum_kt += m * d * self.weight - d * self.sum_k - m * self.sum_t
         self.sum_kk += m * m * self.weight - 2.0 * m * self.sum_k
         self.sum_k -= m * self.weight
@@ -368,7 +368,7 @@ class Stream:
         share = n - 1.0 if n < 21.0 else 20.0
         self.uneven += (fabs(d - m * self.interval) - self.uneven) / share
         self.settle_phase(d, m, period)
-        error: cython.double = x - self.grid.at(m * self.interval)
+        error = x - self.grid.at(m * self.interval)
         self.pace += (self.grid.v * self.grid.v - self.pace) / (n if n < 12.0 else 12.0)
         self.surprise *= 1.0 - 2.0 / ARRIVALS
         if n > 6.0 and self.pace > 0.0:
@@ -389,7 +389,7 @@ class Stream:
         self, d: cython.double, m: cython.double, period: cython.double
     ) -> cython.void:
         """Lateness of the last sample; the earliest of the last ARRIVALS is in time."""
-        latest: cython.double = 0.0
+        latest = 0.0
         if self.heard < ARRIVALS:
             self.heard += 1
         for k in range(self.heard - 1, 0, -1):
@@ -413,12 +413,12 @@ class Stream:
         Their regression over the numbers is compared with those where a gap is longer or shorter
         by one interval.
         """
-        n: cython.int = self.heard
-        sum_x: cython.double = 0.0
-        sum_y: cython.double = 0.0
-        xx: cython.double = 0.0
-        xy: cython.double = 0.0
-        yy: cython.double = 0.0
+        n = self.heard
+        sum_x = 0.0
+        sum_y = 0.0
+        xx = 0.0
+        xy = 0.0
+        yy = 0.0
         for k in range(n):
             x = -self.places[k]
             sum_x += x
@@ -427,13 +427,13 @@ class Stream:
             xy += x * self.arrivals[k]
             yy += self.arrivals[k] * self.arrivals[k]
         yy -= sum_y * sum_y / n
-        least: cython.double = self.left_over(n, sum_x, sum_y, xx, xy, yy)
-        before: cython.double = least
-        best: cython.int = 0
-        change: cython.double = 0.0
-        tail_n: cython.double = 0.0
-        tail_x: cython.double = 0.0
-        tail_y: cython.double = 0.0
+        least = self.left_over(n, sum_x, sum_y, xx, xy, yy)
+        before = least
+        best = 0
+        change = 0.0
+        tail_n = 0.0
+        tail_x = 0.0
+        tail_y = 0.0
         for k in range(n - 1, 0, -1):
             tail_n += 1.0
             tail_x -= self.places[k]
@@ -498,15 +498,15 @@ class Stream:
         The least of Σ (error/deviation)²: arrival beyond what is usual, value off the motion, and
         what each loss costs, which is rare.
         """
-        m: cython.double = 1.0
-        least: cython.double = INFINITE
-        interval: cython.double = self.interval
+        m = 1.0
+        least = INFINITE
+        interval = self.interval
         if self.count < 7.0 and d < 2.2 * interval:
             return m
-        loss: cython.double = LOSS + EARLY_LOSS / self.count
-        width: cython.double = 0.1 * interval + 8.0 * self.uneven / self.count
-        step: cython.double = 0.1 * interval * self.grid.v
-        spread: cython.double = self.grid.residual + step * step
+        loss = LOSS + EARLY_LOSS / self.count
+        width = 0.1 * interval + 8.0 * self.uneven / self.count
+        step = 0.1 * interval * self.grid.v
+        spread = self.grid.residual + step * step
         for k in range(1, 7):
             cost = loss * (k - 1)
             error = self.late + d - k * interval
@@ -526,10 +526,10 @@ class Stream:
     @cython.cfunc
     def keep(self, x: cython.double, d: cython.double, m: cython.double) -> cython.void:
         """Store a sample; it replaces the last one where that one is close to its predecessor."""
-        grid: cython.double[::1] = self.grid.times
-        sent: cython.double[::1] = self.sent.times
+        grid = self.grid.times
+        sent = self.sent.times
         self.share = 0.0
-        apart: cython.double = 0.6 * self.interval
+        apart = 0.6 * self.interval
         apart = max(apart, MIN_KNOT_DISTANCE)
         for k in range(self.knots):
             self.numbers[k] -= m
@@ -570,10 +570,10 @@ class Stream:
 
         1.5 intervals of an even stream; an uneven one ends when three samples are missing.
         """
-        least: cython.double = 1.5 * (
+        least = 1.5 * (
             self.interval if self.interval > MIN_STREAM_INTERVAL else MIN_STREAM_INTERVAL
         )
-        longest: cython.double = 1.2 * self.gap
+        longest = 1.2 * self.gap
         if self.uneven > 0.1 * self.interval:
             longest = self.interval + 3.5 * self.uneven
             longest = 1.1 * (longest if longest > self.gap else self.gap) + 2.0 * self.interval

@@ -77,9 +77,9 @@ def outwards(b: Body) -> cython.void:
     turn(b)
     # a + α × p + ω × (ω × p), in the carrier's axes
     x, y, z = u.wy * b.oz - u.wz * b.oy, u.wz * b.ox - u.wx * b.oz, u.wx * b.oy - u.wy * b.ox
-    ax: cython.double = u.ax + u.ly * b.oz - u.lz * b.oy + u.wy * z - u.wz * y
-    ay: cython.double = u.ay + u.lz * b.ox - u.lx * b.oz + u.wz * x - u.wx * z
-    az: cython.double = u.az + u.lx * b.oy - u.ly * b.ox + u.wx * y - u.wy * x
+    ax = u.ax + u.ly * b.oz - u.lz * b.oy + u.wy * z - u.wz * y
+    ay = u.ay + u.lz * b.ox - u.lx * b.oz + u.wz * x - u.wx * z
+    az = u.az + u.lx * b.oy - u.ly * b.ox + u.wx * y - u.wy * x
     b.ax = b.r0 * ax + b.r3 * ay + b.r6 * az
     b.ay = b.r1 * ax + b.r4 * ay + b.r7 * az
     b.az = b.r2 * ax + b.r5 * ay + b.r8 * az
@@ -116,8 +116,8 @@ def outwards(b: Body) -> cython.void:
 @cython.cfunc
 def turn(b: Body) -> cython.void:
     """R = E Rot_z(q), and the way to the origin, at the joint's position."""
-    c: cython.double = 1.0
-    s: cython.double = 0.0
+    c = 1.0
+    s = 0.0
     if b.q == b.turned:
         return
     b.turned = b.q
@@ -138,9 +138,9 @@ def inwards(b: Body) -> cython.void:
     """The torque of a joint; force and torque of its link act on the link that carries it, too."""
     u: Body = b.carrier
     b.torque = (b.fz if b.slides else b.nz) + b.rotor * b.ddq
-    fx: cython.double = b.r0 * b.fx + b.r1 * b.fy + b.r2 * b.fz
-    fy: cython.double = b.r3 * b.fx + b.r4 * b.fy + b.r5 * b.fz
-    fz: cython.double = b.r6 * b.fx + b.r7 * b.fy + b.r8 * b.fz
+    fx = b.r0 * b.fx + b.r1 * b.fy + b.r2 * b.fz
+    fy = b.r3 * b.fx + b.r4 * b.fy + b.r5 * b.fz
+    fz = b.r6 * b.fx + b.r7 * b.fy + b.r8 * b.fz
     u.fx += fx
     u.fy += fy
     u.fz += fz
@@ -205,7 +205,7 @@ class Arm:
     @cython.cfunc
     def solve(self, weight: cython.double) -> cython.void:
         """Both passes, from q, dq, ddq of the bodies to their torques."""
-        n: cython.Py_ssize_t = len(self.ordered)
+        n = len(self.ordered)
         b: Body
         base: Body = self.base
         base.ax, base.ay, base.az = -weight * self.gx, -weight * self.gy, -weight * self.gz
@@ -227,8 +227,8 @@ class Arm:
             samples: in each joint's own move; twice as many in the longest, and three where a
                 joint brakes.
         """
-        peak: cython.double = 0.0
-        longest: cython.double = 0.0
+        peak = 0.0
+        longest = 0.0
         b: Body
         for b in self.ordered:
             longest = max(longest, ending(b))
@@ -248,7 +248,7 @@ class Arm:
     @cython.cfunc
     def taken(self, time: cython.double) -> cython.double:
         """``excess`` at a time from now, s."""
-        peak: cython.double = 0.0
+        peak = 0.0
         strained: cython.bint = False
         b: Body
         for b in self.ordered:
@@ -291,25 +291,25 @@ def bound(b: Body, sign: cython.double) -> cython.double:
 @cython.cfunc
 def beyond(b: Body) -> cython.double:
     """Torque of a joint beyond that of its motor; below 0 where it suffices."""
-    torque: cython.double = b.whole + rubbed(b)
+    torque = b.whole + rubbed(b)
     return fabs(torque) - bound(b, torque)
 
 
 @cython.cfunc
 def share(b: Body) -> cython.double:
     """|τ_motion| / (τ_limit − τ_static) of a joint whose motion alone is in ``torque``."""
-    sign: cython.double = 1.0 if b.whole + rubbed(b) >= 0.0 else -1.0
-    static: cython.double = sign * (b.whole - b.torque + rubbed(b))
+    sign = 1.0 if b.whole + rubbed(b) >= 0.0 else -1.0
+    static = sign * (b.whole - b.torque + rubbed(b))
     return fabs(b.torque) / max(bound(b, sign) - static, MIN_ROOM * b.limit)
 
 
 @cython.cfunc
 def place(b: Body, time: cython.double) -> cython.void:
     """State of a joint in its move, as in ``laws.advance_move``."""
-    run: cython.double = 0.0
-    bend: cython.double = b.start_acceleration * b.brake
-    elapsed: cython.double = time + b.past
-    reach: cython.double = b.target - b.start
+    run = 0.0
+    bend = b.start_acceleration * b.brake
+    elapsed = time + b.past
+    reach = b.target - b.start
     b.q, b.dq, b.ddq = b.start + b.drift * time, b.drift, 0.0
     if b.brake > 0.0:
         u = min(elapsed / b.brake, 1.0)
@@ -328,9 +328,9 @@ def place(b: Body, time: cython.double) -> cython.void:
         b.q += reach
     else:
         s = elapsed / b.time
-        x: cython.double = 10.0 * reach - 6.0 * run - 3.0 * bend
-        y: cython.double = 8.0 * run - 15.0 * reach + 3.0 * bend
-        z: cython.double = 6.0 * reach - 3.0 * run - bend
+        x = 10.0 * reach - 6.0 * run - 3.0 * bend
+        y = 8.0 * run - 15.0 * reach + 3.0 * bend
+        z = 6.0 * reach - 3.0 * run - bend
         b.q += s * (run + s * s * (x + s * (y + s * z))) + s * s * bend
         b.dq += (run + s * s * (3.0 * x + s * (4.0 * y + s * 5.0 * z)) + 2.0 * s * bend) / b.time
         b.ddq += 2.0 * bend / b.time / b.time

@@ -89,7 +89,7 @@ class FreezeFrames:
     def note(self) -> None:
         """Keep the cycle that ends; cut out a frame that is complete."""
         row: cython.Py_ssize_t
-        place: cython.Py_ssize_t = self._cycles % self._size
+        place = self._cycles % self._size
         for row in range(BLOCK_ROWS):
             for k in range(len(self.done)):
                 self.ring[place, row, k] = self.block[row, k]

@@ -156,7 +156,7 @@ def expect(m: JointMonitor, position: cython.double) -> cython.void:
 
     q + min(0, Δ) − m ≤ q' ≤ q + max(0, Δ) + m, with Δ the last displacement and m = max_jump
     """
-    moved: cython.double = position - m.last if m.seen and m.passed != POSITION else 0.0
+    moved = position - m.last if m.seen and m.passed != POSITION else 0.0
     m.lowest = position + min(moved, 0.0) - m.max_jump
     m.highest = position + max(moved, 0.0) + m.max_jump
     m.last, m.moved, m.seen = position, moved, True
@@ -165,7 +165,7 @@ def expect(m: JointMonitor, position: cython.double) -> cython.void:
 @cython.cfunc
 def expect_later(m: JointMonitor, periods: cython.double) -> cython.void:
     """Widen the range where the next reading comes later than in a cycle (B6, B7)."""
-    more: cython.double = periods - 1.0
+    more = periods - 1.0
     m.lowest += more * (min(m.moved, 0.0) - m.max_jump)
     m.highest += more * (max(m.moved, 0.0) + m.max_jump)
 
@@ -447,7 +447,7 @@ class Monitor:
         current: cython.double,
     ) -> cython.void:
         """The slow checks of a joint, from its position and current of the last reading."""
-        travelled: cython.double = motor_travel(m, current)
+        travelled = motor_travel(m, current)
         self.travelled[k] += travelled
         check_travel(m, travelled, position, current, self.forget)
         if fabs(self.joint_position[k]) <= CREDIBLE_BOUND:
