@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
 from collections.abc import Iterator
@@ -20,6 +21,8 @@ from control_board_ros.plants.drives.can_frame import EXTENDED, REMOTE, message
 from control_board_ros.plants.drives.can_line import BUS_OFF, open_bus
 from control_board_ros.plants.drives.can_socket import Multicast, SocketCan, drop_from, received
 
+#: Of IPv4 on Linux: a socket is told the time to live of what it receives, and by what.
+RECEIVE_TTL, TTL = 12, 2
 FRAMES = [(1, b""), (0x7FF, b"\1\2"), (0x800, bytes(8)), (0x12 | EXTENDED, b"\0\1"),
           (0x12 | REMOTE, b""), (0x800 | REMOTE, b"")]  # fmt: skip
 
@@ -92,6 +95,18 @@ def test_a_group_does_not_wake_its_sender(groups: tuple[Multicast, can.BusABC]) 
     theirs.send(message(5, b"12", fd=True))
     assert select.select([ours.fileno()], [], [], 10.0)[0] == [ours.fileno()]
     assert ours.recv(0.0) == received(5, b"12")
+
+
+def test_a_group_stays_on_this_computer(groups: tuple[Multicast, can.BusABC]) -> None:
+    """Frames for virtual drives do not get onto a network: their time to live is 0."""
+    ours, theirs = groups
+    with socket.socket(fileno=os.dup(theirs.fileno())) as line:
+        line.setsockopt(socket.IPPROTO_IP, RECEIVE_TTL, 1)
+        ours.put(1, b"")
+        line.settimeout(10.0)
+        _, notes, _, _ = line.recvmsg(1000, 1000)
+    assert int.from_bytes(b"".join(value for _, kind, value in notes if kind == TTL)) == 0
+    assert any(kind == TTL for _, kind, _ in notes)
 
 
 def test_only_datagrams_of_that_address_are_dropped() -> None:
