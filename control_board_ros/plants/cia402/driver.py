@@ -20,14 +20,13 @@ from functools import partial
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Value
 from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import Found, Order, Traits
 from ..drives.faults import WATCHDOG
 from ..drives.interview import Question, Questions, converse, find
 from ..drives.plant import maker
-from ..drives.reconcile import Action
+from ..drives.reconcile import ACTING, ASK, CONFIRM, RESET, SET_UP
 from ..errors import PlantSettingsError
 from ..interface import DriveFault
 from . import objects as o
@@ -220,19 +219,19 @@ class Cia402Drives(CanDrives[Cia402Options]):
             self._answers.asked[k] += 1
             if request := order.request:
                 yield from request
-            elif order.action is Action.SET_UP and self._answers.reported[k].unheard:
+            elif order.action is SET_UP and self._answers.reported[k].unheard:
                 self._answers.asked[k] += 1
                 yield o.SDO_REQUEST | self._axes[k].id, POWER_OFF  # it may hear, unheard
-            if order.action not in (Action.SET_UP, Action.ASK, Action.CONFIRM):
+            if order.action not in (SET_UP, ASK, CONFIRM):
                 yield from self._targets(k, order)
         yield o.SYNC, b""
 
     def _targets(self, k: int, order: Order) -> Iterator[Frame]:
         """Control word, mode and targets; those of the other modes are those of rest."""
         number, drive, kind, value = self._axes[k].id, self._drives[k], order.kind, order.values
-        scale, on = drive.scale, order.action in (Action.GOAL, Action.POWER_ON)
+        scale, on = drive.scale, order.action in ACTING
         word = TOWARDS_POWER.get(drive.state, 0) if on else 0
-        if order.action is Action.RESET or waited(drive):
+        if order.action is RESET or waited(drive):
             word = 0 if drive.word & FAULT_RESET else FAULT_RESET
             drive.resets = drive.resets + 1 if drive.error == o.HEARTBEAT_LOST else 0
             if drive.resets == MAX_RESETS:  # it boots, and is set up again
@@ -242,12 +241,14 @@ class Cia402Drives(CanDrives[Cia402Options]):
         mode = MODES[kind if on else self.traits.set_points[0]]
         position, speed, target, offset = drive.counts, 0, 0, 0
         if on:
-            torque = whole(value[Value.TORQUE] * scale.torque, 16)
-            target, offset = (torque, 0) if kind is SetPoint.TORQUE else (0, torque)
+            _, _, torque, velocity, place, _, _ = value
+            target, offset = whole(torque * scale.torque, 16), 0
+            if kind is not SetPoint.TORQUE:
+                target, offset = offset, target
             if kind is SetPoint.POSITION:
-                position = whole(value[Value.POSITION] * scale.position, 32)
+                position = whole(place * scale.position, 32)
             elif kind is SetPoint.VELOCITY:
-                speed = whole(value[Value.VELOCITY] * scale.velocity, 32)
+                speed = whole(velocity * scale.velocity, 32)
         first = struct.pack(o.RPDO1_FORMAT, word, mode, target, offset)
         yield o.RPDO1 | number, first if drive.offset else first[:-2]
         yield o.RPDO2 | number, struct.pack(o.RPDO2_FORMAT, position, speed)

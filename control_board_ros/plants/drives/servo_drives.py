@@ -16,7 +16,7 @@ from .can_line import budget
 from .driver import Answers, Order
 from .faults import RESTARTED
 from .interview import Question, Questions, find
-from .reconcile import Action
+from .reconcile import ACTING, ASK, POWER_ON, RESET
 from .serial_line import Item, Library, Request, ServoBus, put
 
 #: That a servo can have.
@@ -93,17 +93,17 @@ class ServoDrives(ABC, Generic[Own]):
         return put(self._ids[k], item, value, self.library.refusal)
 
     def exchange(self, orders: Mapping[int, Order]) -> None:
-        reported, acting = self._answers.reported, (Action.GOAL, Action.POWER_ON)
+        reported, acting = self._answers.reported, ACTING
         driven = {k: order for k, order in orders.items() if order.action in acting}
-        rest = [k for k in orders if k not in driven and orders[k].action is not Action.ASK]
-        resets = [k for k in rest if orders[k].action is Action.RESET]
+        rest = [k for k in orders if k not in driven and orders[k].action is not ASK]
+        resets = [k for k in rest if orders[k].action is RESET]
         # One that is not heard may hear it.
         off = [k for k in rest if reported[k].power or reported[k].lost or k in resets]
         self._torque(off, 0)
         for k in resets:
             self._reset(k)
         self._goals(driven)
-        on = [k for k, order in driven.items() if order.action is Action.POWER_ON]
+        on = [k for k, order in driven.items() if order.action is POWER_ON]
         self._torque(on, 1)
         if self.again:
             self._goals({k: driven[k] for k in on})

@@ -15,7 +15,7 @@ from ..drives.can_line import Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import coded
 from ..drives.interview import Question, Questions, ask, find
-from ..drives.reconcile import Action
+from ..drives.reconcile import ASK, CONFIRM, GOAL, POWER_ON, RESET
 from ..interface import DriveFault, DriveLimits
 from . import frames as f
 
@@ -117,20 +117,20 @@ class Damiao:
     def frames(self, order: Order, answers: Answers, k: int) -> Iterator[Frame]:
         number, action = self._axis.id, order.action
         answers.asked[k] += 1
-        if action is Action.GOAL:
+        if action is GOAL:
             if self._again > 0:  # it may have restarted since its set-up was confirmed
                 self._again -= 1
                 yield from reading(number, CTRL_MODE).request
             yield number, f.command(self.ranges, order.kind, order.values)
-        elif action is Action.POWER_ON:
+        elif action is POWER_ON:
             answers.asked[k] += 1
             self._again = AGAIN
             yield number, f.ENABLE
             yield number, f.command(self.ranges, order.kind, order.values)
-        elif action in (Action.ASK, Action.CONFIRM):
+        elif action in (ASK, CONFIRM):
             yield REGISTERS, refresh(number)
         else:
-            yield number, f.CLEAR if action is Action.RESET else f.DISABLE
+            yield number, f.CLEAR if action is RESET else f.DISABLE
 
     def take(self, message: Any, answers: Answers, k: int) -> bool:
         """Read an answer; true where it is a motion."""

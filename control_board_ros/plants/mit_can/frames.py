@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ...core.terms.drives import SetPoint
-from ...core.terms.measurement import Value
 from ..drives.axes import Axis
 
-DAMIAO = "damiao"
+DAMIAO, IMPEDANCE = "damiao", SetPoint.IMPEDANCE
 #: Protocols of a RobStride motor: as it is delivered, and that which its maker's tool can set.
 PRIVATE, MIT = "private", "mit"
 ENABLE, DISABLE, CLEAR, ZERO = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB, 0xFE))
@@ -72,14 +71,10 @@ def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: floa
 
 def values(kind: SetPoint, value: Sequence[float]) -> tuple[float, float, float, float, float]:
     """q, q̇, k, d, τ of a set-point; a torque is an impedance with k = d = 0."""
-    springs = kind is SetPoint.IMPEDANCE
-    return (
-        value[Value.POSITION],
-        value[Value.VELOCITY],
-        value[Value.STIFFNESS] if springs else 0.0,
-        value[Value.DAMPING] if springs else 0.0,
-        value[Value.TORQUE],
-    )
+    _, _, torque, velocity, position, stiffness, damping = value
+    if kind is not IMPEDANCE:
+        stiffness = damping = 0.0
+    return position, velocity, stiffness, damping, torque
 
 
 def command(ranges: Ranges, kind: SetPoint, value: Sequence[float]) -> bytes:

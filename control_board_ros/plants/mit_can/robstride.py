@@ -20,7 +20,7 @@ from ..drives.can_line import Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
-from ..drives.reconcile import Action
+from ..drives.reconcile import ACTING, ASK, GOAL, OFF, POWER_ON, RESET
 from ..interface import DriveFault
 from . import frames as f
 from .damiao import limits
@@ -162,7 +162,7 @@ class RobStride:
         self._axis, self._bus = axis, bus
         self.ranges = ranges(axis)
         self._faults = Faults(self.ranges)
-        self._action, self._answered = Action.OFF, 0
+        self._action, self._answered = OFF, 0
 
     def sent(self, message: Any) -> bool:
         """Whether a frame is from this motor."""
@@ -202,17 +202,17 @@ class RobStride:
     def frames(self, order: Order, answers: Answers, k: int) -> Iterator[Frame]:
         number, self._action, self._answered = self._axis.id, order.action, 0
         answers.asked[k] += 1
-        if order.action in (Action.GOAL, Action.POWER_ON):
-            if order.action is Action.POWER_ON:
+        if order.action in ACTING:
+            if order.action is POWER_ON:
                 answers.asked[k] += 1
                 self._faults.reset()
                 yield number, f.ENABLE
             values = f.values(order.kind, order.values)
             self._faults.command = values
             yield number, f.packed(self.ranges, *values)
-        elif order.action is Action.ASK:
+        elif order.action is ASK:
             yield number, READ_FAULTS
-        elif order.action is Action.RESET:
+        elif order.action is RESET:
             self._faults.reset()
             yield number, f.CLEAR
             yield number, f.DISABLE
@@ -225,19 +225,19 @@ class RobStride:
         if (word := fault_word(data)) is not None:
             self._faults.word, answers.raw[k][data] = word, None
             reported.fault = self._faults.found
-            if self._action is Action.ASK:
+            if self._action is ASK:
                 answers.heard(k)
-            return self._action is Action.ASK
+            return self._action is ASK
         moved = f.readings(self.ranges, data)
         answers.position[k], answers.velocity[k], answers.torque[k] = moved
         answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
         answers.came(k, data)
         self._answered += 1
-        if self._action is Action.POWER_ON:
+        if self._action is POWER_ON:
             reported.power = self._answered > 1
-        elif self._action is not Action.GOAL:
+        elif self._action is not GOAL:
             reported.power = False
         elif reported.power:
             self._faults.compare(*moved)
         reported.law, reported.fault = self.law, self._faults.found
-        return self._action is not Action.POWER_ON or self._answered > 1
+        return self._action is not POWER_ON or self._answered > 1

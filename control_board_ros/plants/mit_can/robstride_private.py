@@ -23,7 +23,7 @@ from ..drives.can_line import Frame
 from ..drives.driver import ONE_TURN, Answers, Found, Order
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
-from ..drives.reconcile import Action
+from ..drives.reconcile import ASK, GOAL, OFF, POWER_ON, RESET
 from ..interface import DriveFault
 from . import frames as f
 from . import robstride as r
@@ -167,7 +167,7 @@ class RobStridePrivate:
     def __init__(self, axis: f.MitAxis, bus: str) -> None:
         self._axis, self._bus = axis, bus
         self.ranges = r.ranges(axis)
-        self._action, self._timeout = Action.OFF, 0
+        self._action, self._timeout = OFF, 0
         self._again = 0  # exchanges in which its watchdog is read
 
     def sent(self, message: Any) -> bool:
@@ -233,21 +233,21 @@ class RobStridePrivate:
         if self._again > 0:  # it may have restarted since its set-up was confirmed
             self._again -= 1
             yield read(number, CAN_TIMEOUT)
-        if order.action is Action.GOAL:
+        if order.action is GOAL:
             yield command(number, self.ranges, f.values(order.kind, order.values))
-        elif order.action is Action.POWER_ON:
+        elif order.action is POWER_ON:
             answers.asked[k] += 1
             self._again = AGAIN
             yield frame(ENABLE, number)
             yield command(number, self.ranges, f.values(order.kind, order.values))
-        elif order.action is Action.ASK:
+        elif order.action is ASK:
             yield read(number, CAN_TIMEOUT)
         else:
             if order.interview is not None:  # what it writes is answered by motions, too
                 answers.asked[k] += len(order.interview.question.request)
-            if order.action is Action.RESET:
+            if order.action is RESET:
                 self._word, self._tripped = 0, False
-            yield frame(STOP, number, CLEAR if order.action is Action.RESET else bytes(8))
+            yield frame(STOP, number, CLEAR if order.action is RESET else bytes(8))
 
     @property
     def off(self) -> Frame:
@@ -264,7 +264,7 @@ class RobStridePrivate:
             other = data[:2] == CAN_TIMEOUT.to_bytes(2, "little") and not between >> 8
             if other and unpack(CAN_TIMEOUT, data[4:]) != self._timeout:
                 reported.lost = True
-            if self._action is Action.ASK:
+            if self._action is ASK:
                 answers.raw[k][data] = None
                 answers.heard(k)
                 return True
@@ -282,7 +282,7 @@ class RobStridePrivate:
         answers.temperature[k] = 0.1 * heat
         reported = answers.reported[k]
         power, bits = bool(between >> 14), between >> 8 & 0x3F
-        if reported.power and not power and self._action is Action.GOAL:
+        if reported.power and not power and self._action is GOAL:
             self._tripped, self._again = True, AGAIN
         reported.power, reported.law = power, OPERATION
         known = flagged(self._word, r.FAULTS) or flagged(bits, BITS)

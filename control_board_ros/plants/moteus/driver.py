@@ -21,7 +21,6 @@ from functools import partial
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_drives import CanDrives
 from ..drives.can_line import PATIENCE, CanLine, Frame
@@ -29,7 +28,7 @@ from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
 from ..drives.faults import coded
 from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find, longer
 from ..drives.plant import maker
-from ..drives.reconcile import Action
+from ..drives.reconcile import ACTING, ASK, CONFIRM
 from ..drives.set_id import check, verify
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -41,12 +40,13 @@ IDS = range(1, 127)
 #: it comes and is dropped.
 SPOKEN = 0.04
 LATE = replace(PAUSE, patience=0.3)
-WATCHED = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY, SetPoint.TORQUE)
-UNWATCHED = (SetPoint.CURRENT, SetPoint.PWM)
+_, PWM, CURRENT, TORQUE, VELOCITY, POSITION, IMPEDANCE = SetPoint
+PLACES = (POSITION, IMPEDANCE)
+WATCHED, UNWATCHED = (*PLACES, VELOCITY, TORQUE), (CURRENT, PWM)
 #: Modes of the drive by the kind of set-point.
 LAWS = dict.fromkeys(WATCHED, f.POSITION) | {
-    SetPoint.CURRENT: f.CURRENT,
-    SetPoint.PWM: f.VOLTAGE_DQ,
+    CURRENT: f.CURRENT,
+    PWM: f.VOLTAGE_DQ,
 }
 #: What it does after its watchdog (servo.timeout_mode).
 ON_SILENCE = {OnSilence.FREE: 0, OnSilence.DAMPED: 15, OnSilence.BRAKED: 10}
@@ -164,9 +164,9 @@ class MoteusDrives(CanDrives[MoteusOptions]):
         for k, order in orders.items():
             number, drive = self._axes[k].id, self._drives[k]
             yield from order.request
-            if order.action in (Action.GOAL, Action.POWER_ON):
+            if order.action in ACTING:
                 data = f.padded(self._command(k, order.kind, order.values))
-            elif order.action in (Action.ASK, Action.CONFIRM):
+            elif order.action in (ASK, CONFIRM):
                 data = drive.query
             else:  # a stop clears a fault, too
                 data = drive.stop
@@ -179,25 +179,23 @@ class MoteusDrives(CanDrives[MoteusOptions]):
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         drive = self._drives[k]
         controller = drive.controller
-        if kind is SetPoint.CURRENT:
-            amps = value[Value.CURRENT]
+        pwm, amps, torque, velocity, position, stiffness, damping = value
+        if kind is CURRENT:
             return bytes(controller.make_current(d_A=0.0, q_A=amps, query=True).data)
-        if kind is SetPoint.PWM:
-            volts = f.MODULATION * value[Value.PWM] / 100.0 * self._answers.voltage[k]
+        if kind is PWM:
+            volts = f.MODULATION * pwm / 100.0 * self._answers.voltage[k]
             return f.voltage(controller, float(volts))
-        kp = kd = 1.0
-        if kind is SetPoint.IMPEDANCE:
-            kp = value[Value.STIFFNESS] * f.REV / drive.kp
-            kd = value[Value.DAMPING] * f.REV / drive.kd
-        elif kind is SetPoint.TORQUE:
-            kp = kd = 0.0
-        places = kind in (SetPoint.POSITION, SetPoint.IMPEDANCE)
+        kp = kd = integral = 1.0
+        if kind is IMPEDANCE:
+            kp, kd, integral = stiffness * f.REV / drive.kp, damping * f.REV / drive.kd, 0.0
+        elif kind is TORQUE:
+            kp = kd = integral = 0.0
         begin, at_timeout, at_integral, query = drive.template
         packed = f.POSITIONS.pack(
             begin,
-            value[Value.POSITION] / f.REV if places else math.nan,
-            value[Value.VELOCITY] / f.REV,
-            value[Value.TORQUE],
+            position / f.REV if kind in PLACES else math.nan,
+            velocity / f.REV,
+            torque,
             kp,
             kd,
             drive.torque,
@@ -206,7 +204,7 @@ class MoteusDrives(CanDrives[MoteusOptions]):
             f.UNLIMITED,
             f.UNLIMITED,
             at_integral,
-            1.0 if kind in (SetPoint.POSITION, SetPoint.VELOCITY) else 0.0,
+            integral,
         )
         return packed + query
 

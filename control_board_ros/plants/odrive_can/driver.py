@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Value
 from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_frame import REMOTE
 from ..drives.can_line import PATIENCE, CanLine, Frame
@@ -23,7 +22,7 @@ from ..drives.driver import ONE_TURN, Found, Order, Traits
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.plant import maker
-from ..drives.reconcile import Action
+from ..drives.reconcile import ACTING, ASK, CONFIRM, POWER_ON, RESET
 from ..errors import PlantSettingsError
 from ..interface import DriveLimits
 from . import frames as f
@@ -162,12 +161,12 @@ class OdriveDrives(CanDrives[OdriveOptions]):
         for k, order in orders.items():
             number, drive = self._axes[k].id, self._drives[k]
             yield from order.request
-            if order.action in (Action.GOAL, Action.POWER_ON):
+            if order.action in ACTING:
                 yield from self._command(k, order)
-            elif order.action not in (Action.ASK, Action.CONFIRM):
+            elif order.action not in (ASK, CONFIRM):
                 drive.law = 0
                 yield frame(number, f.STATE), struct.pack("<I", f.IDLE)
-                if order.action is Action.RESET:
+                if order.action is RESET:
                     yield frame(number, f.CLEAR), b"\0"
             questions = f.ESTIMATES, IN_TURN[self._turn]
             drive.awaited, drive.estimates = set(questions), None
@@ -188,12 +187,12 @@ class OdriveDrives(CanDrives[OdriveOptions]):
         if known and (again or drive.read != law):
             question = struct.pack("<BHB", f.READ, drive.parameters[f.LAW].id, 0)
             yield frame(number, f.RX_SDO), question
-        if order.action is Action.POWER_ON:
+        if order.action is POWER_ON:
             yield frame(number, f.STATE), struct.pack("<I", f.CLOSED_LOOP)
 
     def _set_point(self, k: int, kind: SetPoint, value: Sequence[float]) -> Frame:
-        number, torque = self._axes[k].id, value[Value.TORQUE]
-        turns, speed = value[Value.POSITION] / REV, value[Value.VELOCITY] / REV
+        _, _, torque, velocity, position, _, _ = value
+        number, turns, speed = self._axes[k].id, position / REV, velocity / REV
         if kind is SetPoint.POSITION:
             data = f.position(turns, speed, torque, self._drives[k].scales)
             return frame(number, f.INPUT_POSITION), data
