@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several buses as one plant, which exchange in parallel.
 
-Those with a socket share one loop, in the thread of the caller: set-points to all, then what
-arrives on any. Each other one has a thread, as a call of its library may wait: threads that hand
-over to each other for each frame make two of three answers late on a busy computer.
+Those with a socket share one loop, in the thread of the caller: set-points to all, then the
+answers of one after the other, while those of the next arrive. Each other one has a thread, as a
+call of its library may wait: threads that hand over to each other for each frame make two of three
+answers late on a busy computer.
 
 A bus that is late for an exchange continues with it: its joints keep their last reading, with its
 age, and the late answer is used in the next exchange. The bus then receives the present
@@ -14,12 +15,12 @@ again by itself (S10).
 from __future__ import annotations
 
 import contextlib
-import select
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import fields, replace
+from operator import attrgetter
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -32,23 +33,26 @@ from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings,
 PATIENCE = 0.6
 #: Timeouts of letting go and of the first answer, s; s until a bus is connected again.
 LEAVING, FIRST, RETRY = 1.0, 5.0, 0.2
-#: Readings that are 0 for the joints of a bus that has none, where another one has.
-COUNTED: dict[str, Any] = {"lost": np.bool_, "dropped": np.float64}
+#: What the joints of a bus read that has no such readings, where another one has.
+ABSENT: dict[str, Any] = {**dict.fromkeys(OF_MOTORS, np.nan), "lost": False, "dropped": 0.0}
+#: Readings that are arrays.
+ROWS = [field.name for field in fields(Readings) if field.name not in ("faults", "drives")]
+rows_of = attrgetter(*ROWS)
 
 
 class Polled(DrivePlant, Protocol):
-    """A plant whose exchange is in parts, none of which waits; see ``DrivesPlant``."""
+    """A plant whose exchange is in parts, of which one waits; see ``DrivesPlant``."""
 
     def fileno(self) -> int | None:
-        """The number of a socket that shows when an answer arrives; None: it has none now."""
+        """The number of its socket, which keeps what arrives; None: it has none now."""
         ...
 
     def begin(self, wanted: SetPoints) -> None:
         """Send set-points."""
         ...
 
-    def read(self) -> bool:
-        """Read what has arrived; true where no answer is awaited any more."""
+    def read(self, end: float) -> bool:
+        """Read answers until all are there, or until a time, s; false then."""
         ...
 
     def finish(self) -> Readings:
@@ -62,8 +66,9 @@ class Bus:
     A bus that raises is connected again, every RETRY seconds, with all its joints without power;
     the others do not notice (S10).
 
-    Attributes: error (why it has no answer; empty: it has), last, started (s), drives (what each
-        of its drives reports of itself).
+    Attributes: error (why it has no answer; empty: it has), last, started (s), waited (its last
+        exchange was read in parts, and waited in vain), drives (what each of its drives reports of
+        itself).
     """
 
     def __init__(self, plant: DrivePlant, columns: slice) -> None:
@@ -72,7 +77,7 @@ class Bus:
         self._pending: Future[Readings] | None = None
         self._resets: list[int] = []
         self._ending = threading.Event()
-        self.started, self.error = 0.0, ""
+        self.started, self.error, self.waited = 0.0, "", False
         self.last: Readings | None = None
         self.drives: Sequence[DriveReport] = [DriveReport()] * (columns.stop - columns.start)
 
@@ -218,35 +223,26 @@ class Buses:
         return self._joined(ages)
 
     def _poll(self, polled: dict[int, Polled], wanted: SetPoints, end: float) -> set[int]:
-        """Exchange with buses that have sockets, until a time, s; those without an error."""
-        waiting: dict[int, int] = {}
-        for k, plant in polled.items():
-            with self._failing(k):
-                self._buses[k].begin(plant, wanted)
-                if (number := plant.fileno()) is not None:
-                    waiting[number] = k
-        while waiting and (left := end - time.monotonic()) > 0.0:
-            for number in select.select([*waiting], [], [], left)[0]:
-                k, over = waiting[number], True
-                with self._failing(k):
-                    over = polled[k].read()
-                if over:
-                    del waiting[number]
+        """Exchange with buses that have sockets, until a time, s; those without an error (S10).
+
+        One that was waited for in vain is read last: what the others sent has arrived by then.
+        """
         fresh = set()
         for k, plant in polled.items():
-            if not self._buses[k].error:
-                with self._failing(k):
-                    self._buses[k].store(plant.finish())
-                    fresh.add(k)
+            try:
+                self._buses[k].begin(plant, wanted)
+                fresh.add(k)
+            except Exception as error:  # noqa: BLE001 - whatever it is
+                self._buses[k].fail(error)
+        for k in sorted(fresh, key=lambda k: self._buses[k].waited):
+            bus = self._buses[k]
+            try:
+                bus.waited = not polled[k].read(end)
+                bus.store(polled[k].finish())
+            except Exception as error:  # noqa: BLE001 - whatever it is
+                bus.fail(error)
+                fresh.discard(k)
         return fresh
-
-    @contextlib.contextmanager
-    def _failing(self, k: int) -> Iterator[None]:
-        """An error is that of one bus (S10)."""
-        try:
-            yield
-        except Exception as error:  # noqa: BLE001 - whatever it is
-            self._buses[k].fail(error)
 
     def _joined(self, ages: Array) -> Readings:
         """Readings of all joints.
@@ -255,17 +251,15 @@ class Buses:
         """
         found = [bus.last or unread(bus.columns) for bus in self._buses]
         rows: dict[str, Any] = {}
-        apart = "faults", "drives"
-        for name in [field.name for field in fields(Readings) if field.name not in apart]:
-            parts = [getattr(one, name) for one in found]
-            if name in OF_MOTORS and any(part is not None for part in parts):
-                nothing = [np.full_like(one.position, np.nan) for one in found]
-                parts = [n if p is None else p for p, n in zip(parts, nothing, strict=True)]
-            if name in COUNTED and any(part is not None for part in parts):
-                zeros = [np.zeros(len(one.position), COUNTED[name]) for one in found]
-                parts = [z if p is None else p for p, z in zip(parts, zeros, strict=True)]
-            if all(part is not None for part in parts):
+        for name, parts in zip(ROWS, zip(*map(rows_of, found), strict=True), strict=True):
+            there = [part is not None for part in parts]
+            if all(there):
                 rows[name] = np.concatenate(parts)
+            elif any(there) and name in ABSENT:
+                filled = [np.full(len(one.position), ABSENT[name]) for one in found]
+                rows[name] = np.concatenate(
+                    [f if p is None else p for p, f in zip(parts, filled, strict=True)]
+                )
         if any(one.drives for one in found):
             rows["drives"] = [
                 one._replace(late=(one.late or 0) + late)
@@ -301,7 +295,5 @@ class Buses:
 def unread(columns: slice) -> Readings:
     """Readings of joints that were never read."""
     nothing = np.full(columns.stop - columns.start, np.nan)
-    rows: dict[str, Any] = dict.fromkeys((field.name for field in fields(Readings)), nothing)
-    none: dict[str, Any] = {"ages": np.zeros_like(nothing), "faults": (), "drives": None}
-    none |= dict.fromkeys(COUNTED)
-    return Readings(**rows | none)
+    rows: dict[str, Any] = dict.fromkeys(ROWS, nothing)
+    return Readings(**rows | {"ages": np.zeros_like(nothing), "lost": None, "dropped": None})

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import select
 import socket
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -253,13 +255,15 @@ class Polled(Servos):
         for _ in range(0 if self.silent else self.missing):
             self.far.send(b"answer")
 
-    def read(self):
+    def read(self, end):
         self._do("read")
         while self.missing:
             try:
                 self.near.recv(9)
             except BlockingIOError:
-                return False
+                if not select.select([self.near], [], [], max(0.0, end - time.monotonic()))[0]:
+                    return False
+                continue
             self.missing -= 1
         return True
 

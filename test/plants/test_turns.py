@@ -45,7 +45,7 @@ def connect_certainly(bench: Bench) -> None:
     bench.connect()
     bench.follow(OFF, 5)
     bench.plant.axes = tuple(replace(axis, turns="") for axis in bench.plant.axes)
-    bench.plant._turn_steps[:] = STEP
+    bench.plant._turn_steps = [STEP] * len(bench.plant.axes)
 
 
 def turn(bench: Bench, turns: int, joint: int = 0) -> None:

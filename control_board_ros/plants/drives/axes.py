@@ -118,6 +118,8 @@ class Axes:
         self._to_drive[[Value.PWM, Value.CURRENT]] = self.sign
         self._to_drive[Value.TORQUE] = 1.0 / self.factor
         self._to_drive[[Value.VELOCITY, Value.POSITION]] = self.factor
+        self._to_joint = np.ones((6, len(self.axes)))
+        self._to_joint[:4] = self.factor, self.factor, 1.0 / self.factor, self.sign
         self._to_drive[[Value.STIFFNESS, Value.DAMPING]] = self.factor**-2
 
     def to_drive(self, wanted: SetPoints) -> Array:
@@ -126,6 +128,12 @@ class Axes:
         values[Value.POSITION] -= self.offset
         values *= self._to_drive
         return values
+
+    def from_drive(self, values: Array) -> Array:
+        """Readings at the joints, shape (6, n), for those at the outputs; see ``Answers``."""
+        found: Array = values / self._to_joint
+        found[0] += self.offset
+        return found
 
     def position(self, drive: Array) -> Array:
         """Joint angles for drive angles, rad."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Self
 
@@ -138,9 +137,8 @@ class CanLine:
         Raises:
             OSError: the interface is gone, or left the bus.
         """
-        bus = self.bus
         try:
-            found = bus.recv(seconds)
+            found = (self._bus or self.bus).recv(seconds)
         except self._errors as error:
             raise bus_error(self._text, error) from None
         if found is not None and found.is_error_frame and found.arbitration_id & BUS_OFF:
@@ -191,12 +189,8 @@ class CanLine:
         self._take, self._missing = take, set(missing)
         self._most = FLOOD * (len(self._missing) + 1)
 
-    def read(self, end: float = -math.inf) -> bool:
-        """Read frames until every missing drive has answered; false where the time is up.
-
-        Args:
-            end: Of the time, s; by default what has arrived is read, without waiting.
-        """
+    def read(self, end: float) -> bool:
+        """Read frames until every missing drive has answered, or until a time, s; false then."""
         while self._missing and self._most:
             received = self._receive(max(0.0, end - self.clock.now()))
             if received is None:

@@ -71,7 +71,7 @@ class Answers:
     Attributes:
         places: Of the drives, by their ids.
         position, velocity, torque, current, temperature, voltage: rad (NaN: not read yet), rad/s,
-            N·m, A, °C, V.
+            N·m, A, °C, V; they are the rows of ``values``.
         motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
             there is none.
         times: Of the last answer of each, s; -inf: none.
@@ -89,11 +89,12 @@ class Answers:
         self.lost, self.late, self._pending = [0] * len(axes), [0] * len(axes), [0] * len(axes)
         self._clock, count = clock, len(axes)
         self.places = {axis.id: k for k, axis in enumerate(axes)}
+        self.values = np.zeros((6, count))
         (self.position, self.velocity, self.torque, self.current, self.temperature,
-         self.voltage) = np.zeros((6, count))  # fmt: skip
+         self.voltage) = self.values  # fmt: skip
         self.position.fill(math.nan)
         self.motor_position = np.full(count, math.nan)
-        self.times = np.full(count, -math.inf)
+        self.times = [-math.inf] * count
         self.raw: list[dict[bytes, None]] = [{} for _ in range(count)]
 
     def begin(self) -> None:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import DriveReport, OnSilence, SetPoint
@@ -27,7 +26,19 @@ from .clock import Clock
 from .driver import NONE, Answers, Driver, Found, Order, zero_of
 from .faults import RESTARTED, UNCONFIRMED
 from .interview import Interview, Questions
-from .reconcile import ASKING, UNHEARD, Action, Desired, done, step, unconfirmed
+from .reconcile import (
+    ASKING,
+    GOAL,
+    OFF,
+    POWER_ON,
+    RESET,
+    UNHEARD,
+    Action,
+    Desired,
+    done,
+    step,
+    unconfirmed,
+)  # fmt: skip
 from .turns import NEAR, missing
 
 #: Longest period of exchanges while the bus is connected, s.
@@ -38,11 +49,13 @@ CLASHES, FORGIVEN = 3.0, 0.3
 LATEST = 100
 #: s after which drives report again what did not change.
 REPORT = 1.0
-OFF = Desired(None)
+UNPOWERED = Desired(None)
+#: By their numbers.
+KINDS = tuple(SetPoint)
 #: Times its limit of velocity at which a joint jumps, by a turn that its drive lost.
 LEAP = 4.0
 #: Actions after which a drive that had power still has it.
-HOLDING = (Action.POWER_ON, Action.GOAL, Action.ASK)
+HOLDING = (GOAL, POWER_ON, Action.ASK)
 Fault = str | DriveFault
 Make = Callable[[Sequence[str], Mapping[str, str]], "DrivesPlant"]
 
@@ -69,9 +82,9 @@ class DrivesPlant:
         self._found: list[Found | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
         #: Last position of each joint while its zero was certain, rad; NaN: there is none.
-        self._seen, self._seen_at = np.full((2, len(axes)), math.nan)
+        self._seen, self._seen_at = [math.nan] * len(axes), [math.nan] * len(axes)
         #: By which each can be wrong, rad at the joint, inf: never; fastest motion, rad/s.
-        self._turn_steps, self._speeds = np.full((2, len(axes)), math.inf)
+        self._turn_steps, self._speeds = [math.inf] * len(axes), [math.inf] * len(axes)
         self._joints: Sequence[JointConfig | None] = [None] * len(axes)
         self._begin()
 
@@ -80,20 +93,20 @@ class DrivesPlant:
         self.answers = Answers(self.axes, self.clock.now)
         self._clashes, self._owed, self._last = [0.0] * n, [0] * n, [b""] * n
         #: Start of the overdue answer of each drive, s; a loop that pauses expects none.
-        self._asked = np.full(n, math.inf)
+        self._asked = [math.inf] * n
         self._interviews: list[Interview[Any] | None] = [None] * n
         #: Faults that last until they are cleared.
         self._latched: list[Fault | None] = [None] * n
         self._resets = [False] * n
-        self._wishes, self._actions = [OFF] * n, [Action.OFF] * n
+        self._wishes, self._actions = [UNPOWERED] * n, [OFF] * n
         #: Since when each drive does not report what is desired, s; inf: it does.
         self._undone = [math.inf] * n
         self._had_power = [False] * n
         #: What is added to the drives' positions for lost turns, rad at their outputs (S9).
-        self._turned = np.zeros(n)
+        self._turned = [0.0] * n
         #: Whose turns are to be found; whose are not certain, in words; whose zero is lost.
         self._turns_due, self._turn_faults = [False] * n, [""] * n
-        self._zero_lost = np.zeros(n, dtype=np.bool_)
+        self._zero_lost = [False] * n
         #: What the drives reported last, and when they report again, s.
         self._said: list[tuple[Any, ...]] = []
         self._says_at = -math.inf
@@ -135,14 +148,14 @@ class DrivesPlant:
         self._timeout, self._period = setup.timeout, setup.period
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
         self._joints = setup.joints
-        self._speeds[:] = [
+        self._speeds = [
             math.inf if joint is None else joint.limits.velocity for joint in setup.joints
         ]
         self.driver.line.clock = self.clock
         self.driver.open(setup, self.answers)
         reported, everyone = self.answers.reported, range(len(self.axes))
         while any(one.lost for one in reported):
-            orders = {k: self._order(k, OFF, SetPoint.OFF, ()) for k in everyone}
+            orders = {k: self._order(k, UNPOWERED, SetPoint.OFF, ()) for k in everyone}
             self._send(orders, self.driver.exchange)
             self._judge()
             self.clock.pass_by(min(self._period, PACE))
@@ -168,9 +181,9 @@ class DrivesPlant:
             raise TypeError("the bus of these drives has no socket")
         self._send(self._orders(wanted), self.driver.begin)
 
-    def read(self) -> bool:
-        """The second: read what has arrived; true where no answer is awaited any more."""
-        return bool(self.driver.line.read())
+    def read(self, end: float) -> bool:
+        """The second: read answers until all are there, or until a time, s; false then."""
+        return bool(self.driver.line.read(end))
 
     def finish(self) -> Readings:
         """The last: judge what came."""
@@ -179,17 +192,20 @@ class DrivesPlant:
 
     def _orders(self, wanted: SetPoints) -> dict[int, Order]:
         sent = self._axes.to_drive(wanted)
-        sent[Value.POSITION] -= self._turned
-        values, kinds = sent.T.tolist(), wanted.kinds.tolist()
-        self._zero_lost &= wanted.kinds == SetPoint.OFF  # its calibration began
+        if any(self._turned):
+            sent[Value.POSITION] -= self._turned
         orders: dict[int, Order] = {}
-        for k, kind in enumerate(map(SetPoint, kinds)):
+        for k, (number, values) in enumerate(
+            zip(wanted.kinds.tolist(), sent.T.tolist(), strict=True)
+        ):
+            if kind := KINDS[number]:
+                self._zero_lost[k] = False  # its calibration began
             try:
-                orders[k] = self._order(k, self._wish(k, kind), kind, values[k])
+                orders[k] = self._order(k, self._wish(k, kind), kind, values)
             except (OSError, ValueError) as error:  # of the set-up of this drive alone
                 self._interviews[k] = None
                 self._latched[k] = str(error)
-                orders[k] = Order(Action.OFF, SetPoint.OFF, values[k])
+                orders[k] = Order(OFF, SetPoint.OFF, values)
         return orders
 
     def _send(
@@ -211,7 +227,7 @@ class DrivesPlant:
                 order.interview.asks = False
             reported = answers.reported[k]
             heard = answers.times[k] >= begin or bool(answers.raw[k])
-            off = order.action in (Action.OFF, Action.RESET)
+            off = order.action in (OFF, RESET)
             unseen = not before[k] and reported.unheard >= UNHEARD
             reported.stale = reported.power and (off or unseen or reported.stale)
             reported.unheard = 0 if heard else reported.unheard + 1
@@ -224,10 +240,11 @@ class DrivesPlant:
     def _wish(self, k: int, kind: SetPoint) -> Desired:
         """What the board wants of a drive; nothing while a fault lasts, or it was never read."""
         unread = math.isnan(self.answers.position[k])
-        if kind is SetPoint.OFF or unread or self._latched[k] is not None or self._turn_faults[k]:
+        if not kind or unread or self._latched[k] is not None or self._turn_faults[k]:
             reset, self._resets[k] = self._resets[k], False
-            return Desired(None, reset=True) if reset else OFF
-        return Desired(self.driver.law(k, kind), self.driver.live)
+            return Desired(None, reset=True) if reset else UNPOWERED
+        law, last = self.driver.law(k, kind), self._wishes[k]
+        return last if last.law == law else Desired(law, self.driver.live)
 
     def _order(self, k: int, wish: Desired, kind: SetPoint, values: Sequence[float]) -> Order:
         """The next action of a drive, after its interview went on.
@@ -241,7 +258,7 @@ class DrivesPlant:
             if not self._ask_on(k, action):
                 return Order(action, kind, values, self._interviews[k])
         self._interviews[k] = None
-        if action is Action.POWER_ON:  # a goal of rest, until power is reported
+        if action is POWER_ON:  # a goal of rest, until power is reported
             values = [*values]
             values[Value.POSITION], values[Value.VELOCITY] = self.answers.position[k], 0.0
         return Order(action, kind, values)
@@ -283,48 +300,52 @@ class DrivesPlant:
         self._interviews[k], self._latched[k] = None, fault
 
     def _readings(self, begin: float) -> Readings:
-        axes, answers, traits = self._axes, self.answers, self.driver.traits
-        now = self.clock.now()
-        late = answers.times < begin
-        faults: list[Fault | None] = [None] * len(self.axes)
-        ages = np.zeros(len(faults))
-        if late.any():
-            self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
-            owed = np.where(late, now - self._asked, 0.0)  # a loop that pauses is no silence
-            ages = np.where(late, np.minimum(owed + self._period, self._timeout), 0.0)
-            for k in np.flatnonzero(owed > self._timeout).tolist():
-                fault = silent(self.axes[k], now - answers.times[k])
-                if answers.reported[k].lost:  # its set-up goes on
-                    self._latched[k] = fault
-                else:
-                    self._lose(k, fault)
-        else:
-            self._asked.fill(math.inf)
-        position = self._watch_turns(late)
-        for k in range(len(faults)):
-            faults[k] = self._fault(k, now)
+        answers, traits, now = self.answers, self.driver.traits, self.clock.now()
+        late = [time < begin for time in answers.times]
+        ages = self._aged(late, begin, now)
+        position, velocity, torque, current, temperature, voltage = self._axes.from_drive(
+            answers.values
+        )
+        position = self._watch_turns(position, late)
         shafts = self._at_shafts() if self._shafts or traits.motor_encoders else (None, None)
         return Readings(
             position=position,
-            velocity=answers.velocity / axes.factor,
-            torque=answers.torque * axes.factor if traits.torque else None,
-            current=answers.current * axes.sign if traits.current else None,
-            temperature=answers.temperature.copy() if traits.temperature else None,
-            voltage=answers.voltage.copy() if traits.voltage else None,
+            velocity=velocity,
+            torque=torque if traits.torque else None,
+            current=current if traits.current else None,
+            temperature=temperature if traits.temperature else None,
+            voltage=voltage if traits.voltage else None,
             motor_position=shafts[0],
             motor_velocity=shafts[1],
             ages=ages,
             dropped=self._dropped(),
-            faults=faults,
-            lost=self._zero_lost.copy() if self._zero_lost.any() else None,
+            faults=[self._fault(k, now) for k in range(len(late))],
+            lost=np.array(self._zero_lost) if any(self._zero_lost) else None,
             drives=self._reports(now),
         )
 
+    def _aged(self, late: Sequence[bool], begin: float, now: float) -> Array:
+        """The ages of the last answers, s; those that are silent have the fault."""
+        ages = np.zeros(len(late))
+        for k, overdue in enumerate(late):
+            if not overdue:
+                self._asked[k] = math.inf
+                continue
+            self._asked[k] = min(self._asked[k], begin)
+            owed = now - self._asked[k]  # a loop that pauses is no silence
+            ages[k] = min(owed + self._period, self._timeout)
+            if owed > self._timeout:
+                fault = silent(self.axes[k], now - self.answers.times[k])
+                if self.answers.reported[k].lost:  # its set-up goes on
+                    self._latched[k] = fault
+                else:
+                    self._lose(k, fault)
+        return ages
+
     def _reports(self, now: float) -> list[DriveReport] | None:
         """What the drives report of themselves, where it changed, and once in REPORT."""
-        silent = [one.lost or one.unheard >= UNHEARD for one in self.answers.reported]
-        said = [(one.power, one.law, mute)
-                for one, mute in zip(self.answers.reported, silent, strict=True)]  # fmt: skip
+        said = [(one.power, one.law, one.lost or one.unheard >= UNHEARD)
+                for one in self.answers.reported]  # fmt: skip
         if said == self._said and now < self._says_at:
             return None
         self._said, self._says_at = said, now + REPORT
@@ -353,30 +374,31 @@ class DrivesPlant:
         turn = own if own is not None else 0.0 if found is None else found.turn
         return 0.0 if math.isnan(turn) else turn
 
-    def _watch_turns(self, late: NDArray[np.bool_]) -> Array:
-        """The positions, with turns corrected after a set-up; a jump shows a restart, too (S9)."""
+    def _watch_turns(self, position: Array, late: Sequence[bool]) -> Array:
+        """Positions with turns corrected after a set-up; a jump shows a restart, too (S9)."""
         answers = self.answers
-        position = self._axes.position(answers.position + self._turned)
-        way = np.abs(position - self._seen)
-        for k in np.flatnonzero(way > NEAR * self._turn_steps).tolist():
-            seconds = answers.times[k] - self._seen_at[k] + self._period
-            if not self._turns_due[k] and way[k] > LEAP * self._speeds[k] * seconds:
-                self._lose(k, RESTARTED)
-        for k, reported in enumerate(answers.reported):
-            if late[k] or reported.lost or math.isnan(position[k]):
+        if any(self._turned):
+            position = self._axes.position(answers.position + self._turned)
+        for k, place in enumerate(position.tolist()):
+            way = abs(place - self._seen[k])
+            if way > NEAR * self._turn_steps[k] and not self._turns_due[k]:
+                seconds = answers.times[k] - self._seen_at[k] + self._period
+                if way > LEAP * self._speeds[k] * seconds:
+                    self._lose(k, RESTARTED)
+            if late[k] or answers.reported[k].lost or math.isnan(place):
                 continue
             if self._turns_due[k]:
                 self._find_turns(k)
                 position = self._axes.position(answers.position + self._turned)
             if not self._turn_faults[k]:
-                self._seen[k], self._seen_at[k] = position[k], answers.times[k]
+                self._seen[k], self._seen_at[k] = position.item(k), answers.times[k]
         return position
 
     def _find_turns(self, k: int) -> None:
         """Correct the turns that a drive lost, or say that they are not certain (S9)."""
         self._turns_due[k] = False
         axis, joint = self.axes[k], self._joints[k]
-        last = None if math.isnan(self._seen[k]) else float(self._seen[k])
+        last = None if math.isnan(self._seen[k]) else self._seen[k]
         place = float(self._axes.position(self.answers.position)[k])
         turn = self._turn(k) / axis.ratio
         calibrates = joint is not None and joint.requires_calibration
@@ -432,9 +454,9 @@ class DrivesPlant:
     def _notice_clashes(self) -> None:
         """Detect two drives with one id: more answers than questions, which differ."""
         for k, raw in enumerate(self.answers.raw):
-            repeated = len(raw) == 1 and self._last[k] in raw  # it may be a late copy
-            owed = min(LATEST, self._owed[k] + self.answers.asked[k])
-            owed -= min(owed, 1) if repeated else len(raw)
+            owed = min(LATEST, self._owed[k] + self.answers.asked[k]) - len(raw)
+            if owed < 0 and len(raw) == 1 and self._last[k] in raw:
+                owed = 0  # it may be a late copy
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0
@@ -454,7 +476,7 @@ class DrivesPlant:
 
     def let_go(self) -> None:
         """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
-        off = Order(Action.OFF, SetPoint.OFF, ())
+        off = Order(OFF, SetPoint.OFF, ())
         self.driver.exchange({k: off for k, free in enumerate(self._free) if free})
 
     def close(self) -> None:
