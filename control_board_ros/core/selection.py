@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ..text import nearest
+from ..text import amount, nearest
 from .state import Indices
 from .terms.arguments import Array
 from .terms.modes import REQUESTABLE, REQUESTS
@@ -164,7 +164,7 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
     Args:
         values: a number or ``count`` numbers; not checked for being finite.
         count: how many joints were chosen.
-        what: what the values are, for the message.
+        what: what the values are, a plural, for the message.
         one_for_all: whether a list of one number goes to all of them, too.
 
     Raises:
@@ -179,8 +179,7 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
     if array.ndim == 0 or (one_for_all and array.shape == (1,)):
         return np.full(count, float(array.item()))
     raise RequestError(
-        f"{array.size} {what} for {count} joint{'s' if count != 1 else ''}; "
-        "send one value per named joint"
+        f"{amount(array.size, what)} for {amount(count, 'joints')}; send one value per named joint"
     )
 
 
@@ -230,7 +229,7 @@ def all_within(
         RequestError: a value is not above 0 and up to the most, or there are too many.
     """
     count = len(selection.names)
-    array = spread(values, count, what, one_for_all=True)
+    array = spread(values, count, f"{what} values", one_for_all=True)
     high = highest[selection.joints]
     bad = ~(((array >= 0.0) if zero else (array > 0.0)) & (array <= high))
     if bad.any():
@@ -345,7 +344,7 @@ def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
         return parsed * count
     if len(parsed) != count:
         raise RequestError(
-            f"{len(parsed)} modes for {count} joint{'s' if count != 1 else ''}; "
+            f"{amount(len(parsed), 'modes')} for {amount(count, 'joints')}; "
             "send one mode per named joint, or one for all"
         )
     return parsed

@@ -30,7 +30,8 @@ def find(name: str) -> Maker:
     offered = {point.name: point for point in entry_points(group=GROUP)}
     if name not in offered:
         known = [*DRIVERS, *sorted(offered), *(f"virtual/{driver}" for driver in DRIVERS)]
-        raise PlantSettingsError(unknown_word("plant:", name, known, "known:"))
+        text = unknown_word("plant:", name, known, "known:")
+        raise PlantSettingsError(f"{text}; packages offer others by the entry point {GROUP}")
     try:
         made = offered[name].load()
     except Exception as error:  # noqa: BLE001 - third-party module

@@ -36,6 +36,7 @@ def write_png(path: Path, title: str, charts: Sequence[Chart]) -> None:
         draw(chart, place)
     figure.suptitle(title, fontsize=11, parse_math=False)
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=DPI, metadata={"Software": None})
     except OSError as error:
         raise RecordingError(f"cannot write {path}: {error.strerror}") from error

@@ -18,6 +18,7 @@ from ..description.robots import located
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number, write_page
 from ..settings.loading import is_urdf
+from ..text import amount
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
 from .outcome import Outcome, Played
@@ -73,8 +74,8 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
     """
     lines = [
         f"# Gains found by cbctl tune (control_board_ros {__version__}) for {plan.robot}:",
-        f"# {plan.trials} trials for each controller, payload up to {plan.payload:.3g} kg, "
-        f"seed {plan.seed}.",
+        f"# {amount(plan.trials, 'trials')} for each controller, payload up to "
+        f"{plan.payload:.3g} kg, seed {plan.seed}.",
         *(f"# {line}" for line in wrap(CAUTION, 97)),
         "# In poses that the search did not see, mean figures before -> after:",
         *(f"#   {line}" for line in summary(outcomes, plan)),
@@ -145,9 +146,10 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
     kinds = kinds_of(plan)
     sections = [section(outcome, kinds[outcome.joint]) for outcome in outcomes]
     note = (
-        f"Gains for {plan.robot}: {plan.trials} trials for each controller, payload up to "
-        f"{plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses that "
-        f"the search did not see, with the gains of all joints together; mean over them. {CAUTION}"
+        f"Gains for {plan.robot}: {amount(plan.trials, 'trials')} for each controller, payload up "
+        f"to {plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses "
+        "that the search did not see, with the gains of all joints together; mean over them. "
+        f"{CAUTION}"
     )
     write_page(path, document(f"{Path(plan.robot).stem}: gains", "".join(sections), note))
 

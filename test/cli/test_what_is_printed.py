@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,7 @@ from rich.text import Text
 
 from control_board_ros.cli.text import output
 from control_board_ros.cli.verbs.recording import write_pictures
-from control_board_ros.recording import page, png
+from control_board_ros.recording import RecordingError, page, png
 
 ORDERS = "\x1b]0;mine\x07\x1b[31mred\x9b2J\u202eover\x7f\r"
 
@@ -49,6 +50,19 @@ def test_json_has_the_texts_as_they_are_and_escaped(capsys: pytest.CaptureFixtur
     assert json.loads(out) == {ORDERS: [f"{ORDERS}\ud800 τ"]}
 
 
+def test_pictures_that_cannot_be_drawn_leave_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without matplotlib, or where nothing moved."""
+    charts = SimpleNamespace(joint="a", moves=[1], charts=())
+    monkeypatch.setattr(page, "joint_charts", lambda _: [charts])
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(RecordingError, match="matplotlib"):
+        write_pictures(tmp_path / "a" / "b", [None])
+    assert write_pictures(tmp_path / "a", []) == []
+    assert not list(tmp_path.iterdir())
+
+
 def test_pictures_of_a_recording_stay_in_their_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -58,6 +72,7 @@ def test_pictures_of_a_recording_stay_in_their_folder(
     monkeypatch.setattr(page, "joint_charts", lambda _: charts)
     monkeypatch.setattr(png, "write_png", lambda path, *_: path.write_bytes(b""))
     folder = tmp_path / "pictures"
+    folder.mkdir()
     paths = write_pictures(folder, [None])
     assert len(set(paths)) == len(names)
     assert sorted(folder.iterdir()) == sorted(paths)

@@ -120,7 +120,7 @@ def test_interaction_and_impedance(client: ControlBoardClient) -> None:
     assert client.set_impedance(0, 200.0, 20.0)
     reply = client.set_impedance(0, [1.0, 2.0], 1.0)
     assert not reply
-    assert "2 stiffness for 1 joint" in reply.message
+    assert "2 stiffness values for 1 joint" in reply.message
     assert client.get_impedance(0)[0].tolist() == [200.0]
     assert not client.set_interaction_mode(0, "rigid")
     assert client.get_torque_offset().shape == (7,)
@@ -300,13 +300,14 @@ def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
     before = client.get_state().rejected_commands
     reply = client.position_move([0, 1], 0.1, [0.1, 0.0])
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
-    assert "speeds must be above 0 and up to " in reply.message
     limit = client.get_velocity_limits(0)[0]
+    assert "speeds must be above 0 and up to " in reply.message
+    assert " rad/s, not 0" in reply.message
     assert client.position_move(0, 0.2, limit)
     assert not client.position_move(0, 0.3, 1.001 * limit)
     reply = client.set_ref_speed(0, 30.0)  # deg/s
     assert reply.message.endswith(f"send a number above 0, up to {limit:.6g} rad/s")
-    assert "1 speeds for 2 joints" in client.position_move([0, 1], 0.1, [0.2]).message
+    assert "1 speed for 2 joints" in client.position_move([0, 1], 0.1, [0.2]).message
     assert client.set_control_mode(2, "vel")
     assert (
         "accelerations must be above 0 and up to"

@@ -53,10 +53,10 @@ def test_valid_answers_pass_with_printable_names() -> None:
 @pytest.mark.parametrize(
     ("fields", "says"),
     [
-        ({"answers": ["accepted"]}, "1 answers came for 2 joints"),
+        ({"answers": ["accepted"]}, "1 answer came for 2 joints"),
         ({"answers": ["accepted", "gl\x1bad"]}, "is no answer"),
         ({"answers": ["refused"] * 2, "codes": ["no_such", ""]}, "is no reason"),
-        ({"answers": ["refused"] * 2, "codes": ["in_fault"]}, "1 codes came for 2 joints"),
+        ({"answers": ["refused"] * 2, "codes": ["in_fault"]}, "1 code came for 2 joints"),
         ({"answers": ["refused"] * 2, "reasons": ["a", "b", "c"]}, "3 reasons came for 2"),
     ],
 )

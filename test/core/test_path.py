@@ -142,7 +142,7 @@ NAN, INF = float("nan"), float("inf")
         ),
         ([INF], [[0.0, 0.0]], [[]], [[]], "point 0 has time_from_start inf; send a number of s"),
         ([1.0], [[]], [[0.0, 0.0]], [[]], "no positions"),
-        ([1.0], [[0.1]], [[]], [[]], "point 0 has 1 positions for 2 joints"),
+        ([1.0], [[0.1]], [[]], [[]], "point 0 has 1 position for 2 joints"),
         ([1.0, 2.0], [[0.1, 0.1], []], [[]] * 2, [[]] * 2, "point 1 has no positions and others"),
         (
             TIMES,
@@ -152,7 +152,7 @@ NAN, INF = float("nan"), float("inf")
             "point 1 has no velocities and others have",
         ),
         (TIMES, POSITIONS, [[], [0.0], []], NONE, "point 0 has no velocities and others have"),
-        (TIMES, POSITIONS, [[0.0, 0.0]] * 2 + [[0.0]], NONE, "point 2 has 1 velocities for 2"),
+        (TIMES, POSITIONS, [[0.0, 0.0]] * 2 + [[0.0]], NONE, "point 2 has 1 velocity for 2"),
         (TIMES, POSITIONS, VELOCITIES, [[0.0, 0.0], [], []], "point 1 has no accelerations"),
         (TIMES, POSITIONS, VELOCITIES, [[0.0] * 3] * 3, "point 0 has 3 accelerations for 2"),
         (TIMES, POSITIONS, NONE, ACCELERATIONS, "accelerations and no velocities"),

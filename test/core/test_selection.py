@@ -92,7 +92,7 @@ def test_spread() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ([1.0], "1 speeds for 3 joints; send one value per named joint"),
+        ([1.0], "1 speed for 3 joints; send one value per named joint"),
         ([1.0, 2.0], "2 speeds for 3 joints"),
         ([], "0 speeds for 3 joints"),
         ([[1.0, 2.0, 3.0]], "3 speeds for 3 joints"),

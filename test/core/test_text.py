@@ -12,7 +12,24 @@ from hypothesis import strategies as st
 from rig import joint
 
 from control_board_ros.core.config.config import ConfigError
-from control_board_ros.text import clean, clean_lines, clean_name, file_name, nearest, unknown_word
+from control_board_ros.text import (
+    amount,
+    clean,
+    clean_lines,
+    clean_name,
+    file_name,
+    nearest,
+    unknown_word,
+)
+
+
+def test_an_amount_of_one_is_singular() -> None:
+    assert [amount(n, "speed values") for n in (0, 1, 2)] == [
+        "0 speed values",
+        "1 speed value",
+        "2 speed values",
+    ]
+
 
 SHOWN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 

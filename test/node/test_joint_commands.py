@@ -144,8 +144,8 @@ def test_short_arrays_that_fit_no_joints_are_refused_whole() -> None:
     before = driven.board.get_ref_position("a")[0]
     (reply,) = driven.command(a_position=0.1, b_velocity=0.2, c_position=0.3)
     assert reply.message == (
-        "refused, 2 numbers in position for 3 joints, of which 1 accept it in their mode; "
-        "send one per joint, NaN for no command"
+        "refused, 2 numbers in position for 3 joints, 1 of which may have one in their mode; "
+        "send one per joint, NaN for none"
     )
     assert driven.board.get_ref_position("a")[0] == before
     assert driven.rejected == [1, 1, 1]

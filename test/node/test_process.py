@@ -254,7 +254,7 @@ def test_a_namesake_of_another_user_is_reported(
     ("arguments", "text"),
     [
         (["-p", "lbr_iiwa_joint_1.limits.lower:=9.0"], "limits.upper: 2.93"),
-        (["-p", "plant:=nothing"], "plant: 'nothing' unknown; "),
+        (["-p", "plant:=nothing"], "packages offer others by the entry point"),
         (["-r", "__node:=no spaces"], "no spaces"),
         (["-r", "__ns:=/a//b"], "/a//b"),
     ],

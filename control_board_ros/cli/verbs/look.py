@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from control_board_ros.text import amount
+
 from ...core.terms.drives import DriveReport
 from ...core.terms.joint_kind import JointKind
 from ..board.reading import (
@@ -220,7 +222,7 @@ def faults_table(rows: Rows, names: Sequence[str], cleared: int) -> Any:
     if not rows:
         count = len(names)
         past = f"; {cleared} had one that is cleared: cbctl faults --all" if cleared else ""
-        return f"no fault on {count} joint{'s' if count != 1 else ''}{past}"
+        return f"no fault on {amount(count, 'joints')}{past}"
     from rich.text import Text
 
     states = {True: Text("in fault", "bold red"), False: Text("cleared", "bright_black")}

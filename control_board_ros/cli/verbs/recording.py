@@ -283,18 +283,10 @@ def unused(folder: Path, name: str, paths: Sequence[Path]) -> Path:
 
 
 def write_pictures(folder: Path, boards: list[Any]) -> list[Path]:
-    """A picture of each joint that moved.
-
-    Raises:
-        Refused: the folder cannot be made.
-    """
+    """A picture of each joint that moved; the folder is made with the first."""
     from control_board_ros.recording.page import joint_charts
     from control_board_ros.recording.png import write_png
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise Refused(f"cannot make {folder}: {error.strerror}") from None
     paths: list[Path] = []
     for board in boards:
         for joint in joint_charts(board):

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...text import amount
 from ..calibration.calibration import CalibrationStatus
 from ..machine.explanations import explain_slower
 from ..selection import RequestError
@@ -522,8 +523,9 @@ def made_pose(
     selection = board.selector.select(joints)
     if len(positions) != len(selection.names):
         raise RequestError(
-            f"pose {name!r}: {len(positions)} positions for {len(selection.names)} joints; give "
-            "each joint one, or none for as measured"
+            f"pose {name!r}: {amount(len(positions), 'positions')} for "
+            f"{amount(len(selection.names), 'joints')}; give each joint one, or none for as "
+            "measured"
         )
     if not 0.0 <= speed < MAX_VALUE:
         raise RequestError(

@@ -324,9 +324,9 @@ class Commands:
                 bounds = float(self._low[kind][j]), float(self._high[kind][j])
                 allowed = explain_refused(facts.joint, kind, values[0], bounds)
             else:
-                allowed = range_text(
-                    COMMANDS[kind].along, values[-1], float(self._along_limits[kind][j])
-                )
+                what, highest = COMMANDS[kind].along, float(self._along_limits[kind][j])
+                unit = f"{facts.joint.kind.unit}/{'s' if kind is K.POSITION else 's²'}"
+                allowed = range_text(what, values[-1], highest, unit)
             text = explain_reference(verdict.reason, facts, kind, values, allowed)
             answers.append(JointAnswer(verdict.answer, text, verdict.reason))
         return answers

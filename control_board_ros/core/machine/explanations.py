@@ -239,10 +239,10 @@ def explain_cut(joint: JointConfig, positions: Sequence[float]) -> str:
     )
 
 
-def range_text(what: str | None, value: float, highest: float) -> str:
+def range_text(what: str | None, value: float, highest: float, unit: str) -> str:
     """The range of a reference's accompanying value, in words."""
     digits = ".6g" if f"{value:.6g}" != f"{highest:.6g}" else ".17g"
-    return f"{what} must be above 0 and up to {highest:{digits}}, not {value:{digits}}"
+    return f"{what} must be above 0 and up to {highest:{digits}} {unit}, not {value:{digits}}"
 
 
 #: Why a joint accepts no references of any kind.

@@ -30,6 +30,7 @@ from ...interface import (
 )
 from ...operations import optional, truncated
 from ...protocols import Floats
+from ...text import amount
 from ..loop.loop import Member
 
 K = CommandKind
@@ -226,8 +227,8 @@ def spread_short(board: JointGroup, selection: Selection, field: str, message: A
         accepting = board.state.accepts[:, selection.joints][kinds].any(axis=0)
         if numbers.size != (some := np.count_nonzero(accepting)):
             raise RequestError(
-                f"{numbers.size} numbers in {field} for {count} joints, of which {some} accept it "
-                f"in their mode; send one per joint, NaN for no command"
+                f"{amount(numbers.size, 'numbers')} in {field} for {amount(count, 'joints')}, "
+                f"{some} of which may have one in their mode; send one per joint, NaN for none"
             )
         spread[accepting] = numbers
     return spread

@@ -28,6 +28,7 @@ from ...core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ...interface import ENDPOINTS, YARP, Endpoint
 from ...operations import doubles, truncated
 from ...protocols import Floats
+from ...text import amount
 from ..loop.loop import Member
 from .command_subscription import CommandSubscription
 from .publishing import StatePublisher, publisher
@@ -286,8 +287,8 @@ def wanted(modes: Sequence[str], count: int) -> list[tuple[Requested, ...]]:
         RefusedError: not one mode per joint (INVALID), or one that cannot be set (SET_ERROR).
     """
     if len(modes) != count:
-        joints = f"{count} joint" + "s" * (count != 1)
-        raise RefusedError(INVALID, f"{len(modes)} modes for {joints}; send one mode per joint")
+        given = f"{amount(len(modes), 'modes')} for {amount(count, 'joints')}"
+        raise RefusedError(INVALID, f"{given}; send one mode per joint")
     for mode in modes:
         if mode not in SETTABLE:
             shown = mode if len(mode) <= 32 else mode[:32] + "…"
