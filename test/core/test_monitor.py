@@ -319,6 +319,24 @@ def test_late_readings_allow_for_the_output_in_between() -> None:
     assert bench.failed() is None
 
 
+def test_what_is_not_read_between_unlike_readings_is_doubted() -> None:
+    """B7: half the difference of their speeds, for as long as they are apart; it fades."""
+    bench = Bench(max_jump=1.0, max_travel=0.25, max_encoder_age=1.0)
+    bench.step()
+    for age in (PERIOD, 2.0 * PERIOD):
+        bench.step(encoder_age=age)
+    bench.step(encoder_age=0.0, applied=30.0, joint_current=1.0)
+    doubt = 0.5 * 2 * (0.01 * 30.0 - 0.1 * 1.0)
+    assert bench.one.doubt == pytest.approx(FORGET * doubt)
+    assert bench.one.travel > 0.25
+    assert bench.failed() is None
+    bench.one.travel = 0.9
+    bench.step(SLOW)
+    assert bench.failed() is Check.TRAVEL
+    bench.one.forget_travel()
+    assert bench.one.doubt == 0.0
+
+
 # --- limits and heat -------------------------------------------------------------------------
 
 

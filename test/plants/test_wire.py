@@ -60,6 +60,18 @@ def test_a_move_on_a_bad_wire(row: str, wire: str) -> None:
     assert np.abs(bench.position - target).max() < 5e-3  # and closer, as a slower loop settles
 
 
+@pytest.mark.parametrize("row", ["position", "velocity"])
+def test_uneven_delays_are_no_wrong_encoder(row: str) -> None:
+    """B7: to 20 ms at random, where the drive's own loop takes each set-point as a step."""
+    bench = BadWire(row, {"jitter": 0.02}, joints=["lbr_iiwa_joint_5", "lbr_iiwa_joint_7"])
+    bench.run(100)
+    bench.enter("posd")
+    for place in (1.2, -1.2, 0.9, -0.6, 1.2, -1.2):
+        assert bench.board.set_position(None, [place, -place])
+        bench.run(400)
+    assert not bench.faults
+
+
 @pytest.mark.parametrize("row", ["position", "impedance"])
 def test_uneven_delays_of_set_points_leave_a_joint_within_its_speed_limit(row: str) -> None:
     """P14, B7: a drive that closes the loop takes each late set-point as a step; at the limit."""

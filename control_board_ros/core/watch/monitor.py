@@ -93,6 +93,7 @@ class JointMonitor:
     drove = cython.declare(cython.double, visibility="public")  # the output then, percent
     drawn = cython.declare(cython.double, visibility="public")  # that of its motor, if coupled
     travel = cython.declare(cython.double, visibility="public")  # of motor less encoder
+    doubt = cython.declare(cython.double, visibility="public")  # of the motor's, where not read
     overrun = cython.declare(cython.double, visibility="public")  # position from the middle
     overload = cython.declare(cython.double, visibility="public")  # s of I²t, A² s
     used = cython.declare(cython.double, visibility="public")  # s/S
@@ -140,7 +141,7 @@ class JointMonitor:
     @cython.ccall
     def forget_travel(self) -> cython.void:
         """Restart the comparison of encoder and motor."""
-        self.travel, self.slipped = 0.0, False
+        self.travel, self.doubt, self.slipped = 0.0, 0.0, False
 
 
 @cython.cfunc
@@ -188,12 +189,17 @@ def integrate(
     """Add a new reading to the sums, of the periods since the last one.
 
     What a reading shows acted in its own period; between two that are further apart it is taken
-    to have changed evenly.
+    to have changed evenly. How far their speeds differ is the doubt: a set-point that came late to
+    a drive's own loop shows a voltage that is none of the motion.
     """
     if periods > 1.0:
         unseen = 0.5 * (periods - 1.0)
         m.currents += unseen * (m.current + current)
         m.outputs += unseen * (m.drove + output)
+        m.doubt += unseen * fabs(
+            m.travel_per_output * (output - m.drove)
+            - m.travel_per_current * (current - m.current)
+        )
         periods = 1.0
     m.currents += current * periods
     m.outputs += output * periods
@@ -241,12 +247,14 @@ def check_travel(
 ) -> cython.void:
     """Compare the travel of motor and encoder, with slow forgetting (F1).
 
-    Where readings are late, the output that acts may be known that much earlier, or later.
+    Where readings are late, the output that acts may be known that much earlier, or later; the
+    doubt of what was not read fades as the travel does.
     """
     m.travel = forget * m.travel + (travelled - (position - m.mark) * m.live)
     m.mark, m.first = position, current
     m.currents = m.outputs = 0.0
-    m.slipped = not fabs(m.travel) <= m.max_travel + m.travel_per_age * m.age
+    m.slipped = not fabs(m.travel) <= m.max_travel + m.travel_per_age * m.age + m.doubt
+    m.doubt *= forget
 
 
 @cython.cfunc
