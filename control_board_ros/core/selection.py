@@ -164,7 +164,7 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
     Args:
         values: a number or ``count`` numbers; not checked for being finite.
         count: how many joints were chosen.
-        what: what the values are, a plural, for the message.
+        what: what the values are, for the message.
         one_for_all: whether a list of one number goes to all of them, too.
 
     Raises:
@@ -178,8 +178,10 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
         return array
     if array.ndim == 0 or (one_for_all and array.shape == (1,)):
         return np.full(count, float(array.item()))
+    plural = what if what.endswith("s") and not what.endswith("ss") else f"{what} values"
     raise RequestError(
-        f"{amount(array.size, what)} for {amount(count, 'joints')}; send one value per named joint"
+        f"{amount(array.size, plural)} for {amount(count, 'joints')}; "
+        "send one value per named joint"
     )
 
 
@@ -229,7 +231,7 @@ def all_within(
         RequestError: a value is not above 0 and up to the most, or there are too many.
     """
     count = len(selection.names)
-    array = spread(values, count, f"{what} values", one_for_all=True)
+    array = spread(values, count, what, one_for_all=True)
     high = highest[selection.joints]
     bad = ~(((array >= 0.0) if zero else (array > 0.0)) & (array <= high))
     if bad.any():

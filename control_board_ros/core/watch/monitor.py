@@ -197,8 +197,7 @@ def integrate(
         m.currents += unseen * (m.current + current)
         m.outputs += unseen * (m.drove + output)
         m.doubt += unseen * fabs(
-            m.travel_per_output * (output - m.drove)
-            - m.travel_per_current * (current - m.current)
+            m.travel_per_output * (output - m.drove) - m.travel_per_current * (current - m.current)
         )
         periods = 1.0
     m.currents += current * periods
