@@ -6,6 +6,9 @@ names only; their meaning is in Cython's manual, "Pure Python Mode". It imports 
 build takes Cython's own in their place::
 
     from .. import nocython as cython
+
+The build infers the types of local variables: one has a type in the source only where Cython would
+make it an object, as a flag, or a number from an attribute of a Python object.
 """
 
 from __future__ import annotations

@@ -66,10 +66,10 @@ def motion_done_and_stop(bench: Bench) -> str:
     expect(mode is M.POSITION, f"stop led from POSITION to {mode}")
     expect(bench.is_done(after[-1]), "motion done is false after stop")
     lag = abs(leads[-1] - leads[0])  # what a lagging drive has still to go (M9)
-    way, most = run_on(bench, after), bench.tolerance + lag
-    expect(way < most, f"the reference ran on for {way:.3g} after stop, {most:.3g} at most")
+    way, max_way = run_on(bench, after), bench.tolerance + lag
+    expect(way < max_way, f"the reference ran on for {way:.3g} after stop, {max_way:.3g} at most")
     away = abs(lead(bench, now))
-    expect(away < most, f"the reference after stop is {away:.3g} from the joint")
+    expect(away < max_way, f"the reference after stop is {away:.3g} from the joint")
     return "false while a move runs, true at its end; stop held the joint where it was"
 
 

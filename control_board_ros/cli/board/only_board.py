@@ -34,11 +34,11 @@ def only_board(node: Node, timeout: float) -> str:
     begun = since = time.monotonic()
     boards: list[str] = []
     while (now := time.monotonic()) - begun < timeout:
-        found = boards_on(node)
-        if default in found:
+        present = boards_on(node)
+        if default in present:
             break
-        if found != boards:
-            boards, since = found, now
+        if present != boards:
+            boards, since = present, now
         alone = alone_among(boards)
         if boards and now - since >= (GATHERING if alone else SEVERAL):
             return alone or DEFAULT

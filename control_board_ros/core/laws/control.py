@@ -120,17 +120,17 @@ class Controller:
         )
         self._steps = [laws.step for laws in self._laws.values()]
         self.joints[columns] = joints
-        for j, joint, own in zip(zone.joints, joints, zone.config.joints, strict=True):
+        for j, joint, config in zip(zone.joints, joints, zone.config.joints, strict=True):
             self.efforts[j] = effort
             if model is not None and arm is not None:
                 k = j - columns.start
                 self._bodies[j] = model.links[k], arm.bodies[k]
-                fill(*self._bodies[j], own.payload.mass, own.payload.center)
+                fill(*self._bodies[j], config.payload.mass, config.payload.center)
             self._loads.pop(j, None)
             self._armed[j] = Law.OFF, False
-            self.caps[:, j] = own.limits.peak_current, own.limits.output
+            self.caps[:, j] = config.limits.peak_current, config.limits.output
             self.terms[:, j] = np.nan
-            joint.stiffness, joint.damping = own.impedance.stiffness, own.impedance.damping
+            joint.stiffness, joint.damping = config.impedance.stiffness, config.impedance.damping
             self._configure(j)
 
     def step(self, elapsed: float = 0.0) -> bool:
@@ -149,9 +149,9 @@ class Controller:
         Joints with an unchanged configuration are not touched.
         """
         before, self._config = self._config, config
-        for j, own in enumerate(config.joints):
-            if own != before.joints[j]:
-                self._load(j, before.joints[j].payload)
+        for j, (old, new) in enumerate(zip(before.joints, config.joints, strict=True)):
+            if new != old:
+                self._load(j, old.payload)
                 self._configure(j)
 
     def _load(self, j: int, before: Payload) -> None:
@@ -178,27 +178,25 @@ class Controller:
             ConfigError: of a new payload that is too heavy, with the greatest mass.
         """
         for zone in config.zones():
-            before = self._config.joints[zone.columns]
-            new = [
-                k for k, own in enumerate(zone.config.joints) if own.payload != before[k].payload
-            ]
+            before, joints = self._config.joints[zone.columns], zone.config.joints
+            new = [k for k, joint in enumerate(joints) if joint.payload != before[k].payload]
             model = zone.config.model
             if new and model is not None and self._state.calibrated[zone.columns].all():
-                masses = [own.payload.mass for own in zone.config.joints]
+                masses = [joint.payload.mass for joint in joints]
                 kept = [0.0 if k in new else mass for k, mass in enumerate(masses)]
                 empty = self._weights(zone, kept)
                 loaded = self._weights(zone, masses)
-                check_weights(zone.config.joints, new, empty, loaded)
+                check_weights(joints, new, empty, loaded)
 
     def _weights(self, zone: Zone, masses: Sequence[float]) -> Array:
         """Torques that hold an arm with payloads of some masses where it is, N·m, shape (n,)."""
         model = zone.config.model
         assert model is not None
         arm = model.arm()
-        for link, body, mass, own in zip(
+        for link, body, mass, config in zip(
             model.links, arm.bodies, masses, zone.config.joints, strict=True
         ):
-            fill(link, body, mass, own.payload.center)
+            fill(link, body, mass, config.payload.center)
         position, velocity, acceleration, torque = (np.asarray(row) for row in arm.rows)
         position[:] = self._state.position[zone.columns]
         velocity[:] = acceleration[:] = 0.0
@@ -207,10 +205,10 @@ class Controller:
 
     def _configure(self, j: int) -> None:
         """Set the constants and gains of a joint from its configuration."""
-        joint, own, period = self.joints[j], self._config.joints[j], self._config.period
+        joint, config, period = self.joints[j], self._config.joints[j], self._config.period
         self._cap(j)
-        set_gains(joint.torque_pid, own.torque_pid, period)
-        set_gains(joint.current_pid, own.current_pid, period)
+        set_gains(joint.torque_pid, config.torque_pid, period)
+        set_gains(joint.current_pid, config.current_pid, period)
         self._position_pids[j] = None
         self._set_law(j, *self._armed[j])
 
@@ -237,13 +235,13 @@ class Controller:
 
     def _cap(self, j: int) -> None:
         """Set the constants of a joint, within the caps of users."""
-        joint, own = self.joints[j], self._config.joints[j]
-        limits = own.limits
+        joint, config = self.joints[j], self._config.joints[j]
+        limits = config.limits
         current, output = np.minimum(
             self.caps[:, j], (limits.peak_current, limits.output)
         ).tolist()
         self.caps[:, j] = current, output
-        set_constants(joint, own, self._config.period, self.terms_in_force(j))
+        set_constants(joint, config, self._config.period, self.terms_in_force(j))
         if current < limits.peak_current:
             joint.max_torque = min(joint.max_torque, current * joint.torque_per_ampere)
         joint.max_output = output
@@ -296,8 +294,8 @@ class Controller:
 
     def _set_law(self, j: int, law: Law, direct: bool) -> None:
         """Set the gains and the set-point of a law, where they differ."""
-        joint, own = self.joints[j], self._config.joints[j]
-        pid = (own.direct_pid if direct else None) or own.position_pid
+        joint, config = self.joints[j], self._config.joints[j]
+        pid = (config.direct_pid if direct else None) or config.position_pid
         if pid is not self._position_pids[j]:
             set_gains(joint.position_pid, pid, self._config.period)
             self._position_pids[j] = pid
@@ -305,23 +303,23 @@ class Controller:
 
     def _set_drive(self, j: int, law: Law) -> None:
         """The set-point by which a law reaches the joint's drive (S1)."""
-        joint, own = self.joints[j], self._config.joints[j]
-        kind = own.set_point_of(law)
+        joint, config = self.joints[j], self._config.joints[j]
+        kind = config.set_point_of(law)
         if kind is None and law is Law.OUTPUT:  # of a calibrator (K8)
-            kind = own.set_point_of(Law.CURRENT)
+            kind = config.set_point_of(Law.CURRENT)
         if kind is None or kind is SetPoint.OFF:  # what it would be
-            kind = own.set_point_of(Law.POSITION)
+            kind = config.set_point_of(Law.POSITION)
         assert kind is not None
         self._state.kinds[j] = kind
         # P8: the PWM as given; Y2: amperes whatever the board's output is
         in_amps = law is Law.CURRENT or (self._current_loop and law is not Law.OUTPUT)
-        set_drive(joint, own, kind, in_amps=in_amps)
+        set_drive(joint, config, kind, in_amps=in_amps)
         current, output = self.caps[:, j].tolist()
         if kind > SetPoint.CURRENT:
             cap = current * joint.torque_per_ampere
         else:
             cap = current if joint.in_amps else output
-        if current < own.limits.peak_current or output < own.limits.output:
+        if current < config.limits.peak_current or output < config.limits.output:
             joint.max_drive = min(joint.max_drive, cap)
 
 
@@ -348,7 +346,7 @@ def check_weights(
         empty: torques without the new payloads, N·m, shape (n,).
         loaded: with them.
     """
-    limits = np.array([own.limits.torque for own in joints])
+    limits = np.array([joint.limits.torque for joint in joints])
     added = loaded - empty
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = (limits - np.sign(added) * empty) / np.abs(added)
@@ -371,43 +369,43 @@ def joint_torque(joint: Joint, measured: float, current: float) -> float:
     return measured if joint.has_torque_sensor else current * joint.torque_per_ampere
 
 
-def usual_terms(own: JointConfig, link: Link | None = None) -> list[float]:
+def usual_terms(config: JointConfig, link: Link | None = None) -> list[float]:
     """Constants and friction of a joint's motor as they are configured, by Term."""
     coulomb, viscous = (0.0, 0.0) if link is None else (link.coulomb, link.viscous)
-    constant, slip = own.motor.torque_constant, SLIP * own.limits.velocity
+    constant, slip = config.motor.torque_constant, SLIP * config.limits.velocity
     return [constant, constant, viscous, viscous, coulomb, coulomb, slip]
 
 
 def set_constants(
-    joint: Joint, own: JointConfig, period: float, terms: Sequence[float] | None = None
+    joint: Joint, config: JointConfig, period: float, terms: Sequence[float] | None = None
 ) -> None:
     """The constants of the laws from a joint's configuration, and by Term of its motor."""
-    limits, motor = own.limits, own.motor
-    terms = terms or usual_terms(own)
-    joint.period, joint.delay = period, own.drive_delay
+    limits, motor = config.limits, config.motor
+    terms = terms or usual_terms(config)
+    joint.period, joint.delay = period, config.drive_delay
     joint.elapsed = joint.span = period
     joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
-    joint.limit_edge = own.kind.choose(EDGE_ANGLE, EDGE_DISTANCE)
+    joint.limit_edge = config.kind.choose(EDGE_ANGLE, EDGE_DISTANCE)
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
     joint.max_jerk = limits.jerk
     joint.max_torque, joint.max_output = limits.torque, limits.output
-    joint.inertia_min = own.inertia_min
-    joint.inertia = own.inertia_mean
+    joint.inertia_min = config.inertia_min
+    joint.inertia = config.inertia_mean
     motor = replace(motor, torque_constant=terms[Term.TORQUE_CONSTANT])
     joint.torque_per_ampere = motor.torque_per_ampere
     joint.viscous, joint.viscous_negative = terms[Term.VISCOUS_POSITIVE : Term.COULOMB_POSITIVE]
     joint.coulomb, joint.coulomb_negative, joint.slip = terms[Term.COULOMB_POSITIVE :]
-    joint.has_torque_sensor = own.torque_sensor
-    joint.compensation = own.back_emf_compensation
-    joint.compensates = own.gravity_compensation
-    joint.external_share = -math.expm1(-2.0 * math.pi * own.contact.bandwidth * period)
-    joint.contact_threshold, joint.contact_time = own.contact.threshold, own.contact.time
-    joint.dead_band = own.admittance.dead_band if own.yields else 0.0
-    joint.load_share = own.admittance.load_share
-    turning = 2.0 * math.pi * own.admittance.bandwidth
+    joint.has_torque_sensor = config.torque_sensor
+    joint.compensation = config.back_emf_compensation
+    joint.compensates = config.gravity_compensation
+    joint.external_share = -math.expm1(-2.0 * math.pi * config.contact.bandwidth * period)
+    joint.contact_threshold, joint.contact_time = config.contact.threshold, config.contact.time
+    joint.dead_band = config.admittance.dead_band if config.yields else 0.0
+    joint.load_share = config.admittance.load_share
+    turning = 2.0 * math.pi * config.admittance.bandwidth
     joint.felt_share = -math.expm1(-turning * period)
     joint.felt_time = FELT_TIME_CONSTANTS / turning
-    joint.min_damping = max(own.position_pid.kp / turning, MIN_DAMPING)
+    joint.min_damping = max(config.position_pid.kp / turning, MIN_DAMPING)
     joint.ohms, joint.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     winding = motor.inductance / motor.resistance
@@ -416,24 +414,24 @@ def set_constants(
     joint.lag = winding / period - kept / (1.0 - kept)
 
 
-def set_drive(joint: Joint, own: JointConfig, kind: SetPoint, *, in_amps: bool) -> None:
+def set_drive(joint: Joint, config: JointConfig, kind: SetPoint, *, in_amps: bool) -> None:
     """Conversion of the laws' torque to the drive's set-point: N·m, A, or a PWM, percent.
 
     i = τ/(k_t N);  u = 100/V_s (R i + k_e N dq)
 
     Args:
         joint: whose laws run, with its constants.
-        own: its configuration.
+        config: its configuration.
         kind: what its drive follows.
         in_amps: whether a PWM comes of a current loop of the board's own (P10).
     """
-    motor, limits = own.motor, own.limits
+    motor, limits = config.motor, config.limits
     per_volt = 100.0 / motor.supply_voltage
     joint.kind = int(kind)
     joint.in_amps = in_amps or kind is not SetPoint.PWM
     joint.pursuit = PURSUIT_SHARE / (joint.period + joint.delay)
-    if own.position_pid.kd > 0.0:
-        joint.pursuit = min(joint.pursuit, own.position_pid.kp / own.position_pid.kd)
+    if config.position_pid.kd > 0.0:
+        joint.pursuit = min(joint.pursuit, config.position_pid.kp / config.position_pid.kd)
     if kind > SetPoint.CURRENT:
         joint.per_torque, joint.per_speed = 1.0, 0.0
         joint.per_feed = 0.01 * limits.peak_current * joint.torque_per_ampere
