@@ -44,7 +44,7 @@ NO_TORQUE_CHANGE = cython.declare(cython.double, 1e-12)
 
 
 @cython.cfunc
-def row(count: cython.Py_ssize_t) -> Any:
+def row(count: cython.Py_ssize_t) -> object:
     return memoryview(array("d", [0.0] * count))
 
 

@@ -63,7 +63,7 @@ REST_SPEED_SHARE = cython.declare(cython.double, 1e-9)
 
 
 @cython.cfunc
-def row(count: cython.Py_ssize_t) -> Any:
+def row(count: cython.Py_ssize_t) -> object:
     return memoryview(array("d", [0.0] * count))
 
 
