@@ -14,11 +14,13 @@ import sys
 from ..core.config.config import BoardConfig
 from ..core.config.parameter import (
     ConfigError,
+    amount,
     check_number,
     check_parameters,
     configuration,
     parameter,
     part,
+    positive_amount,
 )
 from ..description.urdf import Urdf
 
@@ -31,45 +33,30 @@ DEFAULT_PHYSICS = PYBULLET if sys.version_info < (3, 12) else MUJOCO
 class MotorModel:
     """Properties of a motor and its gearbox beyond the name plate."""
 
-    coulomb: float = parameter(
-        "Dry friction at the joint",
-        "N·m",
-        default=0.0,
-        low=0.0,
-        derived="URDF, or 1 % of limits.torque",
+    coulomb: float = amount(
+        "Dry friction at the joint", "N·m", derived="URDF, or 1 % of limits.torque"
     )
-    viscous: float = parameter(
-        "Viscous friction at the joint",
-        "N·m·s/rad",
-        default=0.0,
-        low=0.0,
-        derived="URDF, or limits",
+    viscous: float = amount(
+        "Viscous friction at the joint", "N·m·s/rad", derived="URDF, or limits"
     )
-    breakaway: float = parameter(
-        "Breakaway friction at the joint; values below motor.coulomb have no effect",
-        "N·m",
-        default=0.0,
-        low=0.0,
+    breakaway: float = amount(
+        "Breakaway friction at the joint; values below motor.coulomb have no effect", "N·m"
     )
-    inertia: float = parameter(
+    inertia: float = amount(
         "Rotor inertia on the motor side; at the joint: gear_ratio² times this value",
         "kg·m²",
-        default=0.0,
-        low=0.0,
         derived="load, torque",
     )
-    thermal_resistance: float = parameter(
+    thermal_resistance: float = positive_amount(
         "Thermal resistance from winding to ambient",
         "K/W",
         default=1.0,
-        above=0.0,
         derived="nominal current 20 K below limits.temperature",
     )
-    thermal_capacitance: float = parameter(
+    thermal_capacitance: float = positive_amount(
         "Thermal capacitance of the winding",
         "J/K",
         default=100.0,
-        above=0.0,
         derived="120 s / thermal_resistance",
     )
 
@@ -78,9 +65,7 @@ class MotorModel:
 class Encoder:
     """The joint encoder."""
 
-    resolution: float = parameter(
-        "Resolution of the reading; 0: unlimited", "rad or m", default=0.0, low=0.0, high=1.0
-    )
+    resolution: float = amount("Resolution of the reading; 0: unlimited", "rad or m", high=1.0)
     zero: float = parameter("Offset added to the reading", "rad or m", default=0.0)
     motor: bool = parameter("Motor encoder present", default=True)
 
@@ -89,63 +74,38 @@ class Encoder:
 class DriveModel:
     """The drive between the board and a motor: its loops follow what ``drive`` names (S7)."""
 
-    rate: float = parameter(
+    rate: float = amount(
         "rate of the control loops, rounded to whole physics steps; 0: physics_rate",
         "Hz",
-        default=0.0,
-        low=0.0,
         high=100000.0,
     )
-    resolution: float = parameter(
-        "resolution of received positions; 0: unlimited",
-        "rad or m",
-        default=0.0,
-        low=0.0,
-        high=1.0,
+    resolution: float = amount(
+        "resolution of received positions; 0: unlimited", "rad or m", high=1.0
     )
-    torque_resolution: float = parameter(
-        "resolution of received torques; 0: unlimited", "N·m or N", default=0.0, low=0.0
+    torque_resolution: float = amount("resolution of received torques; 0: unlimited", "N·m or N")
+    velocity: float = amount(
+        "maximum velocity; larger commands are limited; 0: unlimited", "rad/s or m/s"
     )
-    velocity: float = parameter(
-        "maximum velocity; larger commands are limited; 0: unlimited",
-        "rad/s or m/s",
-        default=0.0,
-        low=0.0,
+    torque: float = amount(
+        "maximum torque; larger commands are limited; 0: limits.torque", "N·m or N"
     )
-    torque: float = parameter(
-        "maximum torque; larger commands are limited; 0: limits.torque",
-        "N·m or N",
-        default=0.0,
-        low=0.0,
-    )
-    latency: float = parameter(
+    latency: float = amount(
         "delay of its answers, which the board is not told of; that of commands: drive_delay",
         "s",
-        default=0.0,
-        low=0.0,
         high=1.0,
     )
-    jitter: float = parameter(
-        "random delay of each frame, either way, up to this", "s", default=0.0, low=0.0, high=1.0
+    jitter: float = amount("random delay of each frame, either way, up to this", "s", high=1.0)
+    loss: float = amount("share of frames lost, either way", "fraction", high=1.0)
+    burst: float = amount(
+        "duration of interruptions of the wire, either way; 0: none", "s", high=10.0
     )
-    loss: float = parameter(
-        "share of frames lost, either way", "fraction", default=0.0, low=0.0, high=1.0
+    burst_interval: float = positive_amount(
+        "mean time from one interruption to the next", "s", default=1.0
     )
-    burst: float = parameter(
-        "duration of interruptions of the wire, either way; 0: none",
-        "s",
-        default=0.0,
-        low=0.0,
-        high=10.0,
-    )
-    burst_interval: float = parameter(
-        "mean time from one interruption to the next", "s", default=1.0, above=0.0
-    )
-    watchdog: float = parameter(
+    watchdog: float = amount(
         "time without commands until on_silence applies; 0: no watchdog",
         "s",
         default=0.1,
-        low=0.0,
         high=10.0,
     )
 
@@ -158,11 +118,10 @@ class JointSimulation:
     home: float = parameter(
         "Position at start and after ~/reset", "rad or m", default=0.0, derived="limits"
     )
-    inertia: float = parameter(
+    inertia: float = positive_amount(
         "Approximate inertia moved by the joint; physics ideal only",
         "kg·m² or kg",
         default=1.0,
-        above=0.0,
         derived="URDF",
     )
     motor: MotorModel = part(default=MotorModel())

@@ -37,12 +37,14 @@ from ..terms.modes import (
 from ..terms.vocabs import ControlMode, InteractionMode
 from .parameter import (
     ConfigError,
+    amount,
     check_number,
     check_parameters,
     configuration,
     parameter,
     parameters_of,
     part,
+    positive_amount,
 )
 from .parts import (
     DEGREE,
@@ -116,11 +118,10 @@ class Calibration:
     start: float = parameter(
         "Target position after calibration", "rad or m", default=0.0, derived="home"
     )
-    speed: float = parameter(
+    speed: float = positive_amount(
         "Speed of the move to calibration.start",
         "rad/s or m/s",
         default=10.0 * DEGREE,
-        above=0.0,
         high="limits.velocity",
         derived="reference_speed",
     )
@@ -132,10 +133,10 @@ class Calibration:
         high=100.0,
     )
     stop: float = parameter("Position of the hard stop (type 5)", "rad or m", default=0.0)
-    stall_time: float = parameter(
-        "Time without motion that counts as a stall (type 5)", "s", default=0.1, above=0.0
+    stall_time: float = positive_amount(
+        "Time without motion that counts as a stall (type 5)", "s", default=0.1
     )
-    timeout: float = parameter("Maximum duration of a calibration", "s", default=30.0, above=0.0)
+    timeout: float = positive_amount("Maximum duration of a calibration", "s", default=30.0)
     control_mode: ControlMode = parameter(
         "Control mode after calibration", default=MOVES, choices=SELECTABLE
     )
@@ -237,8 +238,8 @@ class JointConfig:
     impedance: Impedance = part()
     motor: Motor = part(default=Motor())
     brake: Brake = part("Brake: ", default=Brake())
-    back_emf_compensation: float = parameter(
-        "Fraction of the back-EMF that the output compensates", default=1.0, low=0.0, high=1.0
+    back_emf_compensation: float = amount(
+        "Fraction of the back-EMF that the output compensates", default=1.0, high=1.0
     )
     gravity_compensation: bool = parameter(
         "Add the gravity torque of URDF and payload in COMPLIANT and TORQUE",
@@ -248,19 +249,17 @@ class JointConfig:
     payload: Payload = part("Payload: ", default=Payload())
     contact: Contact = part("Contact: ", default=Contact())
     admittance: Admittance = part("Admittance: ", default=Admittance())
-    reference_speed: float = parameter(
+    reference_speed: float = positive_amount(
         "Reference speed at start",
         "rad/s or m/s",
         default=10.0 * DEGREE,
-        above=0.0,
         high="limits.velocity",
         derived="10 deg/s; 0.05 m/s",
     )
-    reference_acceleration: float = parameter(
+    reference_acceleration: float = positive_amount(
         "Reference acceleration at start",
         "rad/s² or m/s²",
         default=10.0 * DEGREE,
-        above=0.0,
         high="limits.acceleration",
         derived="10 deg/s²; 0.05 m/s²",
     )
@@ -296,12 +295,10 @@ class JointConfig:
         default=(),
         choices=KINDS,
     )
-    drive_delay: float = parameter(
+    drive_delay: float = amount(
         "Delay from a set-point to the reading that shows its effect, in excess of one control "
         "cycle",
         "s",
-        default=0.0,
-        low=0.0,
         high=0.1,
     )
     on_silence: OnSilence = parameter(
@@ -310,19 +307,17 @@ class JointConfig:
         choices=OnSilence,
     )
     calibration: Calibration | None = part(default=None)
-    max_travel_error: float = parameter(
+    max_travel_error: float = positive_amount(
         "Difference between encoder and motor travel that is a fault",
         "rad or m",
         default=2.0 * DEGREE,
-        above=0.0,
         high=math.inf,
         derived="2 deg; 5 mm",
     )
-    inertia_min: float = parameter(
+    inertia_min: float = positive_amount(
         "Minimum inertia moved by the motor, including the rotor; other joints free",
         "kg·m² or kg",
         default=1.0,
-        above=0.0,
         derived="URDF and motor.inertia",
     )
     inertia_mean: float = parameter(
@@ -536,12 +531,8 @@ class BoardConfig:
         choices=OUT_OF_RANGE,
         run_time=True,
     )
-    heartbeat_timeout: float = parameter(
-        "Time without ~/heartbeat that triggers an emergency stop; 0: disabled",
-        "s",
-        default=0.0,
-        low=0.0,
-        high=1e6,
+    heartbeat_timeout: float = amount(
+        "Time without ~/heartbeat that triggers an emergency stop; 0: disabled", "s", high=1e6
     )
     autoconfigure: bool = parameter(
         "Leave NOT_CONFIGURED at start; false: on ~/configure", default=True

@@ -188,6 +188,16 @@ def parameter(
     return field(default=default, metadata={"parameter": known})
 
 
+def amount(text: str, unit: str = "", *, default: float = 0.0, **more: Any) -> Any:
+    """A parameter that is a number from 0 on, with others of its attributes."""
+    return parameter(text, unit, default=default, low=0.0, **more)
+
+
+def positive_amount(text: str, unit: str = "", *, default: Any = MISSING, **more: Any) -> Any:
+    """A parameter that is a number above 0, likewise."""
+    return parameter(text, unit, default=default, above=0.0, **more)
+
+
 def part(
     text: str = "",
     *,

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
-from typing import Any
+from functools import partial
 
-from .parameter import HUGE, ConfigError, configuration, parameter
+from .parameter import ConfigError, amount, configuration, parameter, positive_amount
 
-
-def live(text: str, unit: str = "", *, default: float = 0.0, high: float = HUGE) -> Any:
-    """A number from 0 on that can change while the board runs."""
-    return parameter(text, unit, default=default, low=0.0, high=high, run_time=True)
+#: A number from 0 on that can change while the board runs.
+live = partial(amount, run_time=True)
 
 
 @configuration
@@ -61,11 +59,10 @@ class Pid:
     integral_limit: float = live(
         "limit of the integral term", "N·m", default=math.inf, high=math.inf
     )
-    derivative_cutoff: float = parameter(
+    derivative_cutoff: float = positive_amount(
         "cutoff of the low-pass filter of the derivative",
         "Hz",
         default=DERIVATIVE_CUTOFF,
-        above=0.0,
         run_time=True,
     )
 
@@ -89,25 +86,21 @@ class Limits:
     hard_upper: float = parameter(
         "Upper hard stop", "rad or m", above="hard_lower", high=math.inf, derived="URDF"
     )
-    velocity: float = parameter("Speed limit", "rad/s or m/s", above=0.0, derived="URDF")
-    acceleration: float = parameter(
+    velocity: float = positive_amount("Speed limit", "rad/s or m/s", derived="URDF")
+    acceleration: float = positive_amount(
         "Acceleration limit",
         "rad/s² or m/s²",
-        above=0.0,
         derived="10 × limits.velocity per s, at most what torque and inertia_max allow",
     )
-    jerk: float = parameter(
+    jerk: float = live(
         "Jerk limit of position moves and of stops, not of braking ahead of a limit or for want of"
         " torque; 0: none",
         "rad/s³ or m/s³",
-        default=0.0,
-        low=0.0,
-        run_time=True,
     )
-    torque: float = parameter("Torque limit", "N·m or N", above=0.0, derived="URDF (effort)")
-    output: float = parameter("Maximum PWM", "percent", default=100.0, above=0.0, high=100.0)
-    nominal_current: float = parameter(
-        "Continuous current", "A", above=0.0, derived="0.6 × torque limit, gravity"
+    torque: float = positive_amount("Torque limit", "N·m or N", derived="URDF (effort)")
+    output: float = positive_amount("Maximum PWM", "percent", default=100.0, high=100.0)
+    nominal_current: float = positive_amount(
+        "Continuous current", "A", derived="0.6 × torque limit, gravity"
     )
     peak_current: float = parameter(
         "Overcurrent threshold",
@@ -115,19 +108,18 @@ class Limits:
         above="nominal_current",
         derived="motor reversed at full speed",
     )
-    hard_margin: float = parameter(
+    hard_margin: float = positive_amount(
         "Overrun of a hard stop that is a fault",
         "rad or m",
         default=2.0 * DEGREE,
-        above=0.0,
         derived="2 deg; 5 mm",
     )
-    overload_time: float = parameter(
-        "Time at peak current until I²t trips", "s", default=2.0, above=0.0
+    overload_time: float = positive_amount(
+        "Time at peak current until I²t trips", "s", default=2.0
     )
-    temperature: float = parameter("Maximum winding temperature", "°C", default=120.0, above=0.0)
-    temperature_hysteresis: float = parameter(
-        "Hysteresis below limits.temperature for clearing the fault", "K", default=10.0, low=0.0
+    temperature: float = positive_amount("Maximum winding temperature", "°C", default=120.0)
+    temperature_hysteresis: float = amount(
+        "Hysteresis below limits.temperature for clearing the fault", "K", default=10.0
     )
 
     def check(self, key: str) -> None:
@@ -146,31 +138,19 @@ class Limits:
 class Motor:
     """The DC motor and gearbox of a joint, as on its name plate."""
 
-    resistance: float = parameter(
-        "Winding resistance", "ohm", default=1.0, above=0.0, derived="limits"
+    resistance: float = positive_amount("Winding resistance", "ohm", default=1.0, derived="limits")
+    inductance: float = positive_amount(
+        "Winding inductance", "H", default=1e-3, derived="1.5 ms × motor.resistance"
     )
-    inductance: float = parameter(
-        "Winding inductance",
-        "H",
-        default=1e-3,
-        above=0.0,
-        derived="1.5 ms × motor.resistance",
+    torque_constant: float = positive_amount(
+        "Torque constant, and back-EMF constant in V·s/rad", "N·m/A", default=0.1, derived="limits"
     )
-    torque_constant: float = parameter(
-        "Torque constant, and back-EMF constant in V·s/rad",
-        "N·m/A",
-        default=0.1,
-        above=0.0,
-        derived="limits",
-    )
-    gear_ratio: float = parameter("Motor turns per joint turn", default=100.0, above=0.0)
-    efficiency: float = parameter("Gearbox efficiency", default=1.0, above=0.0, high=1.0)
-    supply_voltage: float = parameter("Supply voltage", "V", default=48.0, above=0.0)
-    thermal_time: float = parameter(
+    gear_ratio: float = positive_amount("Motor turns per joint turn", default=100.0)
+    efficiency: float = positive_amount("Gearbox efficiency", default=1.0, high=1.0)
+    supply_voltage: float = positive_amount("Supply voltage", "V", default=48.0)
+    thermal_time: float = amount(
         "Thermal time constant of the winding; 0: unknown",
         "s",
-        default=0.0,
-        low=0.0,
         derived="thermal_resistance × thermal_capacitance",
     )
     ambient: float = parameter("Ambient temperature", "°C", default=25.0, low=-273.15, high=1000.0)
@@ -195,14 +175,10 @@ class Brake:
     """The brake of a joint, which holds the joint without power (SPEC Y4)."""
 
     present: bool = parameter("present", default=False)
-    release_time: float = parameter("release time", "s", default=0.03, low=0.0, high=5.0)
-    engage_time: float = parameter("engage time", "s", default=0.02, low=0.0, high=5.0)
-    slip_torque: float = parameter(
-        "holding torque",
-        "N·m or N",
-        default=100.0,
-        above=0.0,
-        derived="limits.torque",
+    release_time: float = amount("release time", "s", default=0.03, high=5.0)
+    engage_time: float = amount("engage time", "s", default=0.02, high=5.0)
+    slip_torque: float = positive_amount(
+        "holding torque", "N·m or N", default=100.0, derived="limits.torque"
     )
 
 
@@ -267,20 +243,17 @@ class Admittance:
     its goal gives way to the external torque that its current shows.
     """
 
-    dead_band: float = parameter(
+    dead_band: float = amount(
         "external torque below which the joint is stiff in COMPLIANT, whatever its stiffness, at "
         "no load; above the dry friction; 0: no COMPLIANT",
         "N·m or N",
-        default=0.0,
-        low=0.0,
     )
     load_share: float = live("share of the load that adds to the dead band", default=0.1, high=1.0)
-    bandwidth: float = parameter(
+    bandwidth: float = positive_amount(
         "bandwidth of the external torque that the goal gives way to; the damping is at least "
         "position_pid.kp, which is the servo's own, over 2π times it",
         "Hz",
         default=5.0,
-        above=0.0,
         high=1e4,
         run_time=True,
     )
@@ -296,19 +269,17 @@ class Timeouts:
     torque: float = live("Age of a torque reference that is a fault; 0: never", "s", high=1e6)
     output: float = live("Age of an open-loop reference that is a fault; 0: never", "s", high=1e6)
     current: float = live("Age of a current reference that is a fault; 0: never", "s", high=1e6)
-    encoder: float = parameter(
+    encoder: float = positive_amount(
         "Time without encoder readings that is a fault; default of drives: plant_timeout",
         "s",
         default=0.02,
-        above=0.0,
         high=1e6,
         run_time=True,
     )
-    torque_sensor: float = parameter(
+    torque_sensor: float = positive_amount(
         "Time without torque readings that is a fault; default of drives: plant_timeout",
         "s",
         default=0.02,
-        above=0.0,
         high=1e6,
         run_time=True,
     )
