@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from joints import OneJoint, gains
 from pure import LAWS
 
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.modes import Law
 
 PERIOD, SPEED, ACCELERATION = 0.001, 3.0, 20.0
@@ -236,3 +237,22 @@ def test_a_joint_pushed_away_brings_its_reference_along_no_further() -> None:
     rows = one.record(1000, *FOLLOWED)
     assert np.abs(rows[1:, 1]).max() <= SPEED + 1e-9
     assert rows[-1, 0] == 0.0
+
+
+@pytest.mark.parametrize("kind", [SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.IMPEDANCE])
+@pytest.mark.parametrize("gaps", [1, 4])
+def test_a_set_point_stands_in_a_gap_between_cycles(kind: SetPoint, gaps: int) -> None:
+    """B6, B7: an old reading is continued by what the reference has accelerated, no more."""
+    one = OneJoint(kind=int(kind), period=PERIOD)
+    one.joint.start(Law.POSITION)
+    one.rows["age"][0] = PERIOD
+    one.step(100)
+    one.joint.move(1.5, 1.5, 0.0)
+    speeds = [0.0]
+    for _ in range(gaps):
+        for gap in (*[0.0] * 5, 0.15):
+            one.set(position=0.0, velocity=0.0, age=gap or PERIOD)
+            one._laws.step(gap)
+            assert abs(one.joint.velocity) <= max(speeds) - min(speeds) + 1e-9
+            speeds.append(one.joint.followed_velocity)
+    assert max(speeds) > 0.0

@@ -98,13 +98,27 @@ def observe(
 @cython.cfunc
 @cython.inline
 def note_feed(j: Joint) -> cython.void:
-    """Keep what the last set-point fed forward, and which current it was for, on a wire."""
+    """Keep what the last set-point fed forward, and which current it was for, on a wire.
+
+    A gap between two cycles has its places, too: over it a torque goes on, another set-point
+    stands (B6).
+    """
     fed = j.fed[j.fed_now]
+    gain = 0.0
+    cycles: cython.int = 1
     if j.active and (j.law == POSITION or j.settling):
-        fed += j.followed_acceleration * j.elapsed
-    j.fed_now = (j.fed_now + 1) & (FEED_CYCLES - 1)
-    j.fed[j.fed_now] = fed
-    j.drawn[j.fed_now] = j.current_pid.reference
+        gain = j.followed_acceleration * j.elapsed
+    if j.elapsed > GAP * j.period:
+        gain *= j.period / j.elapsed
+        cycles = cython.cast(cython.int, min(j.elapsed / j.period + 0.5, FEED_CYCLES - 1.0))
+    while cycles > 0:
+        cycles -= 1
+        fed += gain
+        if j.kind >= AS_VELOCITY:
+            gain = 0.0
+        j.fed_now = (j.fed_now + 1) & (FEED_CYCLES - 1)
+        j.fed[j.fed_now] = fed
+        j.drawn[j.fed_now] = j.current_pid.reference
 
 
 @cython.cfunc
