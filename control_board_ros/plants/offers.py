@@ -26,7 +26,8 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
     """Settings of a board within what a plant of this name has.
 
     Raises:
-        PlantSettingsError: it lacks a joint of the board, or its rate.
+        PlantSettingsError: it lacks a joint of the board, or its rate; a servo that is to be
+            guided has a gain that nobody gave.
     """
     has = {joint.name: joint for joint in description.joints}
     for joint in settings.board.names:
@@ -52,6 +53,12 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
         raise PlantSettingsError(f"plant {name!r} lacks what is configured: {error}") from None
     values = dict(settings.values)
     for made in board.joints:
+        if made.yields and f"{made.name}.position_pid.kp" not in settings.where:
+            raise PlantSettingsError(
+                f"{made.name}.position_pid.kp: {made.position_pid.kp:.3g} is derived; beside "
+                "admittance.dead_band give that of the servo's own loop, N·m/rad: with a smaller "
+                "one a touch lets the joint swing"
+            )
         values[f"{made.name}.torque_sensor"] = made.torque_sensor
         values[f"{made.name}.brake.present"] = made.brake.present
         values[f"{made.name}.max_travel_error"] = made.max_travel_error

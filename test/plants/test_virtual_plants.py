@@ -64,3 +64,17 @@ def test_drives_that_only_hold_require_a_board_configured_for_it() -> None:
             within(chosen, "virtual/feetech", plant.describe())
     finally:
         plant.close()
+
+
+def test_a_servo_that_is_guided_has_a_gain_that_was_given() -> None:
+    """I5, P14: the derived one is a part of its own, with which a touch made it swing."""
+    pytest.importorskip("scservo_sdk")
+    so101 = str(ARM.with_name("so101.urdf"))
+    needed = {"joint_defaults.on_silence": "braked", "joint_defaults.admittance.dead_band": 0.08}
+    chosen = load(None, {"robot": so101, **needed})
+    plant = make_virtual("virtual/feetech", chosen, [])
+    try:
+        with pytest.raises(PlantSettingsError, match=r"position_pid.kp: .* of the servo's own"):
+            within(chosen, "virtual/feetech", plant.describe())
+    finally:
+        plant.close()

@@ -30,6 +30,7 @@ PARAMETERS: dict[str, Any] = {
     "plant_timeout": 1.0,
     "joint_defaults.on_silence": "braked",
     "joint_defaults.admittance.dead_band": 0.08,
+    "joint_defaults.position_pid.kp": 47.0,  # a Feetech's, with the motors that are derived
 }
 
 
