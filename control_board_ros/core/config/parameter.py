@@ -3,7 +3,7 @@
 
     @configuration
     class Limits:
-        velocity: float = parameter("Speed limit", "rad/s or m/s", above=0.0, derived="URDF")
+        velocity: float = positive_amount("Speed limit", "rad/s or m/s", derived="URDF")
 
 The check of a configuration, the ROS parameters and docs/parameters.md are made from it. A bound
 is a number, or the name of the parameter that bounds: ``upper`` of the same class, or
