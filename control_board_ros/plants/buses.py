@@ -73,6 +73,7 @@ class Bus:
 
     def __init__(self, plant: DrivePlant, columns: slice) -> None:
         self.plant, self.columns = plant, columns
+        self._number: Callable[[], int | None] = getattr(plant, "fileno", lambda: None)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="bus")
         self._pending: Future[Readings] | None = None
         self._resets: list[int] = []
@@ -117,8 +118,7 @@ class Bus:
     @property
     def polled(self) -> Polled | None:
         """Its plant, where it can exchange in parts now."""
-        number: Callable[[], int | None] | None = getattr(self.plant, "fileno", None)
-        if self._pending is not None or self.error or number is None or number() is None:
+        if self._pending is not None or self.error or self._number() is None:
             return None
         return cast(Polled, self.plant)
 
@@ -211,7 +211,8 @@ class Buses:
         pending = [bus.exchange(wanted) for bus in apart]
         end = time.monotonic() + PATIENCE * self._period
         fresh = self._poll(polled, wanted, end)
-        wait(pending, FIRST if self._first else max(0.0, end - time.monotonic()))
+        if pending:
+            wait(pending, FIRST if self._first else max(0.0, end - time.monotonic()))
         self._first = False
         ages = np.zeros(self._count)
         for k, bus in enumerate(self._buses):

@@ -97,7 +97,7 @@ class SetPoints:
 
     def __post_init__(self) -> None:
         for array in (self.kinds, self.values, self.released):
-            array.flags.writeable = False
+            array.setflags(write=False)
 
     @classmethod
     def off(cls, count: int) -> SetPoints:
