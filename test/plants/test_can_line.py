@@ -168,30 +168,35 @@ def test_a_bus_that_is_off_is_said_and_other_error_frames_are_left_aside(line: A
     line.drain(by_id)
 
 
-def test_it_gathers_until_all_have_answered(line: Any) -> None:
+def test_it_reads_until_all_have_answered(line: Any) -> None:
+    line.begin([], by_id, [1, 2])
     line.bus.queue = [(1e-3, frame(n)) for n in (1, 40, 1, 2, 3)]
-    line.gather(by_id, [1, 2], 0.01)
+    assert line.read(line.clock.now() + 0.01)
     assert [found.arbitration_id for _, found in line.bus.queue] == [3]
-    assert line.bus.waits == pytest.approx([0.010, 0.009, 0.008, 0.007])
+    assert line.bus.waits == pytest.approx([0.0, 0.010, 0.009, 0.008, 0.007])
 
 
-def test_it_gathers_until_the_time_is_up(line: Any) -> None:
+def test_it_reads_until_the_time_is_up(line: Any) -> None:
+    line.begin([], by_id, [1, 2])
     line.bus.queue = [(1e-3, frame(1)), (1.0, frame(2))]
     begin = line.clock.now()
-    line.gather(by_id, [1, 2], 0.01)
+    assert not line.read(begin + 0.01)
     assert line.clock.now() - begin == pytest.approx(0.01)
-    line.gather(by_id, [], 0.01)
-    assert len(line.bus.waits) == 2
+    line.begin([], by_id, [])
+    waits = len(line.bus.waits)
+    assert line.read(begin + 1.0)
+    assert len(line.bus.waits) == waits
 
 
 @pytest.mark.parametrize("error", [False, True])
 def test_a_flood_does_not_block_it(line: Any, error: bool) -> None:
+    line.begin([], by_id, [1, 2])
     line.bus.queue = [(0.0, frame(40, error=error))] * 100
-    line.gather(by_id, [1, 2], 0.01)
+    line.read(line.clock.now() + 0.01)
     assert 100 - len(line.bus.queue) == 3 * FLOOD == 24
 
 
-def test_an_exchange_reads_what_is_late_first(line: Any) -> None:
+def test_what_is_late_is_read_before_frames_are_sent(line: Any) -> None:
     line.bus.queue = [(0.0, frame(1)), (1e-3, frame(2))]
     seen: list[Any] = []
 
@@ -199,7 +204,8 @@ def test_an_exchange_reads_what_is_late_first(line: Any) -> None:
         seen.append((found.arbitration_id, len(line.bus.sent)))
         return by_id(found)
 
-    line.exchange([(7, b""), (8, b"")], take, [2], 0.01)
+    line.begin([(7, b""), (8, b"")], take, [2])
+    line.read(line.clock.now() + 0.01)
     assert seen == [(1, 0), (2, 2)]
 
 

@@ -149,43 +149,22 @@ class CanLine:
             )
         return found
 
-    def gather(
-        self, take: Callable[[Any], int | None], missing: Iterable[int], seconds: float
-    ) -> None:
-        """Read frames until every missing drive answered or the time, s, is up.
-
-        Args:
-            take: Reads a frame; returns the drive whose answer it is, or None.
-            missing: Drives whose answers are awaited.
-            seconds: Timeout.
-        """
-        self._expect(take, missing)
-        self.read(self.clock.now() + seconds)
-
-    def exchange(
-        self,
-        frames: Iterable[Frame],
-        take: Callable[[Any], int | None],
-        missing: Iterable[int],
-        seconds: float,
-    ) -> None:
-        """Read what is late, send frames, and gather their answers; see ``gather``."""
-        self.begin(frames, take, missing)
-        self.read(self.clock.now() + seconds)
-
     def begin(
         self,
         frames: Iterable[Frame],
         take: Callable[[Any], int | None],
         missing: Iterable[int],
     ) -> None:
-        """Read what is late, and send frames, whose answers ``read`` then takes."""
+        """Read what is late, and send frames, whose answers ``read`` then takes.
+
+        Args:
+            frames: To send.
+            take: Reads a frame; returns the drive whose answer it is, or None.
+            missing: Drives whose answers are awaited.
+        """
         self.drain(take)
         for frame_id, data in frames:
             self.send(frame_id, data)
-        self._expect(take, missing)
-
-    def _expect(self, take: Callable[[Any], int | None], missing: Iterable[int]) -> None:
         self._take, self._missing = take, set(missing)
         self._most = FLOOD * (len(self._missing) + 1)
 
