@@ -151,48 +151,6 @@ def test_a_new_step_starts_from_the_present_speed(step: float, later: float, whe
 # --- limits ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
-    """P5, P9, P14: at full speed towards it, and at rest just there."""
-    one = standing()
-    one.joint.ramp(sign * SPEED, ACCELERATION)
-    rows = one.record(2000, *FOLLOWED)
-    keeps_its_limits(one, rows, -2.0, 2.0)
-    assert np.abs(rows[:, 1]).max() == pytest.approx(SPEED)
-    assert rows[-1, 0] == pytest.approx(sign * 2.0, abs=1e-9)
-    assert rows[-1, 1] == pytest.approx(0.0, abs=1e-9)
-    assert one.joint.reference == pytest.approx(sign * 2.0, abs=1e-9)
-    least = 2.0 / SPEED + SPEED / ACCELERATION
-    assert np.argmax(np.abs(rows[:, 0]) > 1.999) * PERIOD < 1.02 * least + 0.03
-
-
-def test_a_move_and_a_velocity_together_keep_the_speed() -> None:
-    """P6, P14: the velocity gives way to the move, and is there again after it."""
-    one = standing(-1.5)
-    one.joint.ramp(0.4, ACCELERATION)
-    one.joint.move(1.0, 1.7, 0.0)  # its peak is 2.76 rad/s
-    names = ("followed_velocity", "ramp_velocity", "moved_velocity")
-    followed, ramped, moved = one.record(1700, *names)[30:].T  # once the velocity is ramped
-    assert moved.max() == pytest.approx(1.875 * 2.5 / 1.7, rel=1e-3)
-    assert followed.max() == pytest.approx(SPEED)
-    assert ramped.min() == pytest.approx(SPEED - moved.max(), abs=1e-6)
-    assert ramped[-1] == pytest.approx(0.4)
-
-
-def test_a_joint_found_outside_comes_in_and_stays_in() -> None:
-    """P9: its bounds follow it inwards, never out again."""
-    one = standing(2.3, upper=2.3)
-    one.joint.step_to(2.1)
-    one.step(300)
-    assert one.joint.upper == pytest.approx(2.1)
-    one.joint.step_to(2.3)
-    rows = one.record(500, *FOLLOWED)
-    assert rows[:, 0].max() <= 2.1 + 1e-12
-    one.joint.step_to(1.0)
-    one.step(1000)
-    assert one.joint.upper == 2.0
-
-
 def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
     """K7, P9: no limit is known that could close behind it."""
     one = standing(2.3, upper=math.inf, calibrated=False)
@@ -222,21 +180,6 @@ def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> Non
     assert np.abs(velocity).max() <= SPEED + 1e-9
     assert np.abs(np.diff(velocity)).max() <= ACCELERATION * PERIOD + 1e-6
     assert rows[-1] == 1.8
-
-
-def test_a_joint_pushed_away_brings_its_reference_along_no_further() -> None:
-    """P14: pushed beyond the lead, it comes back on a path within the limits, not by a leap."""
-    one = standing()
-    gains(one.joint.position_pid, kp=200.0)
-    one.set(position=1.0)
-    one.step()
-    assert one.joint.followed == pytest.approx(0.7)
-    assert one.joint.reference == 0.0
-    assert one.get("output") == pytest.approx(-60.0)
-    one.set(position=0.0)
-    rows = one.record(1000, *FOLLOWED)
-    assert np.abs(rows[1:, 1]).max() <= SPEED + 1e-9
-    assert rows[-1, 0] == 0.0
 
 
 @pytest.mark.parametrize("kind", [SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.IMPEDANCE])

@@ -144,19 +144,6 @@ def test_a_joint_found_beyond_a_limit_goes_no_further(sign: float, load: float) 
     assert rows[-1, 1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_leaving_a_limit_is_free() -> None:
-    """P9: the protection acts outwards only."""
-    one = commanded(50.0)
-    body = Body(one)
-    body.step(3000)
-    assert body.position == pytest.approx(2.0, abs=1e-6)
-    one.joint.command_torque(-12.0)
-    assert body.step(1)[0, 2] == pytest.approx(-12.0)
-    body.step(200)
-    assert body.position < 1.8
-    assert not one.joint.on_limit
-
-
 @pytest.mark.parametrize("every", [1, 10])
 def test_the_torque_from_outside_takes_its_time_whatever_the_rate_of_readings(every: int) -> None:
     """X1, X2, B7: bandwidth and time of a contact are in time that passed, not in readings."""

@@ -40,21 +40,6 @@ def test_at_rest_a_law_begins_with_the_load(law: Law, feed: float, kff: float) -
     assert outputs(one, 20) == pytest.approx(7.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
-def test_a_joint_under_load_stays_where_it_is(law: Law) -> None:
-    """M9: from a mass held by one law to the same mass held by another."""
-    one = tuned(OneJoint())
-    body = Body(one, load=-8.0)
-    one.step(2)
-    one.joint.start(Law.POSITION)
-    here = body.step(8000)[-1, 0]
-    one.joint.hold(here)
-    one.joint.start(law)
-    rows = body.step(1000)
-    assert np.abs(rows[:, 0] - here).max() < 1e-5
-    assert rows[:, 2] == pytest.approx(8.0, abs=0.01)
-
-
 def test_the_load_is_the_filtered_torque_of_a_joint_at_rest() -> None:
     """M9: sensor noise is not taken over as load: a mean over about 10 ms is."""
     random = np.random.default_rng(4)

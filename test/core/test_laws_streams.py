@@ -74,63 +74,6 @@ def test_the_end_of_a_stream_is_a_stop(every: int) -> None:
     assert rows[-1].tolist() == [last, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("gap", [60, 100, 200])
-def test_positions_that_come_slowly_are_steps(gap: int) -> None:
-    """P4: below 20 Hz they have no velocity: each is reached, and not passed."""
-    path = dict(zip(range(0, CYCLES, gap), np.arange(CYCLES) * 0.01, strict=False))
-    rows = fed(lambda t: path[round(t / PERIOD)], path)
-    ends = [rows[k + gap - 1, 0] for k in path if k + gap <= CYCLES]
-    wanted = [path[k] for k in path if k + gap <= CYCLES]
-    for k, position in path.items():
-        assert rows[k : k + gap, 0].max() <= position + 1e-9
-    if gap > 50:  # 10 mrad take 45 ms
-        assert ends == pytest.approx(wanted, abs=1e-12)
-
-
-def test_a_leap_within_a_stream_is_a_step() -> None:
-    """P4: a difference faster than the speed limit has no velocity, and is not passed."""
-    one = OneJoint()
-    one.step(2)
-    one.joint.hold(0.0)
-    one.joint.start(Law.POSITION)
-    for position in (0.0, 0.5):
-        one.joint.step_to(position)
-        one.step(10)
-    assert one.joint.direct_velocity == 0.0
-    rows = one.record(1000, *ROWS)
-    assert rows[:, 0].max() <= 0.5 + 1e-12
-    assert rows[-1, 0] == 0.5
-
-
-def test_the_same_position_again_and_again_is_rest() -> None:
-    """P4: a program that sends where the joint is moves nothing."""
-    rows = fed(lambda t: 0.4, range(CYCLES))
-    assert (rows == [0.4, 0.0, 0.0]).all()
-
-
-def test_a_velocity_that_comes_along_is_used_as_it_is() -> None:
-    """P4: followed between the positions, and shown as the reference's velocity."""
-    one = OneJoint()
-    one.step(2)
-    one.joint.hold(0.0)
-    one.joint.start(Law.POSITION)
-    seen = []
-    for k in range(100):
-        one.joint.step_with(0.5 * (k * 0.01), 0.5)
-        seen.append(one.record(10, "followed", "followed_velocity", "reference_velocity"))
-    rows = np.concatenate(seen)[300:]
-    assert rows[:, 1] == pytest.approx(0.5, abs=1e-6)
-    assert rows[:, 2] == pytest.approx(0.5)
-    assert rows[:, 0] == pytest.approx(0.5 * np.arange(300, 1000) * PERIOD, abs=1e-9)
-
-
-def test_a_stream_into_a_limit_ends_there() -> None:
-    """P9, P14: accepted positions are bounded; their velocity does not lead beyond."""
-    rows = fed(lambda t: min(1.5 * t, 2.0), range(CYCLES))
-    assert rows[:, 0].max() <= 2.0 + 1e-12
-    assert rows[-1].tolist() == [2.0, 0.0, 0.0]
-
-
 def test_a_single_step_is_followed_until_it_can_be_no_stream() -> None:
     """P4: at rest at its target, a joint waits STREAM_END_AGE for the next sample of a stream."""
     one = OneJoint()
