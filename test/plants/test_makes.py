@@ -52,6 +52,19 @@ def test_a_plant_that_is_closed_leaves_no_drive_with_power(driver: str) -> None:
         assert [law_of(drive) for drive in bench.drives] == [OFF, OFF]
 
 
+@pytest.mark.parametrize(
+    ("driver", "options"),
+    [*((driver, {}) for driver in STEPS), ("mit_can", {"model": "rs02"}),
+     ("mit_can", {"model": "rs02", "protocol": "mit", "unwatched": "1"})],
+)  # fmt: skip
+def test_two_drives_with_one_id_are_refused(driver: str, options: dict[str, str]) -> None:
+    """S8: the first question of a set-up hears all that answer."""
+    with bench_of(driver, **options) as bench:
+        bench.bus.drives.append(bench.world_drive(bench.plant.axes[1]))
+        with pytest.raises(OSError, match="right: two drives answer as id 2 on direct; look with: "):
+            bench.connect()
+
+
 @pytest.mark.parametrize("driver", STEPS)
 def test_steps_of_positions_are_known(driver: str) -> None:
     with bench_of(driver, ratio="2") as bench:
