@@ -81,6 +81,20 @@ class Servo:
         return self._handed[3][0]
 
 
+def test_speed_and_software_limits_hold() -> None:
+    """P9, P14: however hard the hand pushes; it brakes ahead of the limit."""
+    servo, places = Servo(), [0.0]
+    servo.feel(30.0)
+    for _ in range(1000):
+        servo.step()
+        places.append(servo.set_point)
+    speeds = np.diff(places) / PERIOD
+    assert speeds.max() == pytest.approx(3.0)
+    assert np.diff(speeds).min() >= -20.0 * PERIOD - 1e-9
+    assert places[-1] == pytest.approx(2.0)
+    assert max(places) <= 2.0
+
+
 @pytest.mark.parametrize("stiffness", [0.0, 5.0, 1000.0])
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_below_the_dead_band_it_is_stiff(stiffness: float, way: float) -> None:
