@@ -85,10 +85,10 @@ def command(ranges: Ranges, kind: SetPoint, value: Sequence[float]) -> bytes:
 def commanded(ranges: Ranges, data: bytes) -> tuple[float, float, float, float, float]:
     """The values of a command: q, q̇, k, d, τ."""
     word = int.from_bytes(data, "big")
-    return amount(ranges, (word >> 48, word >> 36, word >> 24, word >> 12, word))
+    return counted(ranges, (word >> 48, word >> 36, word >> 24, word >> 12, word))
 
 
-def amount(
+def counted(
     ranges: Ranges, numbers: Sequence[int], bits: int = 12
 ) -> tuple[float, float, float, float, float]:
     """The values of the numbers of a command; see ``counts``."""

@@ -173,7 +173,7 @@ class VirtualRobStride:
     def _obey(self, kind: int, between: int, data: bytes) -> bool:
         if kind == p.COMMAND:
             numbers = *struct.unpack(">4H", data), between
-            self._command = f.amount(self.ranges, numbers, 16)
+            self._command = f.counted(self.ranges, numbers, 16)
         elif kind == p.ENABLE:
             self._enable()
         elif kind == p.STOP:
