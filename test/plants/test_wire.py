@@ -19,6 +19,10 @@ from control_board_ros.core.terms.vocabs import ControlMode
 
 #: Worst measured speed after a stall of the loop: its end is a step of the set-point.
 STALLED_SPEED = {"position": 1.06}
+#: Periods from one cycle to the next on a computer without the time for each; and the worst speed
+#: where each set-point of positions is a step of up to ten.
+GAPS = {"every fourth": [1, 1, 1, 5], "uneven": [1, 9, 3, 10, 2, 7]}
+STARVED_SPEED = {"position": 1.15}
 #: What a change of mode may add to a speed: that of uneven set-points swings by as much.
 FASTER = {"position": 0.05}
 #: A current loop of the board, as quick as it can be without a wire.
@@ -429,6 +433,22 @@ def test_a_joint_that_is_never_read_is_in_fault() -> None:
 
 
 # --- cycles that are lost (B6) -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gaps", GAPS)
+@pytest.mark.parametrize("row", ROWS)
+def test_no_joint_runs_on_where_the_loop_is_starved(row: str, gaps: str) -> None:
+    """B6, P14: gaps that repeat are no stalls to go on from, each time with the joint's speed."""
+    bench = BadWire(row, {})
+    bench.run(100)
+    bench.enter("pos")
+    ways = [1.0, -1.0]
+    target = move(bench, ways, 0.3)
+    bench.starve(GAPS[gaps], 500)
+    bench.run(300)
+    assert not bench.faults
+    assert worst(bench.speeds, ways)[0] <= STARVED_SPEED.get(row, 1.05)
+    assert np.abs(bench.position - target).max() < 2e-3
 
 
 def until_so(bench: BadWire, reached: Callable[[], bool], longest: float) -> float:

@@ -83,6 +83,19 @@ class BadWire:
             self._note()
         self._pass_on(elapsed=cycles * self.period)
 
+    def starve(self, gaps: Sequence[int], cycles: int) -> None:
+        """Let cycles pass, these periods apart in turn; the drives keep what they have."""
+        elapsed = self.period
+        for gap in (gaps[k % len(gaps)] for k in range(cycles)):
+            reading = self.plant.read()
+            reading.elapsed = elapsed
+            actuation = self.board.tick(reading)
+            reading.elapsed = None
+            for _ in range(gap):
+                self.plant.write(actuation)
+                self._note()
+            elapsed = gap * self.period
+
     def _pass_on(self, elapsed: float | None = None) -> None:
         reading = self.plant.read()
         reading.elapsed = elapsed

@@ -39,7 +39,7 @@ def advance(j: Joint) -> cython.void:
     """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
     periods = j.elapsed / j.period
     j.sample_age += periods
-    if periods > GAP:
+    if j.gap:
         cross_gap(j)
     if j.driven:
         j.moved, j.ramped, j.reference = j.followed, 0.0, j.followed
@@ -56,7 +56,7 @@ def advance(j: Joint) -> cython.void:
     else:
         j.reference_velocity = velocity
     j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
-    if periods > GAP:
+    if j.gap:
         j.elapsed = j.span = j.period
     follow(j)
     if j.driven:
@@ -97,8 +97,8 @@ def advance_move(j: Joint) -> cython.void:
 def advance_stop(j: Joint) -> cython.void:
     """Brake as planned (``stopping``), to hold where the joint comes to rest (M9, P3)."""
     step = j.plan_steps
-    elapsed = min(j.elapsed, GAP * j.period)
-    span = min(j.span, GAP * j.period)
+    elapsed = min(j.elapsed, GAP * j.period) if j.gap else j.elapsed
+    span = min(j.span, GAP * j.period) if j.gap else j.span
     rate = fading(j, j.moved_velocity)
     change = min(j.stop_rate, rate) * span
     over = j.velocity - j.ramp_velocity

@@ -18,7 +18,6 @@ from .joint import (
     AS_TORQUE,
     AS_VELOCITY,
     CURRENT,
-    GAP,
     HOLD_FILTER,
     IMPEDANCE,
     OFF,
@@ -230,7 +229,7 @@ def give_way(j: Joint) -> cython.void:
     limit and braking ahead of software limits bound ġ (P9, P14); where τ is not known, or old
     (B7), it is zero.
     """
-    time = j.elapsed if j.elapsed <= GAP * j.period else j.period
+    time = j.period if j.gap else j.elapsed
     least = j.dead_band + j.load_share * j.borne
     speed = 0.0
     up = brake_speed(j.upper - j.goal, j.max_acceleration, time)

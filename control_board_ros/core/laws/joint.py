@@ -153,6 +153,8 @@ class Joint:
 
     # --- time -------------------------------------------------------------------------------
     elapsed = cython.declare(cython.double, visibility="public")  # since the last cycle, s
+    usual = cython.declare(cython.double, visibility="public")  # the longest of late, s
+    gap = cython.declare(cython.bint, visibility="public")  # elapsed is more than GAP of those
     span = cython.declare(cython.double, visibility="public")  # between middles of cycles
     age = cython.declare(cython.double, visibility="public")  # of the reading, s
     wire = cython.declare(cython.double, visibility="public")  # greatest age of late, s

@@ -49,9 +49,14 @@ GAP_SHARE = cython.declare(cython.double, 0.05)
 @cython.cfunc
 @cython.inline
 def pass_time(j: Joint, elapsed: cython.double) -> cython.void:
-    """Time since the last cycle, s; 0: one control period (B6)."""
+    """Time since the last cycle, s; 0: one control period (B6).
+
+    Where gaps repeat, on a computer without the time for each cycle, they are the loop's period.
+    """
     before = j.elapsed if j.elapsed > 0.0 else j.period
     j.elapsed = elapsed if elapsed > 0.0 else j.period
+    j.gap = j.elapsed > GAP * max(j.usual, j.period)
+    j.usual = max(j.elapsed, j.usual * (1.0 - min(j.elapsed / WIRE_MEMORY, 1.0)))
     j.span = 0.5 * (before + j.elapsed)
 
 
@@ -72,7 +77,7 @@ def observe(
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         j.behind = 0.0
         return
-    if age > 0.0 or j.wire > 0.0 or j.missed > 0.0:
+    if age > 0.0 or j.wire > 0.0 or j.missed > 0.0 or j.usual > GAP * j.period or j.calm < 1.0:
         note_feed(j)
         heed(j, age, between)
         ahead = fed_since(j, age)
@@ -132,7 +137,8 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     """What the age of a reading means for the laws (B7).
 
     Without a fresh reading for GAP periods more than usual a joint is blind; where the board
-    closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit;
+    closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit,
+    and so does a set-point that is held for more than GAP periods, by half of that time;
     within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``,
     with a position loop in it as fast as SEPARATION allows, if not as configured. Of uneven ages a
     drive that closes the loop of position makes speed, which the reference leaves room for.
@@ -149,9 +155,10 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
             j.wire = 0.0
     if j.kind >= AS_VELOCITY:
         speed = j.pursuit
+    late = j.wire + (0.5 * j.usual if j.usual > GAP * j.period else 0.0)
     j.calm = j.spring = 1.0
-    if speed * j.wire > WIRE_PHASE:
-        j.calm = WIRE_PHASE / (speed * j.wire)
+    if speed * late > WIRE_PHASE:
+        j.calm = WIRE_PHASE / (speed * late)
         j.spring = j.calm * j.calm
         if j.kind < AS_VELOCITY and p.kp > 0.0:
             j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
