@@ -83,9 +83,6 @@ def test_a_formerly_blocked_joint_resumes_its_speed(iiwa: Simulation) -> None:
     assert board.get_encoder(j)[0] == pytest.approx(1.5, abs=1e-3)
 
 
-# --- moves (P1) -------------------------------------------------------------------------------
-
-
 # --- the load is taken over (M9, I10, P11) -----------------------------------------------------
 
 
@@ -106,7 +103,7 @@ def test_torque_entered_in_motion_comes_to_rest_and_stays(
     v = board.get_encoder_speed([0, 3])
     assert abs(v[0]) > 0.8
     assert board.set_control_mode([0, 3], "torq")
-    panda.run(10.0)
+    panda.run(4.0)
     limits = [board.config.joints[j].limits.acceleration for j in (0, 3)]
     way = np.abs(board.get_encoder([0, 3]) - at)
     time = np.max(v / np.array(limits))  # of the joint that needs longest

@@ -142,11 +142,11 @@ def test_a_torque_reference_is_added_to_the_load(physics: str) -> None:
 
 def test_a_compensated_arm_pushes_back_at_a_limit() -> None:
     """P9, G1: pushed on and on, a joint without a spring does not leave its limits by much."""
-    arm = Guided("iiwa", "mujoco")
+    arm = Guided("iiwa", "mujoco", lbr_iiwa_joint_1__home=2.4)
     arm.release()
     upper = arm.board.config.joints[0].limits.upper
     arm.simulation.plant.push(arm.names[0], 20.0)
-    arm.simulation.run(20.0)
+    arm.simulation.run(7.0)
     assert upper - 0.01 <= arm.positions[0] <= upper + 0.05
     assert arm.board.get_control_mode(arm.names[:1])[0] is ControlMode.POSITION
 
