@@ -99,14 +99,6 @@ def test_a_single_point_is_reached(rig: Goals) -> None:
     assert not rig.follower.busy
 
 
-@pytest.mark.parametrize("velocities", [None, [[0.3, 0.3], [0.0, 0.0]]])
-def test_several_points_are_reached(rig: Goals, velocities: Any) -> None:
-    """test_success_multi_point(_with_velocity)_sendgoal."""
-    rig.send(points((0.4, [0.1, 0.1]), (0.8, [0.2, 0.2]), velocities=velocities))
-    assert rig.end()[0] is Code.SUCCESSFUL
-    np.testing.assert_allclose(rig.board.get_encoder(), [0.2, 0.2], atol=0.02)
-
-
 def test_a_point_at_time_zero_is_a_step(rig: Goals) -> None:
     """The command is the point at once; the joint gets there as fast as it may."""
     rig.send(points((0.0, [0.2, 0.2])))

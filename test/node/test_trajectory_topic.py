@@ -68,15 +68,6 @@ def rig() -> Following:
     return Following()
 
 
-def test_straight_lines_are_followed_on_time(rig: Following) -> None:
-    rig.send("ba", point(0.2, 0.1, -0.1), point(0.4, 0.0, -0.2))
-    way = rig.run(0.5)
-    half = round(0.2 / rig.board.period)
-    np.testing.assert_allclose(way[half][:2], [-0.1, 0.1], atol=2e-3)
-    np.testing.assert_allclose(way[-1], [-0.2, 0.0, 0.0], atol=1e-9)
-    assert not rig.warnings
-
-
 @pytest.mark.parametrize(("more", "share"), [(["velocities"], 1.5), (RATES, 1.875), ([], 1.0)])
 def test_rates_make_it_smooth(rig: Following, more: list[str], share: float) -> None:
     """The reference runs along a cubic, or a quintic, slow at its ends; else a straight line."""

@@ -107,15 +107,6 @@ def test_a_service_is_refused_and_changes_nothing(talker: Talker, name: str) -> 
 
 
 @of(BOARD, ROBOT, PART)
-def test_the_board_offers_no_more_than_the_plant_has(talker: Talker) -> None:
-    """B2, M5: levers have no torque sensor."""
-    refused = talker.set_mode([JOINTS[1]], "torq")
-    assert not refused.success
-    assert "does not implement torq" in refused.message
-    assert talker.set_mode([JOINTS[1]], "fidl").success
-
-
-@of(BOARD, ROBOT, PART)
 def test_a_pause_that_is_taken_back_is_refused_too(talker: Talker) -> None:
     assert REASON in talker.call("pause", SetBool, data=False).message
 

@@ -21,12 +21,6 @@ def change_command(kind: CommandKind, **fields: Any) -> None:
     COMMANDS[kind] = dataclasses.replace(COMMANDS[kind], **fields)
 
 
-@replaces("P1", "core.laws.references:durations")
-def moves_of_twice_the_time(old: Any, *args: Any) -> Any:
-    time, brake = old(*args)
-    return 2.0 * time, brake
-
-
 @replaces("P2", "core.group:all_within")
 def a_speed_of_zero(old: Any, *args: Any, **_: Any) -> Any:
     return old(*args, zero=True)
