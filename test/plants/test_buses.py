@@ -307,6 +307,18 @@ def test_a_bus_whose_drives_are_silent_is_waited_for_once(polled) -> None:
     assert (servos[0].missing, servos[1].missing) == (2, 0)
 
 
+def test_a_bus_that_was_waited_for_in_vain_is_read_last(polled) -> None:
+    """S10: the others are judged before; once it has answered it has its place again."""
+    servos, buses = polled
+    order: list[int] = []
+    for k, one in enumerate(servos[:2]):
+        one.read = lambda end, k=k, read=one.read: order.append(k) or read(end)
+    for silent in (True, False, False):
+        servos[0].silent = silent
+        buses.exchange(at(*[0.5] * 6))
+    assert order == [0, 1, 1, 0, 0, 1]
+
+
 @pytest.mark.parametrize("part", ["begin", "read", "finish"])
 def test_a_socket_that_raises_takes_no_other_down(polled, part: str) -> None:
     """S10, B3: it is connected again by its own thread."""

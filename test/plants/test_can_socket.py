@@ -19,7 +19,13 @@ from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_fram
 
 from control_board_ros.plants.drives.can_frame import EXTENDED, REMOTE, message
 from control_board_ros.plants.drives.can_line import BUS_OFF, open_bus
-from control_board_ros.plants.drives.can_socket import Multicast, SocketCan, drop_from, received
+from control_board_ros.plants.drives.can_socket import (
+    Multicast,
+    SocketCan,
+    drop_from,
+    head,
+    received,
+)
 
 #: Of IPv4 on Linux: a socket is told the time to live of what it receives, and by what.
 RECEIVE_TTL, TTL = 12, 2
@@ -95,6 +101,22 @@ def test_a_group_does_not_wake_its_sender(groups: tuple[Multicast, can.BusABC]) 
     theirs.send(message(5, b"12", fd=True))
     assert select.select([ours.fileno()], [], [], 10.0)[0] == [ours.fileno()]
     assert ours.recv(0.0) == received(5, b"12")
+
+
+def test_what_is_no_message_is_dropped(groups: tuple[Multicast, can.BusABC]) -> None:
+    """Another program's, a part of one, another format; what comes behind it is read."""
+    ours, theirs = groups
+    whole = head(5, 2, True) + b"12"
+    parts = (b"", b"?", whole[:-1], whole[:40], whole.replace(b"is_fd", b"is_ff"))
+    with (
+        socket.socket(fileno=os.dup(theirs.fileno())) as port,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line,
+    ):
+        line.connect(("239.74.163.9", port.getsockname()[1]))
+        for part in (*parts, whole):
+            line.send(part)
+        assert ours.recv(10.0) == received(5, b"12")
+    assert ours.recv(0.0) is None
 
 
 def test_a_group_stays_on_this_computer(groups: tuple[Multicast, can.BusABC]) -> None:
