@@ -12,7 +12,12 @@ from control_board_ros.conformance import Outcome
 
 pytestmark = pytest.mark.physics
 #: Moves of a gripper last no longer than some states: P1 and P15 are not tested there.
-JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
+OTHERS = ("shoulder_pan", "shoulder_lift", "wrist_flex", "gripper")
+JOINTS = (
+    "elbow_flex",
+    "wrist_roll",
+    *(pytest.param(name, marks=pytest.mark.soak) for name in OTHERS),
+)
 
 
 @pytest.fixture(autouse=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import numpy as np
 from direct_bus import DirectPort
 
 from control_board_ros.client import BoardError
@@ -65,6 +66,9 @@ class ServoArm:
         self._exchange.connect()
         self._period = self.settings.board.period
         self._cycle, self._sample = 0, self._exchange.run(SetPoints.off(6), {})
+        while not np.isfinite(self._sample.values[Row.POSITION]).all():  # not all are read yet
+            clock.time += self._period
+            self._sample = self._exchange.run(SetPoints.off(6), {})
 
     def read(self) -> Measurement:
         values, faults = self._sample.values, self._sample.faults
