@@ -208,7 +208,7 @@ def check_numbers(root: ET.Element, source: str) -> None:
                 raise UrdfError(
                     f"{source}: {owner.tag} {owner.get('name', '')!r}: <{element.tag} "
                     f"{attribute}={text[:40]!r}> is not {wanted}; numbers are finite, up to "
-                    f"{high:.0e}, with spaces between"
+                    f"{MAX_NUMBER:g}, with spaces between"
                 )
 
 

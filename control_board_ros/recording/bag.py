@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from ..whole_file import write_whole
 from .definitions import definition
 from .errors import RecordingError, library
 from .topics import Topic
@@ -305,16 +306,10 @@ class Bag:
     # --- metadata.yaml ------------------------------------------------------------------------
 
     def _write_metadata(self) -> None:
-        path = self.folder / "metadata.yaml"
-        fresh = path.with_suffix(".yaml.new")
         text = yaml.safe_dump(
             {"rosbag2_bagfile_information": metadata(self._done, self._custom)},
             sort_keys=False,
             allow_unicode=True,
         )
         with self._disk_errors():
-            try:
-                fresh.write_text(text, "utf-8")
-                fresh.replace(path)
-            finally:
-                fresh.unlink(missing_ok=True)
+            write_whole(self.folder / "metadata.yaml", text)

@@ -13,6 +13,7 @@ from pathlib import Path
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
 from ..text import amount
+from ..whole_file import write_whole
 from .charts import (
     MODE_COLOURS,
     MODE_NAMES,
@@ -294,7 +295,7 @@ def check_output(path: Path, *sources: str | Path | None) -> None:
 def write_page(path: Path, text: str) -> None:
     """Write a report; raises RecordingError where it cannot be written."""
     try:
-        path.write_text(text, "utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise RecordingError(f"cannot write {path}: {error.strerror}") from error
 

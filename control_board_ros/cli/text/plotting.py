@@ -71,7 +71,7 @@ def signal_of(joint: JointKind, name: str, kind: str, label: str) -> Signal:
     """A signal of one joint, with the unit shown."""
     field, quantity = SIGNALS[kind]
     texts = {"position": joint.position, "velocity": joint.velocity, "torque": joint.force}
-    show = texts.get(quantity, lambda value: f"{value:.1f} {UNITS[quantity]}")
+    show = texts.get(quantity, lambda value: f"{value:z.1f} {UNITS[quantity]}")
     least = MIN_SPAN[quantity] * joint.choose(1.0, SLIDING)
     return Signal(name, field, label, f"{quantity} {joint.unit}", show, least)
 

@@ -194,7 +194,7 @@ def play(
     """Move and record; a stopped joint is left out of later motions.
 
     Raises:
-        Refused: joints do not reach their centres, or the recording fails.
+        Refused: joints do not reach their centres, or the recording cannot be written.
     """
     names, left = [entry.joint for entry in bounds], {entry.joint: entry for entry in bounds}
     rows: list[dict[str, Any]] = []
@@ -224,7 +224,10 @@ def play(
                 past += motion.duration
             bar.update(1.0, "done")
     plan = {"board": session.client.board_name, "motions": rows}
-    (folder / MOTIONS).write_text(json.dumps(plan, indent=1), "utf-8")
+    try:
+        (folder / MOTIONS).write_text(json.dumps(plan, indent=1), "utf-8")
+    except OSError as error:
+        raise Refused(f"cannot write {folder / MOTIONS}: {error.strerror}") from None
 
 
 @contextlib.contextmanager

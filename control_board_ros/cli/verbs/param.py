@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from control_board_ros.text import nearest
+from control_board_ros.whole_file import write_whole
 
 from ..board.session import Session
 from ..line.arguments import argument, with_arguments
@@ -228,7 +229,7 @@ def save(session: Session, path: Path, parts: list[str]) -> int:
     values = {n: v for n, v in saved.values.items() if n in selected or n.startswith(IDENTITY)}
     node = {saved.section: {"ros__parameters": values}}
     try:
-        path.write_text(yaml.safe_dump(node, sort_keys=False), encoding="utf-8")
+        write_whole(path, yaml.safe_dump(node, sort_keys=False))
     except OSError as error:
         raise Refused(f"cannot write {path}: {error.strerror}; give another file") from None
     command = " ".join(
