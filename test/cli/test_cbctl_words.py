@@ -6,11 +6,12 @@ from __future__ import annotations
 import json
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
 from control_board_ros.cli.app import explain
+from control_board_ros.cli.board.experiments import Experiment
 from control_board_ros.cli.board.progress import Standstill
 from control_board_ros.cli.board.session import Session, check_limits
 from control_board_ros.cli.line.arguments import FOR, Parser, amount, arguments_of
@@ -26,6 +27,7 @@ from control_board_ros.cli.line.words import (
     quantity,
 )
 from control_board_ros.cli.text.output import bar, conclude, plain
+from control_board_ros.cli.verbs import responses
 from control_board_ros.cli.verbs.look import when
 from control_board_ros.cli.verbs.modes import MODE_CODES, joints_and_mode
 from control_board_ros.cli.verbs.motion import move
@@ -368,3 +370,25 @@ def test_a_misspelt_part_of_a_parameter_is_suggested() -> None:
     assert holding(["stiff"], names, ("elbow",)) == names[1:]
     with pytest.raises(Refused, match="contains 'stifness'; did you mean 'stiffness'"):
         holding(["stifness"], names, ("elbow",))
+
+
+@pytest.mark.parametrize(("kind", "size"), [("revolute", math.radians(2.0)), ("prismatic", 2e-3)])
+def test_a_chirp_has_an_amplitude_of_its_joint(
+    kind: str, size: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Degrees are no amplitude of a slide: the default was refused."""
+    limits = JointLimits(-1.0, 1.0, velocity=10.0, acceleration=100.0)
+    joint = Experiment("j", 0.0, limits, JointKind(kind), "pos")
+    plans: list[Any] = []
+    monkeypatch.setattr(responses, "prepare", lambda *_: joint)
+    monkeypatch.setattr(responses, "check_reach", lambda *values: plans.append(values[2]))
+    monkeypatch.setattr(responses, "measured", lambda *_: (None, None))
+    monkeypatch.setattr(responses, "show_response", lambda *_: 0)
+
+    class Board:
+        robot: ClassVar = {"j": DescribedJoint(joint.kind)}
+        value, kind = Session.value, Session.kind
+
+    session: Any = Board()
+    assert responses.chirp(session, "j", 1.0, 5.0, None, 6.0, None) == 0
+    assert plans == [pytest.approx([-size, size])]

@@ -108,9 +108,9 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
     amount("--to", "frequency", dest="high", default="20", metavar="FREQUENCY", help="Last, Hz."),
     argument(
         "--amplitude",
-        default="2deg",
         metavar="SIZE",
-        help="Maximum; it decreases with the frequency, within the speed and acceleration limits.",
+        help="Maximum, default: 2deg or 2mm; it decreases with the frequency, within the limits "
+        "of speed and acceleration.",
     ),
     amount("--for", "time", dest="time", default="60s", metavar="TIME", help="Duration."),
     OUTPUT,
@@ -120,7 +120,7 @@ def chirp(
     word: str,
     low: float,
     high: float,
-    amplitude: str,
+    amplitude: str | None,
     time: float,
     output: str | None,
 ) -> int:
@@ -137,6 +137,7 @@ def chirp(
             f"give rising frequencies up to {HIGHEST:g} Hz"
         )
     experiment = prepare(session, word)
+    amplitude = amplitude or experiment.kind.choose("2deg", "2mm")
     size = session.value(experiment.joint, quantity(amplitude, "position"))
     if size <= 0.0:
         raise UsageError(f"--amplitude {amplitude} is not valid; give one above 0, e.g. 2deg")
