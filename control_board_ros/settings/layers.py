@@ -20,7 +20,13 @@ ROS_NAMES = ("use_sim_time", "start_type_description_service")
 ROS_PREFIXES = ("qos_overrides.",)
 
 #: Names not allowed for joints, and the owner of the parameters with this prefix.
-RESERVED = {JOINT_DEFAULTS: "all joints", "poses": "the poses", "qos_overrides": "ROS"}
+RESERVED = {
+    JOINT_DEFAULTS: "all joints",
+    "parts": "the parts",
+    "couplings": "the couplings",
+    "poses": "the poses",
+    "qos_overrides": "ROS",
+}
 
 #: Parameters with names of joints.
 LISTS, GROUPS = ("joints", "parts"), "calibration_groups"
