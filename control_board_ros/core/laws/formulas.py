@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas without state that the laws share: bounds of numbers, ways and speeds of braking."""
+"""Formulas without state that the laws share: bounds of numbers, ways and speeds of braking; and
+rows of numbers.
+"""
 
 from __future__ import annotations
 
+from array import array
 from math import ceil, sqrt
 
 from ... import nocython as cython
@@ -71,3 +74,9 @@ def braking(
 def is_number(value: cython.double) -> cython.bint:
     """Whether a value is finite."""
     return value - value == 0.0
+
+
+@cython.cfunc
+def row(count: cython.Py_ssize_t) -> object:
+    """A row of numbers for views, all 0."""
+    return memoryview(array("d", [0.0] * count))

@@ -7,11 +7,10 @@ rad, rad/s, N·m, A, s; m and N for prismatic joints.
 
 from __future__ import annotations
 
-from array import array
 from math import fabs, sqrt
 
 from ... import nocython as cython
-from .formulas import INFINITE, braking, clamp, is_number
+from .formulas import INFINITE, braking, clamp, is_number, row
 from .pid import Pid
 from .stream import MAX_STREAM_INTERVAL, Stream
 
@@ -231,9 +230,9 @@ class Joint:
         self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
         self.lower, self.upper, self.entry_speed = -INFINITE, INFINITE, INFINITE
         self.stream = Stream()
-        self.plan = memoryview(array("d", [0.0]))
-        self.fed = memoryview(array("d", [0.0] * FEED_CYCLES))
-        self.drawn = memoryview(array("d", [0.0] * FEED_CYCLES))
+        self.plan = row(1)
+        self.fed = row(FEED_CYCLES)
+        self.drawn = row(FEED_CYCLES)
         self.kind = AS_PWM
         self.direct_age = self.sample_age = INFINITE
         self.alone = True

@@ -20,11 +20,11 @@ joints slide.
 
 from __future__ import annotations
 
-from array import array
 from math import ceil, fabs, sqrt
 from typing import Any
 
 from ... import nocython as cython
+from .formulas import row
 
 #: Part of the torque limits that a plan may use; the rest is for its control.
 SHARE = cython.declare(cython.double, 0.95)
@@ -41,11 +41,6 @@ REST_SPEED_SHARE = cython.declare(cython.double, 2e-3)
 MAX_UNPLANNED_TIME = cython.declare(cython.double, 0.4)
 #: Change of a joint's torque along the line that is none, N·m.
 NO_TORQUE_CHANGE = cython.declare(cython.double, 1e-12)
-
-
-@cython.cfunc
-def row(count: cython.Py_ssize_t) -> object:
-    return memoryview(array("d", [0.0] * count))
 
 
 @cython.cclass

@@ -31,6 +31,7 @@ from math import ceil, fabs, sqrt
 from typing import Any
 
 from ... import nocython as cython
+from .formulas import braking, row
 
 #: What keeping the path may cost a joint, beyond its own braking distance, rad or m.
 KEEPING = cython.declare(cython.double, 0.03)
@@ -60,11 +61,6 @@ LEAP = cython.declare(cython.double, 2.0)
 LATE_WEIGHT = cython.declare(cython.double, 0.2)
 #: Slower than this is at rest, as a part of what one step of braking takes away.
 REST_SPEED_SHARE = cython.declare(cython.double, 1e-9)
-
-
-@cython.cfunc
-def row(count: cython.Py_ssize_t) -> object:
-    return memoryview(array("d", [0.0] * count))
 
 
 @cython.ccall
@@ -212,10 +208,8 @@ class Stops:
             joint = self.joints[self.numbers[k]]
             if self.smooth[k] <= 0.0 or self.speed[k] == 0.0:
                 continue
-            way: cython.double = 2.0 * KEEPING / fabs(self.speed[k])
-            self.smooth[k] = min(longest, self.smooth[k] + way)
-            way = 0.5 * self.speed[k] * self.smooth[k]
-            way += joint.moved_acceleration * self.smooth[k] * self.smooth[k] / 12.0
+            self.smooth[k] = min(longest, self.smooth[k] + 2.0 * KEEPING / fabs(self.speed[k]))
+            way = braking(self.speed[k], joint.moved_acceleration, self.smooth[k])
             room: cython.double = (
                 joint.upper - self.place[k] if way > 0.0 else self.place[k] - joint.lower
             )

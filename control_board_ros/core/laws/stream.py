@@ -6,11 +6,10 @@ Decision 25 says what was measured, and what was not taken.
 
 from __future__ import annotations
 
-from array import array
 from math import fabs
 
 from ... import nocython as cython
-from .formulas import INFINITE, clamp
+from .formulas import INFINITE, clamp, row
 
 #: Longest mean interval, s, at which direct positions become a stream, and at which they remain
 #: one; half of the intervals' mean deviation is added. Slower ones are steps.
@@ -67,7 +66,7 @@ class TimeBase:
     residual = cython.declare(cython.double, visibility="public")  # mean square, of predictions
 
     def __init__(self) -> None:
-        self.times = memoryview(array("d", [0.0] * KNOTS))
+        self.times = row(KNOTS)
         self.clear(0.0, 0.0)
 
     @cython.cfunc
@@ -267,10 +266,10 @@ class Stream:
     flows = cython.declare(cython.bint, visibility="public")  # fast enough
 
     def __init__(self) -> None:
-        self.values = memoryview(array("d", [0.0] * KNOTS))
-        self.numbers = memoryview(array("d", [0.0] * KNOTS))
-        self.arrivals = memoryview(array("d", [0.0] * ARRIVALS))
-        self.places = memoryview(array("d", [0.0] * ARRIVALS))
+        self.values = row(KNOTS)
+        self.numbers = row(KNOTS)
+        self.arrivals = row(ARRIVALS)
+        self.places = row(ARRIVALS)
         self.grid, self.sent = TimeBase(), TimeBase()
         self.count = 0.0
 
