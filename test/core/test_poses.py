@@ -200,7 +200,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"name": "x" * 65}, "is no name"),
     ({"joints": ["nobody"]}, "'nobody' unknown"),
     ({"joints": ["a", "a"]}, "twice"),
-    ({"positions": [0.1]}, "1 positions for 3 joints"),
+    ({"positions": [0.1]}, "1 position for 3 joints"),
     (
         {"positions": [0.1, 2.1, 0.0]},
         r"b at 120\.3° \(2\.1 rad\) is outside its limits, -114\.6° to 114\.6°",
