@@ -193,11 +193,10 @@ def test_a_joint_that_would_fall_is_asked_about(
     page: Any, client: ControlBoardClient, mode: str
 ) -> None:
     menu = page.get_by_label("Control mode of joint_2", exact=True)
-    menu.select_option(mode)
     asked = page.locator("#question-text")
-    asked.wait_for()
+    insist(lambda: menu.select_option(mode), asked.is_visible)
     assert "N·m" in asked.inner_text()
-    page.get_by_label("Cancel: nothing moves").click()
+    press_if_there(page.get_by_label("Cancel: nothing moves"))
     page.wait_for_timeout(LATER)
     assert client.get_control_mode(f"{FRONT}joint_2")[0].code == "pos"
     assert menu.input_value() == "pos"
