@@ -3,19 +3,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
+from dataclasses import replace
+from threading import Event
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from cbctl_process import Cbctl
 from waiting import until
 
 from control_board_ros.cli.app import for_several
-from control_board_ros.cli.board import only_board
+from control_board_ros.cli.board import boards, only_board
 from control_board_ros.cli.board.boards import is_pattern, robots_among
 from control_board_ros.cli.board.only_board import alone_among
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options, read_options
+from control_board_ros.cli.verbs import load
 from control_board_ros.testing import board_process
 
 
@@ -55,6 +60,16 @@ def test_boards_that_are_discovered_one_after_the_other(
     monkeypatch: pytest.MonkeyPatch, seen: dict[float, list[str]], board: str
 ) -> None:
     """At these times, s: the parts of a robot on a busy machine, before the robot itself."""
+    clock = discovered(monkeypatch, seen)
+    assert only_board.only_board(NODE, 5.0) == board
+    assert clock.now <= 5.0 + only_board.POLL
+
+
+NODE: Any = SimpleNamespace(resolve_topic_name=lambda name: f"/{name}")
+
+
+def discovered(monkeypatch: pytest.MonkeyPatch, seen: dict[float, list[str]]) -> SimpleNamespace:
+    """A clock by which boards are discovered, at these times, s."""
     clock = SimpleNamespace(now=0.0)
 
     def sleep(seconds: float) -> None:
@@ -63,13 +78,72 @@ def test_boards_that_are_discovered_one_after_the_other(
     def boards_on(_: object) -> list[str]:
         return next((seen[at] for at in sorted(seen, reverse=True) if at <= clock.now), [])
 
-    monkeypatch.setattr(
-        only_board, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep)
-    )
+    for module in (only_board, boards):
+        monkeypatch.setattr(
+            module, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep)
+        )
     monkeypatch.setattr("control_board_ros.client.ros_link.boards_on", boards_on)
-    node = SimpleNamespace(resolve_topic_name=lambda name: f"/{name}")
-    assert only_board.only_board(node, 5.0) == board  # type: ignore[arg-type]
-    assert clock.now <= 5.0 + only_board.POLL
+    return clock
+
+
+class Found(Session):
+    """A session of a board whose clients do not answer."""
+
+    node = NODE
+    client = None  # type: ignore[assignment]
+
+    def beside(self, board: str) -> Found:
+        return Found(replace(self.options, board=board))
+
+    def joints(self, _words: Sequence[str]) -> list[str]:  # type: ignore[override]
+        return []
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return ()
+
+
+def test_a_board_is_asked_as_soon_as_it_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """E2: an emergency stop of all waits neither for further boards nor for one that is mute."""
+    left, right = "/left/control_board", "/right/control_board"
+    clock = discovered(monkeypatch, {0.5: [right], 1.2: [left, right]})
+    asked: dict[str, float] = {}
+    heard, ended = {left: Event(), right: Event()}, Event()
+
+    def request(session: Session) -> None:
+        asked[session.options.board] = clock.now
+        heard[session.options.board].set()
+        ended.wait()
+
+    found = boards.boards_found
+
+    def awaited(session: Session) -> Iterator[str]:
+        for board in found(session):
+            yield board
+            assert heard[board].wait(60.0)
+
+    monkeypatch.setattr(boards, "boards_found", awaited)
+    with boards.sessions_meant(Found(Options(board="/*/control_board")), (), request) as sessions:
+        assert list(sessions) == [left, right]
+    ended.set()
+    assert asked == {right: pytest.approx(0.5, abs=0.1), left: pytest.approx(1.2, abs=0.1)}
+    assert clock.now == pytest.approx(2.2, abs=0.1)
+
+
+def test_a_stop_is_asked_ahead_and_its_release_is_not() -> None:
+    calls: list[str] = []
+    client = SimpleNamespace(
+        emergency_stop=lambda: calls.append("estop"), stop=lambda names: calls.append(str(names))
+    )
+    session: Any = SimpleNamespace(
+        client=client, joints=lambda words: [f"{w} it is" for w in words]
+    )
+    for verb, values in (
+        ("estop", {"word": None}), ("estop", {"word": "release"}),
+        ("stop", {"joints": []}), ("stop", {"joints": ["neck"]}),
+    ):  # fmt: skip
+        load(verb).ahead(session, **values)
+    assert calls == ["estop", "None", "['neck it is']"]
 
 
 def test_the_environment_names_a_board(monkeypatch: pytest.MonkeyPatch) -> None:

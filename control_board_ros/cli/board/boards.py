@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from fnmatch import fnmatchcase
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from ..line.words import Refused
@@ -21,7 +22,11 @@ def is_pattern(board: str) -> bool:
 
 
 @contextmanager
-def sessions_meant(session: Session, joints: Sequence[str] = ()) -> Iterator[dict[str, Session]]:
+def sessions_meant(
+    session: Session,
+    joints: Sequence[str] = (),
+    request: Callable[[Session], None] | None = None,
+) -> Iterator[dict[str, Session]]:
     """A session for each board that ``--board`` selects, by the board's name, in their order.
 
     A robot of several parts is left out where its parts are selected as well.
@@ -29,6 +34,8 @@ def sessions_meant(session: Session, joints: Sequence[str] = ()) -> Iterator[dic
     Args:
         session: of the command line; returned itself for a single board.
         joints: words for joints; boards without such joints are left out.
+        request: made of each board as soon as it is found, in a thread; the caller makes it again,
+            and tells its errors.
 
     Raises:
         Refused: no board fits, or none has such joints.
@@ -37,9 +44,13 @@ def sessions_meant(session: Session, joints: Sequence[str] = ()) -> Iterator[dic
         yield {session.options.board: session}
         return
     with ExitStack() as stack:
-        sessions = {
-            board: stack.enter_context(session.beside(board)) for board in boards_meant(session)
-        }
+        found: dict[str, Session] = {}
+        for board in boards_found(session):
+            each = found[board] = stack.enter_context(session.beside(board))
+            if request is not None:
+                _ = each.client  # one for both threads
+                Thread(target=tried, args=(request, each), daemon=True).start()
+        sessions = {board: found[board] for board in sorted(found)}
         wholes = robots_among({board: s.names for board, s in sessions.items()})
         refusals, kept = [], {}
         for board, each in sessions.items():
@@ -76,27 +87,45 @@ def robots_among(boards: Mapping[str, Sequence[str]]) -> set[str]:
     return robots
 
 
+def tried(request: Callable[[Session], None], session: Session) -> None:
+    """A request, whose errors the one that follows tells."""
+    with suppress(Exception):
+        request(session)
+
+
 def boards_meant(session: Session) -> list[str]:
     """Absolute names of the boards that ``--board`` selects, also by a pattern: ``/icub/*``.
 
     Raises:
         Refused: no board fits the pattern.
     """
+    return sorted(boards_found(session))
+
+
+def boards_found(session: Session) -> Iterator[str]:
+    """The same, each as soon as it is found; the last one GATHERING before the end.
+
+    Raises:
+        Refused: no board fits the pattern.
+    """
     asked = session.options.board
     if not is_pattern(asked):
-        return [asked]
+        yield asked
+        return
     node = session.node
     from control_board_ros.client.ros_link import boards_on
 
     pattern = node.resolve_topic_name("x").rpartition("/")[0] + "/" + asked
     pattern = asked if asked.startswith("/") else pattern
-    deadline = time.monotonic() + session.options.timeout
-    boards: list[str] = []
-    while time.monotonic() < deadline:
-        now = [name for name in boards_on(node) if fnmatchcase(name, pattern)]
-        if now and now == boards:
-            return boards
-        boards = now
-        time.sleep(GATHERING if boards else POLL)
-    there = ", ".join(boards_on(node)) or "none"
-    raise Refused(f"no board fits {pattern}; boards there are: {there}")
+    end = time.monotonic() + session.options.timeout
+    found = set[str]()
+    while time.monotonic() < end:
+        for board in boards_on(node):
+            if board not in found and fnmatchcase(board, pattern):
+                yield board
+                found.add(board)
+                end = time.monotonic() + GATHERING
+        time.sleep(POLL)
+    if not found:
+        there = ", ".join(boards_on(node)) or "none"
+        raise Refused(f"no board fits {pattern}; boards there are: {there}")

@@ -81,6 +81,20 @@ def several(verb: Verb) -> Verb:
     return verb
 
 
+def ahead(request: Callable[..., Any]) -> Callable[[Verb], Verb]:
+    """Mark a verb of several boards that makes a request of each as soon as it is found.
+
+    Args:
+        request: Of the arguments of the verb, which makes it again, and says what came of it.
+    """
+
+    def mark(verb: Verb) -> Verb:
+        verb.ahead = request  # type: ignore[attr-defined]
+        return several(verb)
+
+    return mark
+
+
 def patterns(verb: Verb) -> Verb:
     """Mark a verb that handles a pattern of ``--board`` itself."""
     verb.patterns = True  # type: ignore[attr-defined]

@@ -16,7 +16,7 @@ from ..board.progress import Bar, Standstill, Way
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
 from ..board.streaming import RATE, end
-from ..line.arguments import JOINTS, VALUES, amount, argument, several, with_arguments
+from ..line.arguments import JOINTS, VALUES, ahead, amount, argument, with_arguments
 from ..line.jogging import Jog, keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
 from ..text.output import complain, conclude, console
@@ -157,7 +157,12 @@ def line(session: Session, name: str, keys: Jog, standstill: Standstill) -> str:
     return f"{short_names([name], state.names)[name]} {angle} {arrow} {speed}/s   {KEYS}{hint}"
 
 
-@several
+def halt(session: Session, joints: list[str]) -> None:
+    """Stop the joints of a board at once."""
+    session.client.stop(session.joints(joints) if joints else None)
+
+
+@ahead(halt)
 @with_arguments(JOINTS)
 def stop(session: Session, joints: list[str]) -> int:
     """Stop joints where they are; their modes stay."""

@@ -10,7 +10,7 @@ from control_board_ros.core.terms.reply import Answer, Reply
 from ..board.reading import Rows, read_faults
 from ..board.session import Session
 from ..board.status import warn_without_power
-from ..line.arguments import JOINTS, argument, several, with_arguments
+from ..line.arguments import JOINTS, ahead, argument, several, with_arguments
 from ..line.offers import one_of
 from ..line.words import Refused
 from ..text.advice import advice
@@ -44,7 +44,13 @@ def recover(session: Session, joints: list[str], partial: bool) -> int:
     return conclude(session, reply, text, modes=modes, wait=waits)
 
 
-@several
+def disable(session: Session, word: str | None) -> None:
+    """Stop a board at once, where the line asks for that."""
+    if word is None:
+        session.client.emergency_stop()
+
+
+@ahead(disable)
 @with_arguments(
     argument(
         "word",
