@@ -23,7 +23,7 @@ class Noted:
     """A DrivePlant around another one that records calls, and hangs or raises on request.
 
     Attributes: driven, left (there was an exchange with power; it was let go), gate (exchanges
-    wait for it), trouble (what the next exchange raises), connections.
+    wait for it), trouble (what the next exchange raises), connections, answers (of exchanges).
     """
 
     def __init__(self, plant: DrivePlant) -> None:
@@ -31,7 +31,7 @@ class Noted:
         self.driven, self.left, self.gate = threading.Event(), threading.Event(), threading.Event()
         self.gate.set()
         self.trouble: Exception | None = None
-        self.connections = 0
+        self.connections = self.answers = 0
 
     def describe(self) -> Description:
         return self._plant.describe()
@@ -46,6 +46,7 @@ class Noted:
             trouble, self.trouble = self.trouble, None
             raise trouble
         readings = self._plant.exchange(wanted)
+        self.answers += 1
         if wanted.powered.any():
             self.driven.set()
         return readings
@@ -95,7 +96,9 @@ class Loop:
         expect(False, f"{what}; {_words(alarms) or 'no alarm'}")
 
     def without_alarm(self, wanted: Actuation, what: str) -> None:
-        self.until(lambda alarms: not alarms, wanted, what)
+        """Run cycles until the plant has answered, and there is no alarm."""
+        before = self._noted.answers
+        self.until(lambda alarms: not alarms and self._noted.answers > before, wanted, what)
 
     def drive(self, wanted: Actuation) -> None:
         self.until(lambda _: self._noted.driven.is_set(), wanted, "it never gets power")
