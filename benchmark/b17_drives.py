@@ -31,7 +31,7 @@ JOINTS, PERIOD = 6, 2e-3
 #: s to wait for answers, that of a busy machine; s of silence that are a fault.
 PATIENCE, TIMEOUT = 0.5, 5.0
 #: Of bare python-can's CPU, and overruns per cycle in percent, on an idle machine.
-RATIO, OVERRUNS = 1.5, 0.1
+RATIO, OVERRUNS = 1.3, 0.1
 
 
 def run(effort: Effort) -> list[Figure]:

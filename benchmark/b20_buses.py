@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""B20: twelve joints on three virtual moteus buses at 500 Hz, each bus in a thread of its own.
+"""B20: twelve joints on three virtual moteus buses at 500 Hz, the buses in one loop.
 
 The drives are on three processes, as they would be on three adapters, and this one is only the
 board's side: drivers and buses. Figures are of this process. The joints hold their position; once
