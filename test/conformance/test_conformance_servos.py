@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import board_in_process
 import pytest
 from drive_bench import LIBRARIES
@@ -29,7 +31,8 @@ def _states(monkeypatch: pytest.MonkeyPatch) -> None:
 def tried(make: str, joint: str, *names: str) -> dict[str, tuple[str, str]]:
     """Outcome and evidence by rule."""
     pytest.importorskip(LIBRARIES[make])
-    return board_in_process.tried(names, joint=joint, plant=ServoArm(make))
+    with closing(ServoArm(make)) as arm:
+        return board_in_process.tried(names, joint=joint, plant=arm)
 
 
 @pytest.mark.parametrize(

@@ -78,17 +78,21 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
     client = connect(gui=False)
     try:
         body = load_body(client, xml_of(urdf), load(None).simulation, visuals=False)
-        info = [bullet.getJointInfo(body, i, client) for i in range(bullet.getNumJoints(body))]
+        count = bullet.getNumJoints(body, client)
+        info = [bullet.getJointInfo(body, i, client) for i in range(count)]
         for q in random.uniform(-3.0, 3.0, (10, len(names))):
             at = dict(zip(names, q, strict=True))
             for mimic in urdf.mimics.values():
                 at[mimic.follower] = mimic.multiplier * at[mimic.leader] + mimic.offset
             for one in info:
-                bullet.resetJointState(body, one[0], at.get(one[1].decode(), 0.0))
+                place = at.get(one[1].decode(), 0.0)
+                bullet.resetJointState(body, one[0], place, physicsClientId=client)
             links = in_the_world(urdf, frames, q)
             assert len(links) == len(urdf.tree.links)
             for one in info:
-                state = bullet.getLinkState(body, one[0], computeForwardKinematics=True)
+                state = bullet.getLinkState(
+                    body, one[0], computeForwardKinematics=True, physicsClientId=client
+                )
                 position, rotation = links[one[12].decode()]
                 assert position == pytest.approx(np.array(state[4]), abs=1e-5)
                 assert rotation == pytest.approx(matrix(np.array(state[5])), abs=1e-5)

@@ -42,8 +42,10 @@ def physics(urdf: Urdf) -> tuple[np.ndarray, np.ndarray, list[str]]:
         for pose in range(0, POSES, 8):
             at = [float(sampled[name][pose]) for name in names]
             still = [0.0] * len(names)
-            inertia.append(np.diag(bullet.calculateMassMatrix(body, at, client)))
-            torque.append(bullet.calculateInverseDynamics(body, at, still, still, client))
+            inertia.append(np.diag(bullet.calculateMassMatrix(body, at, physicsClientId=client)))
+            torque.append(
+                bullet.calculateInverseDynamics(body, at, still, still, physicsClientId=client)
+            )
     finally:
         bullet.disconnect(client)
     return np.array(inertia).T, np.array(torque).T, names

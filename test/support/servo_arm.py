@@ -41,7 +41,7 @@ class ServoArm:
     Args:
         make: Folder of its driver.
 
-    Attributes: settings (of its board), world (its body).
+    Attributes: settings (of its board), world (its body), close (it is to be called).
     """
 
     def __init__(self, make: str) -> None:
@@ -58,6 +58,7 @@ class ServoArm:
 
         with mock.patch.object(virtual, "virtual_bus", bus):
             far_end = FarEnd(make, settings.board, settings.simulation, {})
+        self.close = far_end.world.body.close  # its bus has no thread
         plant = far_end.make(settings.board.names, {"bus": "direct"})
         plant.driver.line.connect = lambda *_, **__: DirectPort(far_end.bus, clock)
         plant.clock, self.world = clock, far_end.world
