@@ -66,7 +66,7 @@ def test_it_is_found_moves_and_reports(far: Any, bus: Any) -> None:
     one.enableTorque()
     one.setGoalPosition(2548)
     until(lambda: near(one.getPresentPosition(), 2548, 2))
-    assert near(far.position(), 500 * 6.2832 / 4096, 0.005)
+    until(lambda: near(far.position(), 500 * 6.2832 / 4096, 0.005))  # it may swing on
     one.disableTorque()
     one.setOperatingMode(OperatingMode.VELOCITY)
     one.enableTorque()
