@@ -104,7 +104,7 @@ def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     return f"; did you mean {names[near[0]]!r}?" if near else ""
 
 
-def amount(count: int, plural: str) -> str:
+def count_of(count: int, plural: str) -> str:
     """``1 joint``, ``2 joints``, ``1 velocity``: a number of what has its plural by an s."""
     one = plural[:-3] + "y" if plural.endswith("ies") else plural.removesuffix("s")
     return f"{count} {one if count == 1 else plural}"

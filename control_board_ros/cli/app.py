@@ -116,7 +116,8 @@ def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) 
     """Run a verb on each selected board: a table below each name, or JSON by board."""
     answers: dict[str, Any] = {}
     codes = [DONE]
-    request = partial(getattr(verb, "ahead", nothing), **values)
+    ahead = getattr(verb, "ahead", None)
+    request = ahead and partial(ahead, **values)
     with sessions_meant(session, values.get("joints", ()), request) as sessions:
         for k, (board, each) in enumerate(sessions.items()):
             each.answers = []
@@ -134,10 +135,6 @@ def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) 
     if session.options.json:
         put_json(answers)
     return max(codes)
-
-
-def nothing(_session: Session, **_values: Any) -> None:
-    """A verb that makes no request of boards as they are found."""
 
 
 def put_version(*, as_json: bool) -> None:

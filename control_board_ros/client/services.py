@@ -15,7 +15,7 @@ from control_board_ros.core.selection import RequestError, Selection, Selector, 
 from control_board_ros.core.terms.reply import Answer, Reason, Reply, refused
 from control_board_ros.interface import MODES, Endpoint
 from control_board_ros.protocols import Floats, Joints, Values
-from control_board_ros.text import NAME, amount, clean
+from control_board_ros.text import NAME, clean, count_of
 
 from .errors import BoardError
 from .link import Goal, GoalForm, Link, Outcome, States
@@ -187,13 +187,13 @@ def reply_of(response: Any, requested: tuple[str, ...]) -> Reply:
     """
     answers = tuple(_word(Answer, text) for text in response.answers)
     if len(answers) not in (0, len(requested)):
-        raise BoardError(f"{amount(len(answers), 'answers')} came for {len(requested)} joints")
+        raise BoardError(f"{count_of(len(answers), 'answers')} came for {len(requested)} joints")
     names = requested if answers else ()
     reasons = tuple(map(clean, response.reasons)) if any(response.reasons) else ()
     codes = tuple(_word(Reason, code) for code in response.codes) if any(response.codes) else ()
     for field, entries in (("reasons", reasons), ("codes", codes)):
         if len(entries) not in (0, len(names)):
-            raise BoardError(f"{amount(len(entries), field)} came for {len(names)} joints")
+            raise BoardError(f"{count_of(len(entries), field)} came for {len(names)} joints")
     values = tuple(getattr(response, "values", ()))
     return Reply(names, answers, clean(response.message, MAX_MESSAGE), reasons, codes, values)
 

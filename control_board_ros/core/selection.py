@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ..text import amount, nearest
+from ..text import count_of, nearest
 from .state import Indices
 from .terms.arguments import Array
 from .terms.modes import REQUESTABLE, REQUESTS
@@ -180,7 +180,7 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
         return np.full(count, float(array.item()))
     plural = what if what.endswith("s") and not what.endswith("ss") else f"{what} values"
     raise RequestError(
-        f"{amount(array.size, plural)} for {amount(count, 'joints')}; "
+        f"{count_of(array.size, plural)} for {count_of(count, 'joints')}; "
         "send one value per named joint"
     )
 
@@ -346,7 +346,7 @@ def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
         return parsed * count
     if len(parsed) != count:
         raise RequestError(
-            f"{amount(len(parsed), 'modes')} for {amount(count, 'joints')}; "
+            f"{count_of(len(parsed), 'modes')} for {count_of(count, 'joints')}; "
             "send one mode per named joint, or one for all"
         )
     return parsed

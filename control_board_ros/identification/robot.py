@@ -141,6 +141,6 @@ class Robot:
 
     def payload_joint(self) -> str:
         """The joint whose link carries the payload: the last one that turns."""
-        joints = [name for name in self.names if name not in self.coupled]
+        joints = [name for name in self.names if name not in self.coupled] or self.names
         turning = [name for name in joints if not self.kind(name).slides]
         return (turning or joints)[-1]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
-from ..text import amount
+from ..text import count_of
 from ..whole_file import write_whole
 from .charts import (
     MODE_COLOURS,
@@ -260,7 +260,7 @@ def summary(joint: JointCharts) -> str:
     if not joint.moves:
         return '<span class="quiet">no moves</span>'
     worst = max(joint.moves, key=lambda m: m.tracking.rms)
-    count = amount(len(joint.moves), "moves")
+    count = count_of(len(joint.moves), "moves")
     rms, peak = (difference(e, joint.kind) for e in (worst.tracking.rms, worst.tracking.peak))
     return f'<span class="quiet">{count}, worst RMS error {rms}, peak {peak}</span>'
 

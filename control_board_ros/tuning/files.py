@@ -18,7 +18,7 @@ from ..description.robots import located
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number, write_page
 from ..settings.loading import is_urdf
-from ..text import amount
+from ..text import count_of
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
 from .outcome import Outcome, Played
@@ -74,7 +74,7 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
     """
     lines = [
         f"# Gains found by cbctl tune (control_board_ros {__version__}) for {plan.robot}:",
-        f"# {amount(plan.trials, 'trials')} for each controller, payload up to "
+        f"# {count_of(plan.trials, 'trials')} for each controller, payload up to "
         f"{plan.payload:.3g} kg, seed {plan.seed}.",
         *(f"# {line}" for line in wrap(CAUTION, 97)),
         "# In poses that the search did not see, mean figures before -> after:",
@@ -146,8 +146,8 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
     kinds = kinds_of(plan)
     sections = [section(outcome, kinds[outcome.joint]) for outcome in outcomes]
     note = (
-        f"Gains for {plan.robot}: {amount(plan.trials, 'trials')} for each controller, payload up "
-        f"to {plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses "
+        f"Gains for {plan.robot}: {count_of(plan.trials, 'trials')} for each controller, payload "
+        f"up to {plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses "
         "that the search did not see, with the gains of all joints together; mean over them. "
         f"{CAUTION}"
     )

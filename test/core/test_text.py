@@ -13,10 +13,10 @@ from rig import joint
 
 from control_board_ros.core.config.config import ConfigError
 from control_board_ros.text import (
-    amount,
     clean,
     clean_lines,
     clean_name,
+    count_of,
     file_name,
     nearest,
     unknown_word,
@@ -24,7 +24,7 @@ from control_board_ros.text import (
 
 
 def test_an_amount_of_one_is_singular() -> None:
-    assert [amount(n, "speed values") for n in (0, 1, 2)] == [
+    assert [count_of(n, "speed values") for n in (0, 1, 2)] == [
         "0 speed values",
         "1 speed value",
         "2 speed values",

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,12 @@ def test_axes_of_a_coupling_are_named_by_their_recording() -> None:
         assert robot.coupled >= {names[0]}
         assert [robot.kind(name) for name in names] == [j.kind for j in settings.board.joints]
         assert "is an axis of a coupling" in troubles_of(robot, [], names)[names[0]]
+
+
+def test_a_robot_of_couplings_only_has_a_carrier_too() -> None:
+    robot = Robot.of(load("icub_hand"))
+    robot = replace(robot, names=tuple(name for name in robot.names if name in robot.coupled))
+    assert robot.payload_joint() == robot.names[-1]
 
 
 def test_the_payload_is_carried_by_a_joint() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from control_board_ros.text import amount
+from control_board_ros.text import count_of
 
 from ...core.terms.drives import DriveReport
 from ...core.terms.joint_kind import JointKind
@@ -222,7 +222,7 @@ def faults_table(rows: Rows, names: Sequence[str], cleared: int) -> Any:
     if not rows:
         count = len(names)
         past = f"; {cleared} had one that is cleared: cbctl faults --all" if cleared else ""
-        return f"no fault on {amount(count, 'joints')}{past}"
+        return f"no fault on {count_of(count, 'joints')}{past}"
     from rich.text import Text
 
     states = {True: Text("in fault", "bold red"), False: Text("cleared", "bright_black")}

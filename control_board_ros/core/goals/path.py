@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...text import amount
+from ...text import count_of
 from ..selection import RequestError
 from ..terms.arguments import Array
 from ..terms.joint_kind import JointKind
@@ -254,7 +254,7 @@ def _field(names: Sequence[str], what: str, rows: Rows) -> Array | None:
             )
         if len(row) != count:
             raise RequestError(
-                f"point {i} has {amount(len(row), what)} for {amount(count, 'joints')}; "
+                f"point {i} has {count_of(len(row), what)} for {count_of(count, 'joints')}; "
                 "send one per joint"
             )
     values: Array = np.array(rows, dtype=np.float64)

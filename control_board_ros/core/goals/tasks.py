@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...text import amount
+from ...text import count_of
 from ..calibration.calibration import CalibrationStatus
 from ..machine.explanations import explain_slower
 from ..selection import RequestError
@@ -523,8 +523,8 @@ def made_pose(
     selection = board.selector.select(joints)
     if len(positions) != len(selection.names):
         raise RequestError(
-            f"pose {name!r}: {amount(len(positions), 'positions')} for "
-            f"{amount(len(selection.names), 'joints')}; give each joint one, or none for as "
+            f"pose {name!r}: {count_of(len(positions), 'positions')} for "
+            f"{count_of(len(selection.names), 'joints')}; give each joint one, or none for as "
             "measured"
         )
     if not 0.0 <= speed < MAX_VALUE:

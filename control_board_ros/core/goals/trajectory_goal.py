@@ -342,7 +342,7 @@ def admitted(board: JointGroup, selection: Selection, path: Path) -> tuple[Bools
     stale = streams.void(kind, selection.joints, path.positions[0], good)
     streams.note(selection.joints)
     if stale is not None:
-        good &= np.equal(stale, Reason.NONE)
+        good &= [reason is Reason.NONE for reason in stale]
     others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
     if not others:  # none named would mean all
         return good, accepted(())

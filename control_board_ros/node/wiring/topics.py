@@ -30,7 +30,7 @@ from ...interface import (
 )
 from ...operations import optional, truncated
 from ...protocols import Floats
-from ...text import amount
+from ...text import count_of
 from ..loop.loop import Member
 
 K = CommandKind
@@ -227,7 +227,7 @@ def spread_short(board: JointGroup, selection: Selection, field: str, message: A
         accepting = board.state.accepts[:, selection.joints][kinds].any(axis=0)
         if numbers.size != (some := np.count_nonzero(accepting)):
             raise RequestError(
-                f"{amount(numbers.size, 'numbers')} in {field} for {amount(count, 'joints')}, "
+                f"{count_of(numbers.size, 'numbers')} in {field} for {count_of(count, 'joints')}, "
                 f"{some} of which may have one in their mode; send one per joint, NaN for none"
             )
         spread[accepting] = numbers

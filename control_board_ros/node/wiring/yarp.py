@@ -28,7 +28,7 @@ from ...core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from ...interface import ENDPOINTS, YARP, Endpoint
 from ...operations import doubles, truncated
 from ...protocols import Floats
-from ...text import amount
+from ...text import count_of
 from ..loop.loop import Member
 from .command_subscription import CommandSubscription
 from .publishing import StatePublisher, publisher
@@ -287,7 +287,7 @@ def wanted(modes: Sequence[str], count: int) -> list[tuple[Requested, ...]]:
         RefusedError: not one mode per joint (INVALID), or one that cannot be set (SET_ERROR).
     """
     if len(modes) != count:
-        given = f"{amount(len(modes), 'modes')} for {amount(count, 'joints')}"
+        given = f"{count_of(len(modes), 'modes')} for {count_of(count, 'joints')}"
         raise RefusedError(INVALID, f"{given}; send one mode per joint")
     for mode in modes:
         if mode not in SETTABLE:
