@@ -282,6 +282,9 @@ def test_stop(cbctl: Any, ask: Any) -> None:
     assert ask("move", "0=1", "--speed", "0.2", "--no-wait")["success"] is True
     assert cbctl("stop").out.startswith("stopped: lbr_iiwa_joint_1, ")
     assert ask("watch", "0", "--once")[FIRST]["motion_done"] is True
+    assert cbctl("mode", "0", "idl").code == 0
+    assert cbctl("stop", "0").err.startswith(f"free to fall, without power: {FIRST} at ")
+    assert cbctl("mode", "0", "pos").code == 0
 
 
 def test_faults_and_clear(cbctl: Any, ask: Any) -> None:

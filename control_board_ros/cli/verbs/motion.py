@@ -14,7 +14,7 @@ from control_board_ros.core.terms.vocabs import HAND_TIMEOUT, CommandKind
 
 from ..board.progress import Bar, Standstill, Way
 from ..board.session import Session
-from ..board.status import cancelled, what_they_do
+from ..board.status import cancelled, warn_without_power, what_they_do
 from ..board.streaming import RATE, end
 from ..line.arguments import JOINTS, VALUES, ahead, amount, argument, with_arguments
 from ..line.jogging import Jog, keys_at_once, pressed
@@ -166,8 +166,12 @@ def halt(session: Session, joints: list[str]) -> None:
 @with_arguments(JOINTS)
 def stop(session: Session, joints: list[str]) -> int:
     """Stop joints where they are; their modes stay."""
-    reply = session.client.stop(session.joints(joints))
-    return conclude(session, reply, f"stopped: {', '.join(reply.joints)}")
+    names = session.joints(joints)
+    reply = session.client.stop(names)
+    code = conclude(session, reply, f"stopped: {', '.join(reply.joints)}")
+    modes = [mode.code for mode in session.client.get_control_mode(names)]
+    warn_without_power(session, dict(zip(names, modes, strict=True)))
+    return code
 
 
 @with_arguments(
