@@ -246,10 +246,15 @@ def _torque(arms: Arms, actions: Floats) -> None:
 
 
 def _impedance(arms: Arms, actions: Floats) -> None:
-    """As direct, with stiffness and damping from 0 (action −1) to their maximum (1)."""
+    """As direct, with stiffness and damping from 0 (action −1) to their maximum (1).
+
+    Where one of both is a NaN, the joint keeps those that it has.
+    """
     share = (actions[:, 1:] + 1.0) / 2.0
     stiffness, damping = share[:, 0] * arms.max_stiffness, share[:, 1] * arms.max_damping
-    arms.board.set_impedance(None, stiffness.ravel(), damping.ravel())
+    numbers = np.isfinite(stiffness + damping).ravel()
+    joints = None if numbers.all() else np.flatnonzero(numbers).tolist()
+    arms.board.set_impedance(joints, stiffness.ravel()[numbers], damping.ravel()[numbers])
     _direct(arms, actions)
 
 

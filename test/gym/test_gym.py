@@ -221,6 +221,21 @@ def test_a_nan_is_no_action_and_the_next_one_acts() -> None:
     made.close()
 
 
+def test_a_nan_leaves_the_stiffness_of_its_joint_and_of_no_other_one() -> None:
+    made = FleetEnv(2, task="Impedance")
+    made.reset(seed=1)
+    before, _ = made._episodes.arms.board.get_impedance()
+    actions = np.full((2, 21), 0.5, np.float32)
+    actions[1, 7] = np.nan  # the stiffness of the second arm's first joint
+    made.step(actions)
+    after, _ = made._episodes.arms.board.get_impedance()
+    full = np.tile(made._episodes.arms.max_stiffness, 2)
+    expected = 0.75 * full
+    expected[7] = before[7]
+    assert after == pytest.approx(expected)
+    made.close()
+
+
 def test_bad_arguments_are_one_line() -> None:
     with pytest.raises(ValueError, match="control 'speed' unknown; one of position, direct"):
         ArmEnv(control="speed")
