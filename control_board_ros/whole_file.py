@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text files that are written whole, or not at all: a full disk leaves the one before."""
+"""Text and YAML files, written whole or not at all: a full disk leaves the one before."""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -26,3 +30,30 @@ def write_whole(path: Path, text: str) -> None:
         fresh.replace(target)
     finally:
         fresh.unlink(missing_ok=True)
+
+
+class Dumper(yaml.SafeDumper):
+    """Writes plain YAML; text that ROS reads as a number, as ``1e3`` and ``08``, is quoted."""
+
+
+class Loader(yaml.SafeLoader):
+    """Reads such a number as ROS does."""
+
+
+for _form in (Dumper, Loader):
+    _form.add_implicit_resolver(
+        "tag:yaml.org,2002:float",
+        re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?$"),
+        list("-+.0123456789"),
+    )
+
+
+def yaml_text(tree: Any) -> str:
+    """A tree of plain values as YAML, in its order."""
+    text: str = yaml.dump(tree, Dumper=Dumper, sort_keys=False, allow_unicode=True)
+    return text
+
+
+def yaml_value(text: str) -> Any:
+    """The value of a YAML text; raises yaml.YAMLError."""
+    return yaml.load(text, Loader)

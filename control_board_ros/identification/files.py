@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
@@ -15,6 +14,7 @@ from ..description.robots import NAMES
 from ..protocols import Floats
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, document, table, write_page
+from ..whole_file import yaml_text
 from .equations import FRICTION, MOTOR, SENSOR, WINDING
 from .fit import Traced
 from .outcome import QUANTITIES, THRESHOLD, Finding, Outcome
@@ -62,7 +62,7 @@ def write_parameters(path: Path, outcome: Outcome) -> None:
         lines.append(
             f"# Use it on top of the robot's own: --params-file … --params-file {path.name}"
         )
-    body = yaml.safe_dump(parameters(outcome), sort_keys=False)
+    body = yaml_text(parameters(outcome))
     write_page(path, "\n".join(lines) + "\n" + body)
 
 

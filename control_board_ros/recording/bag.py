@@ -12,9 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from ..whole_file import write_whole
+from ..whole_file import write_whole, yaml_text
 from .definitions import definition
 from .errors import RecordingError, library
 from .topics import Topic
@@ -306,10 +304,6 @@ class Bag:
     # --- metadata.yaml ------------------------------------------------------------------------
 
     def _write_metadata(self) -> None:
-        text = yaml.safe_dump(
-            {"rosbag2_bagfile_information": metadata(self._done, self._custom)},
-            sort_keys=False,
-            allow_unicode=True,
-        )
+        text = yaml_text({"rosbag2_bagfile_information": metadata(self._done, self._custom)})
         with self._disk_errors():
             write_whole(self.folder / "metadata.yaml", text)

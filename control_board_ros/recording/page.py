@@ -270,7 +270,7 @@ def check_output(path: Path, *sources: str | Path | None) -> None:
 
     Args:
         path: To write.
-        sources: That are read; it must not replace one.
+        sources: That are read; it must not replace one, nor lie in one that is a folder.
 
     Raises:
         RecordingError: it cannot be written, or would replace what is read.
@@ -283,12 +283,10 @@ def check_output(path: Path, *sources: str | Path | None) -> None:
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise RecordingError(f"cannot write {path}: no permission; give another file")
     for source in sources:
-        if (
-            source is not None
-            and os.path.isfile(source)
-            and path.exists()
-            and path.samefile(source)
-        ):
+        if source is None or not os.path.exists(source):
+            continue
+        linked = path.exists() and path.samefile(source)
+        if linked or path.resolve().is_relative_to(Path(source).resolve()):
             raise RecordingError(f"{path} is read here, and would be lost; give another file")
 
 

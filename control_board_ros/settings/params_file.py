@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..core.config.parameter import Kind, Parameter
+from ..core.config.parameter import Kind, Parameter, size_text
 from .yaml_tree import Leaf, Mapping, SettingsError, parse_yaml, shown
 
 __all__ = ["Entry", "Layer", "SettingsError", "parse_value", "read_file", "shown"]
@@ -188,7 +188,7 @@ def convert(row: Parameter, name: str, entry: Entry) -> Any:
         items = entry.value if isinstance(entry.value, list) else [entry.value]
         text = row.kind in (Kind.STRING, Kind.STRINGS) and not row.choices
         quotes = text and any(isinstance(item, (int, float)) for item in items)
-        hint = ", numbers in quotes" if quotes else ""
+        hint = ", numbers in quotes" if quotes else size_text(entry.value)
         raise SettingsError(f"{at}{name}: {value_text} is not allowed; use {row.range_text}{hint}")
     return value
 

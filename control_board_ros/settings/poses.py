@@ -25,12 +25,11 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ..core.config.config import BoardConfig
 from ..core.config.parameter import Kind, Parameter
 from ..core.goals.pose import HOME, MAX_VALUE, NAME, PARK, Pose
 from ..core.selection import RequestError
+from ..whole_file import yaml_text
 from .params_file import Entry, SettingsError, read_text
 from .yaml_tree import Leaf, parse_yaml, shown
 from .yaml_tree import Mapping as Tree
@@ -237,7 +236,7 @@ def text_of(robot: str, poses: Mapping[str, Pose]) -> str:
         }
         for pose in poses.values()
     }
-    return HEAD.format(robot=robot) + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+    return HEAD.format(robot=robot) + yaml_text(tree)
 
 
 def poses_in(text: str, source: str) -> dict[str, Pose]:

@@ -9,8 +9,6 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-import yaml
-
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
@@ -19,6 +17,7 @@ from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number, write_page
 from ..settings.loading import is_urdf
 from ..text import count_of
+from ..whole_file import yaml_text
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
 from .outcome import Outcome, Played
@@ -84,7 +83,7 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
     if below:
         files = " ".join(f"--params-file {file}" for file in (*below, path.name))
         lines.append(f"# Use it on top: {files}")
-    body = yaml.safe_dump(parameters(outcomes, plan.robot), sort_keys=False)
+    body = yaml_text(parameters(outcomes, plan.robot))
     write_page(path, "\n".join(lines) + "\n" + body)
 
 

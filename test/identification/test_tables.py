@@ -291,3 +291,13 @@ def test_friction_is_drawn_where_speeds_have_samples(count: int) -> None:
     drawn = charts({FRICTION: Traced(speed, speed, speed)}, JointKind.REVOLUTE)
     assert [chart.title for chart in drawn] == ["Friction over speed"] * (count == 400)
     assert all(chart.x_range() for chart in drawn)
+
+
+def test_a_file_in_the_recording_that_is_read_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "motions").mkdir()
+    (tmp_path / "motions" / "metadata.yaml").touch()
+    output = tmp_path / "motions" / "metadata.yaml"
+    assert main([str(tmp_path / "motions"), "-o", str(output)]) == 1
+    assert "metadata.yaml is read here, and would be lost" in capsys.readouterr().err

@@ -13,7 +13,8 @@ import pytest
 
 from control_board_ros.recording import RecordingError
 from control_board_ros.recording.page import write_page
-from control_board_ros.whole_file import write_whole
+from control_board_ros.settings.yaml_tree import Leaf, Mapping, parse_yaml
+from control_board_ros.whole_file import write_whole, yaml_text, yaml_value
 
 
 @pytest.fixture
@@ -52,3 +53,19 @@ def test_links_modes_and_pipes_stay_what_they_are(tmp_path: Path) -> None:
     assert os.read(reader, 9) == b"new"
     os.close(reader)
     assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("name", ["1e3", "08", "1.e5", "-2", ".5", "yes", "a", "1_0", "0x1F"])
+def test_a_text_is_written_as_one_that_boards_read_as_a_text(name: str) -> None:
+    """A joint may be named so; in a list of joints it would come back as a number."""
+    tree = parse_yaml(yaml_text({"joints": [name], name: 1.0}), "robot.yaml")
+    assert isinstance(tree, Mapping)
+    assert tree.items == {"joints": Leaf([name], 1), name: Leaf(1.0, 3)}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("1e3", 1000.0), ("5", 5), ("1.5", 1.5), ("on", True), ("'1e3'", "1e3")]
+)
+def test_a_value_is_read_as_boards_read_it(text: str, value: object) -> None:
+    found = yaml_value(text)
+    assert (type(found), found) == (type(value), value)

@@ -286,6 +286,7 @@ BROKEN = {
     f"{J2}.limits.nominal_current: 99": "peak_current",
     f"{J2}.home: 3": f"{J2}.home: 3.0 is not allowed",
     f"{J2}.position_pid.kp: -1": "use a number of at least 0",
+    f"{J2}.position_pid.kp: 1.0e+13": "use a number of at least 0, no larger than 1e+12",
     f"{J2}.impedance.stiffness: 1e5": "from 0 to 5000",
     f"{J2}.calibration.type: 4": "12 (absolute sensor)",
     f"{J2}.calibration.type: 3.0": "use a whole number",

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from control_board_ros.text import nearest
-from control_board_ros.whole_file import write_whole
+from control_board_ros.whole_file import write_whole, yaml_text, yaml_value
 
 from ..board.session import Session
 from ..line.arguments import argument, with_arguments
@@ -140,10 +140,10 @@ def above(folder: str) -> list[str]:
 def all_values(session: Session) -> Values:
     names = [n for n in session.client.list_parameters() if not n.startswith(OF_RCLPY)]
     values = session.client.get_parameters(names)
-    return {name: yaml_value(value) for name, value in values.items() if value is not None}
+    return {name: plain(value) for name, value in values.items() if value is not None}
 
 
-def yaml_value(value: Any) -> Any:
+def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -178,7 +178,7 @@ def read_parameters(session: Session, parts: list[str]) -> dict[str, Any]:
     """Values by name of the parameters that contain one of the parts; none: all."""
     names = [n for n in session.client.list_parameters() if not n.startswith(OF_RCLPY)]
     held = holding(parts, names, session.names)
-    return {name: yaml_value(value) for name, value in session.client.get_parameters(held).items()}
+    return {name: plain(value) for name, value in session.client.get_parameters(held).items()}
 
 
 def holding(parts: list[str], names: list[str], joints: tuple[str, ...]) -> list[str]:
@@ -215,7 +215,7 @@ def assign(session: Session, words: list[str]) -> tuple[Any, str]:
         if not equals or not name:
             raise UsageError(f"{word[:60]!r} is not valid; write NAME=VALUE")
         try:
-            values[full_name(name, names, session.names)] = yaml.safe_load(text)
+            values[full_name(name, names, session.names)] = yaml_value(text)
         except yaml.YAMLError:
             raise UsageError(f"value {text[:40]!r} is no YAML; quote it") from None
     reply = session.client.set_parameters(values)
@@ -229,7 +229,7 @@ def save(session: Session, path: Path, parts: list[str]) -> int:
     values = {n: v for n, v in saved.values.items() if n in selected or n.startswith(IDENTITY)}
     node = {saved.section: {"ros__parameters": values}}
     try:
-        write_whole(path, yaml.safe_dump(node, sort_keys=False))
+        write_whole(path, yaml_text(node))
     except OSError as error:
         raise Refused(f"cannot write {path}: {error.strerror}; give another file") from None
     command = " ".join(

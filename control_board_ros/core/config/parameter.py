@@ -150,6 +150,12 @@ def range_text(noun: str, low: Bound, high: Bound, above: Bound | None) -> str:
     return f"{noun} of at least {lowest}" if lowest else noun
 
 
+def size_text(value: Any) -> str:
+    """``, no larger than 1e+12``, where a value is; the end of what is allowed."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return f", no larger than {HUGE:g}" if is_number and abs(value) > HUGE else ""
+
+
 def _shown(bound: Bound) -> str:
     return bound if isinstance(bound, str) else f"{bound:g}"
 
@@ -292,7 +298,7 @@ def check_number(
     good = isinstance(value, (int, float)) and not isinstance(value, bool)
     if good and low <= value <= high and (above is None or value > above):
         return
-    raise ConfigError(key, value, range_text("a number", low, high, above))
+    raise ConfigError(key, value, range_text("a number", low, high, above) + size_text(value))
 
 
 def check_parameters(key: str, config: Any, joint: Any = None) -> None:
