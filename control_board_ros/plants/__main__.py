@@ -20,7 +20,7 @@ from ..settings.params_file import SettingsError
 from ..text import unknown_word
 from .apart import ApartError, PlantApart
 from .drives.axes import Axis
-from .drives.bring_up import Moved, Trial, corrections, write
+from .drives.bring_up import Motion, Trial, corrections, write
 from .drives.plant import DrivesPlant
 from .drives.set_id import UnheardError
 from .entry_points import DRIVERS, make, pairs
@@ -63,12 +63,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     trial.add_argument("--yes", action="store_true")
     trial.add_argument("--joints", default="")
     trial.add_argument("--turned", action="append", default=[], metavar="JOINT=WAY")
-    given = parser.parse_args(arguments)
-    verb = {"scan": put_scan, "set-id": put_id, "try": put_trial}[given.verb]
+    options = parser.parse_args(arguments)
+    verb = {"scan": put_scan, "set-id": put_id, "try": put_trial}[options.verb]
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        return verb(given)
+        return verb(options)
     except KeyboardInterrupt:
         print("cbctl: interrupted; all joints are without power", file=sys.stderr)
         return 1
@@ -85,24 +85,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-def put_scan(given: argparse.Namespace) -> int:
+def put_scan(options: argparse.Namespace) -> int:
     """Print the drives that answer; on a serial bus at a baud rate, or at one of the usual."""
-    plant, bus = given.plant, given.bus
+    plant, bus = options.plant, options.bus
     scan = import_module(f".{plant}.driver", __package__).scan
-    for rate in rates(plant, given.baudrate):
-        if found := scan(bus, *rate):
-            for one in rate:
-                print(f"at {one} bit/s: add baudrate={one} to plant_arguments")
+    for rate in rates(plant, options.baudrate):
+        if drives := scan(bus, *rate):
+            for number in rate:
+                print(f"at {number} bit/s: add baudrate={number} to plant_arguments")
             break
-    if not found:
+    if not drives:
         print(f"nothing answers on {bus}; check power, wiring, bit rate and termination")
         return 1
-    for drive in found:
+    for drive in drives:
         volts = "" if math.isnan(drive.voltage) else f"{drive.voltage:.1f} V"
         fault = f"fault {drive.fault}" if drive.fault else "no fault"
-        kept = f"zero {drive.zero}"
+        zero = f"zero {drive.zero}"
         print(f"id {drive.id:<4} {drive.type:<14} firmware {drive.firmware:<8} {volts:<8} "
-              f"{kept:<18} {fault}")  # fmt: skip
+              f"{zero:<18} {fault}")  # fmt: skip
     print(judgement(plant))
     return 0
 
@@ -120,17 +120,17 @@ def rates(plant: str, baudrate: int) -> list[tuple[int, ...]]:
     return [()]
 
 
-def put_id(given: argparse.Namespace) -> int:
+def put_id(options: argparse.Namespace) -> int:
     """Give the one drive with an id another, and print it once it was read back."""
-    plant, (old, new) = given.plant, given.ids
+    plant, (old, new) = options.plant, options.ids
     set_id = getattr(import_module(f".{plant}.driver", __package__), "set_id", None)
     if set_id is None:
         raise PlantSettingsError(f"set-id: set the id of {plant} with its maker's tool")
-    for last, rate in enumerate(tries := rates(plant, given.baudrate), 1):
+    for attempt, rate in enumerate(tries := rates(plant, options.baudrate), 1):
         try:
-            set_id(given.bus, old, new, *rate)
+            set_id(options.bus, old, new, *rate)
         except UnheardError:
-            if last == len(tries):
+            if attempt == len(tries):
                 raise
         except ValueError as error:
             raise PlantSettingsError(str(error)) from None
@@ -140,41 +140,41 @@ def put_id(given: argparse.Namespace) -> int:
     return 0
 
 
-def put_trial(given: argparse.Namespace) -> int:
+def put_trial(options: argparse.Namespace) -> int:
     """Show the drives of a robot, move each a little, and write corrections into its file."""
-    settings = load(given.robot)
-    names = [name for name in given.joints.split(",") if name] or list(settings.board.names)
-    turned = pairs(given.turned)
-    if unknown := [name for name in (*names, *turned) if name not in settings.board.names]:
+    settings = load(options.robot)
+    names = [name for name in options.joints.split(",") if name] or list(settings.board.names)
+    ways = pairs(options.turned)
+    if unknown := [name for name in (*names, *ways) if name not in settings.board.names]:
         raise PlantSettingsError(
             unknown_word("joint", unknown[0], settings.board.names, "joints:")
         )
     kinds = {joint.name: joint.kind for joint in settings.board.joints}
-    seen = {name: moved_by(kinds[name], words) for name, words in turned.items()}
+    observations = {name: moved_by(kinds[name], words) for name, words in ways.items()}
     period = max(settings.board.period, PERIOD)
     plant, axes = made(settings, period)
     try:
         trial = Trial(plant, settings.board.joints, period, settings.values["plant_timeout"])
         put_joints(trial, axes)
-        if not given.yes and not agreed(
+        if not options.yes and not agreed(
             "Give power to one joint after the other, and move each by 2° or 2 mm?"
         ):
             print("nothing was moved")
             return 1
-        changed: dict[str, str] = {}
-        wrong = 0
+        changes: dict[str, str] = {}
+        failures = 0
         for name in names:
             joint = settings.board.names.index(name)
-            moved = trial.move(joint)
-            print(report(moved))
-            wrong += not moved.follows or moved.velocity_factor != 1.0
-            way = seen.get(name, moved.read if given.yes else looked(moved))
-            changed |= corrections(axes[joint], moved, way)
+            motion = trial.move(joint)
+            print(report(motion))
+            failures += not motion.follows or motion.velocity_factor != 1.0
+            way = observations.get(name, motion.reading if options.yes else looked(motion))
+            changes |= corrections(axes[joint], motion, way)
     finally:
         plant.close()
         if isinstance(plant, PlantApart):
             plant.process.wait()  # until then a joint may have power
-    return max(put_corrections(given.robot, changed), int(wrong > 0))
+    return max(put_corrections(options.robot, changes), int(failures > 0))
 
 
 def made(settings: Settings, period: float) -> tuple[DrivePlant, Sequence[Axis]]:
@@ -201,41 +201,41 @@ def made(settings: Settings, period: float) -> tuple[DrivePlant, Sequence[Axis]]
 
 def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
     """Print each joint, its drive, and where their limits differ."""
-    found = trial.read()
+    readings = trial.read()
     for k, (config, axis) in enumerate(zip(trial.joints, axes, strict=True)):
         has = trial.description.joints[k]
         print(
             f"{config.name}: {has.drive}, id {axis.id}, direction {axis.direction}, ratio "
-            f"{axis.ratio:g}, at {config.kind.position(float(found.position[k]))}, "
+            f"{axis.ratio:g}, at {config.kind.position(float(readings.position[k]))}, "
             f"accepts {', '.join(kind.code for kind in has.set_points)}"
         )
         for line in limit_differences(config, has):
             print(f"  {line}")
-        if found.faults and found.faults[k]:
-            print(f"  fault {found.faults[k]}")
+        if readings.faults and readings.faults[k]:
+            print(f"  fault {readings.faults[k]}")
 
 
-def report(moved: Moved) -> str:
-    unit, factor = moved.kind.choose("°", " mm"), moved.kind.shown_factor
-    commanded, read = moved.commanded * factor, moved.read * factor
-    end = "" if moved.follows else ": its drive does not follow; is it free, and its gain enough?"
-    if moved.velocity_factor != 1.0:
+def report(motion: Motion) -> str:
+    unit, factor = motion.kind.choose("°", " mm"), motion.kind.shown_factor
+    way, reading = motion.way * factor, motion.reading * factor
+    end = "" if motion.follows else ": its drive does not follow; is it free, and its gain enough?"
+    if motion.velocity_factor != 1.0:
         end = (
-            f": the velocity that its drive reads is {moved.velocity_factor:.3g} times the change "
-            "of its position; correct its unit (cia402: JOINT.velocity_counts)"
+            f": the velocity that its drive reads is {motion.velocity_factor:.3g} times the "
+            "change of its position; correct its unit (cia402: JOINT.velocity_counts)"
         )
-    return f"{moved.joint}: commanded {commanded:+.2f}{unit}, read {read:+.2f}{unit}{end}"
+    return f"{motion.joint}: commanded {way:+.2f}{unit}, read {reading:+.2f}{unit}{end}"
 
 
 def agreed(question: str) -> bool:
     return input(f"{question} [y/N] ").strip().lower() in ("y", "yes")
 
 
-def looked(moved: Moved) -> float:
+def looked(motion: Motion) -> float:
     """The way of the joint as the user saw it, rad or m."""
-    unit = moved.kind.choose("degrees", "mm")
-    words = input(f"  {moved.joint} moved by ({unit}, + as in its URDF; Enter: as read): ")
-    return moved_by(moved.kind, words) if words.strip() else moved.read
+    unit = motion.kind.choose("degrees", "mm")
+    words = input(f"  {motion.joint} moved by ({unit}, + as in its URDF; Enter: as read): ")
+    return moved_by(motion.kind, words) if words.strip() else motion.reading
 
 
 def moved_by(kind: JointKind, words: str) -> float:
@@ -254,14 +254,14 @@ def moved_by(kind: JointKind, words: str) -> float:
     return way
 
 
-def put_corrections(robot: str, changed: dict[str, str]) -> int:
+def put_corrections(robot: str, changes: dict[str, str]) -> int:
     """Write corrections into the robot's file; returns the exit code."""
-    if not changed:
+    if not changes:
         print("direction and ratio are as configured")
         return 0
-    words = ", ".join(f"{key}={value}" for key, value in changed.items())
+    words = ", ".join(f"{key}={value}" for key, value in changes.items())
     path = Path(robot)
-    if path.is_file() and write(path, changed):
+    if path.is_file() and write(path, changes):
         print(f"written into {path}: {words}; try again")
         return 0
     print(f"add to plant_arguments: {words}")

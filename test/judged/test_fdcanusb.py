@@ -24,7 +24,7 @@ from moteus.protocol import Register
 from control_board_ros.plants.drives.can_line import CanLine
 from control_board_ros.plants.drives.fdcanusb import parse
 from control_board_ros.plants.errors import PlantSettingsError
-from control_board_ros.plants.moteus.driver import found_of, identity, make
+from control_board_ros.plants.moteus.driver import identity, identity_of, make
 from control_board_ros.plants.moteus.virtual import virtual_drive
 from control_board_ros.plants.virtual.world import World, free_world
 
@@ -66,7 +66,7 @@ def test_the_driver_finds_a_drive_through_it(device: str) -> None:
     with CanLine(f"fdcanusb:{device}", fd=True) as line:
         line.send(*question.request[0])
         came = until(lambda: line.collect(0.1))
-    assert found_of(1, bytes(came[0].data)).firmware == "1.1.0"
+    assert identity_of(1, bytes(came[0].data)).firmware == "1.1.0"
 
 
 def test_what_is_no_frame_is_none() -> None:

@@ -23,7 +23,7 @@ from control_board_ros.core.terms.measurement import SetPoints, Value
 from control_board_ros.plants.__main__ import main, report
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.bring_up import (
-    Moved,
+    Motion,
     Trial,
     corrections,
     write,
@@ -89,8 +89,8 @@ def test_a_joint_is_moved_by_two_degrees_under_a_tenth_of_its_limits(bench: Benc
     bench.world.step = watched
     moved = tried.move(1)
     assert moved.follows
-    assert abs(moved.read) == pytest.approx(math.radians(2.0), rel=0.1)
-    assert bench.world.state[0, 1] == pytest.approx(moved.read, abs=1e-3)
+    assert abs(moved.reading) == pytest.approx(math.radians(2.0), rel=0.1)
+    assert bench.world.state[0, 1] == pytest.approx(moved.reading, abs=1e-3)
     assert bench.world.state[0, 0] == 0.0
     assert max(speeds) < 0.1 * tried.joints[1].limits.velocity * 1.2
     assert bench.drives[1].mode == 0
@@ -104,7 +104,7 @@ def test_the_velocity_of_a_drive_is_the_change_of_its_position(driver: str) -> N
     with Bench(driver, options=options) as made:
         moved = trial(made, period=PERIOD).move(1)
     assert moved.velocity_factor == 1.0
-    assert moved.summed * moved.read > 0.0
+    assert moved.integral * moved.reading > 0.0
 
 
 @pytest.mark.parametrize("factor", [9.55, 0.1])
@@ -126,7 +126,7 @@ def test_a_sliding_joint_is_moved_by_two_millimetres(bench: Bench) -> None:
     tried = trial(bench, JointKind.PRISMATIC, lower=-0.02, upper=0.02, velocity=0.2)
     moved = tried.move(1)
     assert moved.follows
-    assert abs(moved.read) == pytest.approx(2e-3, rel=0.1)
+    assert abs(moved.reading) == pytest.approx(2e-3, rel=0.1)
     assert report(moved).startswith("right: commanded +2.00 mm, read +")
 
 
@@ -145,12 +145,12 @@ def test_a_short_way_is_moved_in_part_and_never_beyond_a_limit(bench: Bench, sig
 
     bench.world.step = watched
     moved = tried.move(1)
-    assert moved.commanded == pytest.approx(-0.005 * sign)
+    assert moved.way == pytest.approx(-0.005 * sign)
     assert max(np.abs(reached)) < 0.01
     has = tried.description.joints
     narrow = replace(has[1], limits=DriveLimits(lower=0.0, upper=0.006))
     tried.description = replace(tried.description, joints=(has[0], narrow))
-    assert abs(tried.move(1).commanded) == pytest.approx(0.0015)
+    assert abs(tried.move(1).way) == pytest.approx(0.0015)
 
 
 class Follower:
@@ -201,9 +201,9 @@ def test_a_move_is_told_in_full() -> None:
     assert (plant.setup.period, plant.setup.timeout) == (0.01, 0.1)
     moved = tried.move(1)
     way = math.radians(2.0)
-    assert (moved.joint, moved.commanded) == ("b", pytest.approx(way))
-    assert moved.read == pytest.approx(way)
-    assert moved.summed == pytest.approx(way, rel=1e-3)
+    assert (moved.joint, moved.way) == ("b", pytest.approx(way))
+    assert moved.reading == pytest.approx(way)
+    assert moved.integral == pytest.approx(way, rel=1e-3)
     duration = 1.875 * way / 0.04
     moving = plant.wanted[1:-1]
     assert len(moving) == round((duration + 0.3) / 0.01) == 194
@@ -227,12 +227,12 @@ def test_a_short_move_takes_a_second_away_from_the_nearer_limit() -> None:
     plant.blind = True
     moved = followed(plant).move(1)
     assert len(plant.wanted) == 132
-    assert moved.read == pytest.approx(-math.radians(2.0))
-    assert math.isnan(moved.summed)
+    assert moved.reading == pytest.approx(-math.radians(2.0))
+    assert math.isnan(moved.integral)
     assert moved.velocity_factor == 1.0
     assert plant.wanted[1].kinds[1] == SetPoint.VELOCITY
     near = Follower((SetPoint.POSITION,), start=0.5, lower=0.0)  # of its drive: the middle is 1
-    assert followed(near).move(1).commanded > 0.0
+    assert followed(near).move(1).way > 0.0
 
 
 def test_a_joint_is_as_stiff_as_a_tenth_of_its_torque_allows() -> None:
@@ -274,12 +274,12 @@ def test_a_drive_that_does_not_follow_is_reported_and_one_that_fails_ends_it(ben
 )
 def test_measured_turns_correct_direction_and_ratio(turned: float, found: dict[str, str]) -> None:
     axis = Axis(name="elbow", id=4, direction=-1, ratio=3.0)
-    moved = Moved("elbow", JointKind.REVOLUTE, math.radians(2.0), math.radians(2.0))
+    moved = Motion("elbow", JointKind.REVOLUTE, math.radians(2.0), math.radians(2.0))
     assert corrections(axis, moved, math.radians(turned)) == found
 
 
 def test_a_joint_that_does_not_move_is_reported() -> None:
-    moved = Moved("elbow", JointKind.REVOLUTE, 0.03, 0.03)
+    moved = Motion("elbow", JointKind.REVOLUTE, 0.03, 0.03)
     with pytest.raises(PlantSettingsError, match="did not move; is it the drive of this joint"):
         corrections(Axis(name="elbow", id=4), moved, 0.0)
 

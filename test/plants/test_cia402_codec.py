@@ -214,7 +214,7 @@ def test_a_fault_of_a_watchdog_that_stays_is_cleared_by_a_reset(
     again = [*CLEAR, "000#8201", *CLEAR] if reset else CLEAR
     assert asked[: len(again) + 2] == [*BEGIN, *again]
     _, found = dialogue(
-        identity.found_of(sdo.Sdo(1), 1), drive.on_frame, said
+        identity.identity_of(sdo.Sdo(1), 1), drive.on_frame, said
     )  # as a scan shows it
     assert (found.fault and found.fault.number, found.voltage) == (
         error if drive.state is drive.state.FAULT else None,

@@ -15,7 +15,7 @@ from control_board_ros.core.terms.drives import DriveReport, OnSilence, SetPoint
 from control_board_ros.core.terms.measurement import SetPoints, Value
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.clock import ManualClock
-from control_board_ros.plants.drives.driver import Answers, Found, Order, Traits
+from control_board_ros.plants.drives.driver import Answers, Identity, Order, Traits
 from control_board_ros.plants.drives.faults import RESTARTED
 from control_board_ros.plants.drives.interview import PAUSE, Questions
 from control_board_ros.plants.drives.plant import PACE, DrivesPlant
@@ -58,7 +58,7 @@ class Scripted:
         self.faults: list[DriveFault | None] = [None] * len(axes)
         self.confirms, self.surplus = [True] * len(axes), [0] * len(axes)
         limits = DriveLimits(lower=-1.0, upper=2.0, velocity=4.0)
-        self.found = [Found(id=a.id, type="made", firmware="2", limits=limits) for a in axes]
+        self.found = [Identity(id=a.id, type="made", firmware="2", limits=limits) for a in axes]
         self.slow, self.refusal, self.laws = 0, "", list[Any]()
         self.told: Mapping[int, Order] = {}
         self.at = list[float]()
@@ -71,7 +71,7 @@ class Scripted:
         del k
         return {POSITION: 1, TORQUE: 2}[kind]
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         asked = 0
         while asked < self.slow:
             asked += 1
@@ -203,7 +203,7 @@ def test_an_encoder_of_the_drive_s_own_at_the_motor_is_shown_as_it_reads() -> No
 def test_the_description_has_what_was_found() -> None:
     before = DrivesPlant(AXES, Scripted(AXES)).describe().joints[0]
     assert (before.drive, before.limits, before.turn) == ("", DriveLimits(), 0.0)
-    found = Found(id=3, type="made", limits=DriveLimits(lower=-1.0, upper=2.0), turn=0.5)
+    found = Identity(id=3, type="made", limits=DriveLimits(lower=-1.0, upper=2.0), turn=0.5)
     rig = Rig(found=[found, found])
     first, second = rig.plant.describe().joints
     assert first.drive == "made"
@@ -469,7 +469,7 @@ def test_a_copy_is_one_answer_however_many_are_owed() -> None:
 
 
 def test_what_drives_report_comes_when_it_changes_and_each_second() -> None:
-    found = [Found(id=3, type="made", turn=2.0 * math.pi)] * 2
+    found = [Identity(id=3, type="made", turn=2.0 * math.pi)] * 2
     rig = Rig((AXES[0], Axis(name="b", id=4, turns="absolute")), found=found)
     assert rig.go(OFF).drives is None
     assert rig.go(POSITION).drives == [
@@ -493,7 +493,7 @@ def test_what_drives_report_comes_when_it_changes_and_each_second() -> None:
 
 
 def test_a_drive_that_does_not_say_is_not_shown() -> None:
-    found = Found(id=3, type="made", says_power=False, says_law=False, turn=math.nan)
+    found = Identity(id=3, type="made", says_power=False, says_law=False, turn=math.nan)
     rig = Rig(found=[found, found])
     reports = rig.go(POSITION).drives
     assert reports is not None

@@ -365,14 +365,14 @@ def test_a_moteus_says_its_model_where_it_has_a_number() -> None:
         head = bytes([0x28, len(numbers), first & 0x7F | 0x80, first >> 7])
         return head + struct.pack(f"<{len(numbers)}i", *numbers)
 
-    found = driver.found_of(3, answer(0x100, 4, 0x010203, frames.REGISTER_MAP))
+    found = driver.identity_of(3, answer(0x100, 4, 0x010203, frames.REGISTER_MAP))
     assert (found.id, found.type, found.firmware) == (3, "moteus model 4", "1.2.3")
     for model in (0, -1):
         data = answer(0x100, model, 0, frames.REGISTER_MAP)
-        assert driver.found_of(3, data).type == "moteus"
-    assert driver.found_of(3, answer(0x102, frames.REGISTER_MAP)).type == "moteus"
+        assert driver.identity_of(3, data).type == "moteus"
+    assert driver.identity_of(3, answer(0x102, frames.REGISTER_MAP)).type == "moteus"
     with pytest.raises(PlantSettingsError, match="its register map is 9"):
-        driver.found_of(3, answer(0x102, 9))
+        driver.identity_of(3, answer(0x102, 9))
 
 
 def test_dynamixels_without_a_current_have_no_such_set_point() -> None:
@@ -429,14 +429,14 @@ def test_a_mode_of_a_feetech_comes_with_its_goals_of_rest() -> None:
 
 def test_what_a_cia402_drive_is() -> None:
     pytest.importorskip("canopen")
-    from control_board_ros.plants.cia402.identity import found_of
+    from control_board_ros.plants.cia402.identity import identity_of
 
     def found(**more: Any) -> Any:
         values = {(0x6041, 0): 0x0021, (0x1008, 0): "servo", (0x100A, 0): "2.1"}
         values |= {(0x603F, 0): 0x3210, (0x6079, 0): 48_000}
         values |= {(int(key[1:], 16), 0): value for key, value in more.items()}
         kept = {key: value for key, value in values.items() if value is not None}
-        return result(found_of(Objects(kept), 7))  # type: ignore[arg-type]
+        return result(identity_of(Objects(kept), 7))  # type: ignore[arg-type]
 
     one = found()
     assert (one.id, one.type, one.firmware, one.voltage) == (7, "servo", "2.1", 48.0)

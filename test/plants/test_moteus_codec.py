@@ -436,8 +436,8 @@ def test_an_identity_has_its_numbers() -> None:
         head = bytes([0x28, len(numbers), first & 0x7F | 0x80, first >> 7])
         return head + struct.pack(f"<{len(numbers)}i", *numbers)
 
-    found = driver.found_of(3, about(0x102, 5))
+    found = driver.identity_of(3, about(0x102, 5))
     assert (found.firmware, found.fault) == ("0.0.0", None)
-    assert driver.found_of(3, about(0x100, 1, 0x010203, 5)).type == "moteus model 1"
+    assert driver.identity_of(3, about(0x100, 1, 0x010203, 5)).type == "moteus model 1"
     with pytest.raises(PlantSettingsError, match="id 3: its register map is 0; 5 is supported"):
-        driver.found_of(3, about(0x100, 1))
+        driver.identity_of(3, about(0x100, 1))

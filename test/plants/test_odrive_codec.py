@@ -360,11 +360,11 @@ def test_a_table_of_another_drive_is_refused(file: str, hardware: str, firmware:
 
 def test_a_scan_finds_by_answers() -> None:
     said = {f.VERSION: bytes([2, 4, 4, 58, 0, 6, 11, 0])}
-    found = driver.found_of(7, said)
+    found = driver.identity_of(7, said)
     assert (found.id, found.type, found.firmware, found.turn) == (7, "ODrive 4.4", "0.6.11", REV)
     assert (found.fault, math.isnan(found.voltage)) == (None, True)
     said |= {f.SUPPLY: struct.pack("<ff", 24.0, 3.0), f.BEAT: struct.pack("<IBBBB", 4, 1, 0, 0, 0)}
-    found = driver.found_of(7, said)
+    found = driver.identity_of(7, said)
     assert (found.voltage, found.fault.number) == (24.0, 4)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from control_board_ros.plants.drives import faults
 from control_board_ros.plants.drives.can_frame import EXTENDED, REMOTE, message
-from control_board_ros.plants.drives.driver import ONE_TURN, Found
+from control_board_ros.plants.drives.driver import ONE_TURN, Identity
 from control_board_ros.plants.interface import DriveFault
 
 NAMES = {1: "hot", 2: "stuck", 4: "lost"}
@@ -67,4 +67,4 @@ def test_an_id_has_the_bits_that_it_needs(
 )
 def test_how_a_zero_survives_is_said_in_turns(turn: float, words: str) -> None:
     """S9: by the output of the drive."""
-    assert Found(id=1, type="x", turn=turn).zero == words
+    assert Identity(id=1, type="x", turn=turn).zero == words

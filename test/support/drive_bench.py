@@ -18,7 +18,7 @@ from control_board_ros.core.terms.measurement import SetPoints
 from control_board_ros.plants.drives import can_line, serial_line
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.clock import ManualClock
-from control_board_ros.plants.drives.driver import Found
+from control_board_ros.plants.drives.driver import Identity
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Readings, Setup
 from control_board_ros.plants.virtual.can_bus import Frame, VirtualCan
@@ -131,10 +131,10 @@ class Bench:
                 stack.enter_context(mock.patch.object(module, "Clock", return_value=self.clock))
             yield
 
-    def scan(self) -> list[Found]:
+    def scan(self) -> list[Identity]:
         """What a scan of the bus finds."""
         with self.direct():
-            found: list[Found] = self.driver.scan("direct")
+            found: list[Identity] = self.driver.scan("direct")
         return found
 
     def __enter__(self) -> Self:

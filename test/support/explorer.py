@@ -261,7 +261,7 @@ class ByValue:
     #: Nothing of these changes in a run, or nothing depends on it; objects of these types, and
     #: attributes of these names.
     FIXED = frozenset({
-        "Axes", "Setup", "Traits", "Controller", "ManualClock", "Found", "Wire",
+        "Axes", "Setup", "Traits", "Controller", "ManualClock", "Identity", "Wire",
         "RLock", "function", "method", "builtin_function_or_method", "module", "type", "Struct",
         "Protocol2PacketHandler", "protocol_packet_handler", "_UninitializedNetwork",
         "ObjectDictionary", "ODVariable", "ODArray", "ODRecord", "SdoArray", "SdoRecord", "Limits",

@@ -22,7 +22,7 @@ from typing import Any
 from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_line import PATIENCE, CanLine, Frame
-from ..drives.driver import Found, Order, Traits
+from ..drives.driver import Identity, Order, Traits
 from ..drives.faults import WATCHDOG
 from ..drives.interview import Question, Questions, converse, find
 from ..drives.plant import maker
@@ -30,7 +30,7 @@ from ..drives.reconcile import ACTING, ASK, CONFIRM, RESET, SET_UP
 from ..errors import PlantSettingsError
 from ..interface import DriveFault
 from . import objects as o
-from .identity import REV, UNKNOWN, Cia402Axis, Scale, found_of, limits_of, named, scale_of
+from .identity import REV, UNKNOWN, Cia402Axis, Scale, identity_of, limits_of, named, scale_of
 from .sdo import Sdo, device_type
 from .states import FAULT_RESET, TOWARDS_POWER, Mode, State, state_of
 
@@ -124,7 +124,7 @@ class Cia402Drives(CanDrives[Cia402Options]):
         )
         self._drives = [Drive() for _ in self._axes]
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         """Disable, set watchdog and PDOs, start; the identification of the drive."""
         axis, sdo = self._options.axes[k], Sdo(self._axes[k].id)
         question = device_type(axis.id)
@@ -320,7 +320,7 @@ def whole(value: float, bits: int) -> int:
     return round(max(-most, min(most, value)))
 
 
-def scan(bus: str) -> list[Found]:
+def scan(bus: str) -> list[Identity]:
     """The drives that answer on a bus."""
     with CanLine(bus) as line:
         for drive in IDS:
@@ -334,13 +334,13 @@ def scan(bus: str) -> list[Found]:
         ]
 
 
-def identified(line: CanLine, drive: int) -> Found:
+def identified(line: CanLine, drive: int) -> Identity:
     """The identification of a drive on a line that nobody else uses."""
 
     def said(message: Any) -> tuple[bytes] | None:
         return (bytes(message.data),) if message.arbitration_id == o.SDO_ANSWER | drive else None
 
-    return converse(found_of(Sdo(drive), drive), partial(line.ask, said=said))
+    return converse(identity_of(Sdo(drive), drive), partial(line.ask, said=said))
 
 
 make = maker(Cia402Drives, Cia402Options, IDS)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ..drives.axes import Axis
-from ..drives.driver import Found
+from ..drives.driver import Identity
 from ..drives.interview import Questions
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits
@@ -112,13 +112,13 @@ def limits_of(sdo: Sdo, scale: Scale) -> Questions[DriveLimits]:
     return replace(found, lower=lower / scale.position, upper=upper / scale.position)
 
 
-def named(sdo: Sdo, drive: int) -> Questions[Found]:
+def named(sdo: Sdo, drive: int) -> Questions[Identity]:
     """The identification of a drive."""
     name, software = (yield from sdo.text(o.DEVICE_NAME)), (yield from sdo.text(o.SOFTWARE))
-    return Found(id=drive, type=name or "CiA 402", firmware=software, turn=math.nan)
+    return Identity(id=drive, type=name or "CiA 402", firmware=software, turn=math.nan)
 
 
-def found_of(sdo: Sdo, drive: int) -> Questions[Found]:
+def identity_of(sdo: Sdo, drive: int) -> Questions[Identity]:
     """The same, with its voltage and fault, as a scan shows them."""
     state = state_of((yield from sdo.get(o.STATUS, 0, "<H")))
     code = (yield from sdo.maybe(o.ERROR_CODE, 0, "<H")) or 0

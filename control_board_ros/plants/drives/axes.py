@@ -55,7 +55,7 @@ class Axis:
 
     def __post_init__(self) -> None:
         ways = ", ".join(filter(None, TURNS))
-        for option, right, allowed in (
+        for option, valid, allowed in (
             ("id", self.id >= 0, "a whole number from 0 is required"),
             ("direction", self.direction in (1, -1), "1 or -1 is required"),
             ("ratio", self.ratio > 0.0,
@@ -64,7 +64,7 @@ class Axis:
              "a number from 0 is required; 0: not measured"),
             ("turns", self.turns.replace("_", " ") in TURNS, f"{ways} is required"),
         ):  # fmt: skip
-            if not right:
+            if not valid:
                 raise self.refused(option, allowed)
 
     def refused(self, option: str, allowed: str) -> PlantSettingsError:
@@ -76,7 +76,7 @@ class Axis:
     @property
     def turn(self) -> float | None:
         """By which its drive's position can be wrong after a restart, rad at its output, as
-        ``Found.turn``; None: as the drive has it.
+        ``Identity.turn``; None: as the drive has it.
         """
         return TURNS[self.turns.replace("_", " ")]
 
@@ -85,22 +85,22 @@ class Axis:
         """Drive angle per joint angle, s N."""
         return self.direction * self.ratio
 
-    def limits_at_joint(self, found: DriveLimits, turned: float = 0.0) -> DriveLimits:
+    def limits_at_joint(self, limits: DriveLimits, shift: float = 0.0) -> DriveLimits:
         """The limits of the drive, as they are at the joint.
 
         Args:
-            found: At its output.
-            turned: What is added to its positions, rad.
+            limits: At its output.
+            shift: What is added to its positions, rad.
         """
-        ends = [None if end is None else (end + turned) / self.factor + self.offset
-                for end in (found.lower, found.upper)]  # fmt: skip
+        ends = [None if end is None else (end + shift) / self.factor + self.offset
+                for end in (limits.lower, limits.upper)]  # fmt: skip
         lower, upper = ends if self.direction > 0 else reversed(ends)
         return DriveLimits(
             lower=lower,
             upper=upper,
-            velocity=None if found.velocity is None else found.velocity / self.ratio,
-            torque=None if found.torque is None else found.torque * self.ratio,
-            current=found.current,
+            velocity=None if limits.velocity is None else limits.velocity / self.ratio,
+            torque=None if limits.torque is None else limits.torque * self.ratio,
+            current=limits.current,
         )
 
 
@@ -131,14 +131,14 @@ class Axes:
 
     def from_drive(self, values: Array) -> Array:
         """Readings at the joints, shape (6, n), for those at the outputs; see ``Answers``."""
-        found: Array = values / self._to_joint
-        found[0] += self.offset
-        return found
+        readings: Array = values / self._to_joint
+        readings[0] += self.offset
+        return readings
 
     def position(self, drive: Array) -> Array:
         """Joint angles for drive angles, rad."""
-        found: Array = drive / self.factor + self.offset
-        return found
+        angle: Array = drive / self.factor + self.offset
+        return angle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,8 +168,8 @@ class Options:
         Raises:
             PlantSettingsError: an option is unknown or invalid, or two joints have one id.
         """
-        whole, each = defaults(cls, "axes"), defaults(cls.axis, "name")
-        own: dict[str, Any] = {}
+        shared, each = defaults(cls, "axes"), defaults(cls.axis, "name")
+        values: dict[str, Any] = {}
         by_joint: dict[str, dict[str, Any]] = {n: {"id": k} for k, n in enumerate(joints, 1)}
         if "ids" in arguments:
             ids = arguments["ids"].replace(",", " ").split()
@@ -183,28 +183,28 @@ class Options:
             joint, dot, option = key.rpartition(".")
             if dot and joint in by_joint and option in each:
                 by_joint[joint][option] = parsed(key, text, each[option])
-            elif key in whole:
-                own[key] = parsed(key, text, whole[key])
+            elif key in shared:
+                values[key] = parsed(key, text, shared[key])
             elif key in each and key != "id":
                 for options in by_joint.values():
                     options[key] = parsed(key, text, each[key])
             elif key != "ids":
-                names = [name for name in (*whole, *each) if name not in ("bus", "id")]
+                names = [name for name in (*shared, *each) if name not in ("bus", "id")]
                 known = ["bus", "ids", *names, *(f"JOINT.{name}" for name in each)]
                 raise PlantSettingsError(
                     f"{key}={text}: unknown{nearest(key, known)}; known: {', '.join(known)}"
                 )
         axes = tuple(cls.axis(name=name, **options) for name, options in by_joint.items())
-        taken: dict[int, str] = {}
+        owners: dict[int, str] = {}
         for axis in axes:
-            if (other := taken.setdefault(axis.id, axis.name)) != axis.name:
-                raise axis.refused("id", f"{other} has it; give each joint an id of its own")
-        return cls(axes=axes, **own)
+            if (owner := owners.setdefault(axis.id, axis.name)) != axis.name:
+                raise axis.refused("id", f"{owner} has it; give each joint an id of its own")
+        return cls(axes=axes, **values)
 
 
 def defaults(options: type[Any], aside: str) -> dict[str, Any]:
     """The defaults of the fields of options, by name, but for one."""
-    return {one.name: one.default for one in fields(options) if one.name != aside}
+    return {item.name: item.default for item in fields(options) if item.name != aside}
 
 
 def parsed(key: str, text: str, default: Any) -> Any:

@@ -38,27 +38,27 @@ FACTOR = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class Motion:
     """A motion of a joint, rad or m.
 
-    Attributes: joint, kind, commanded, read (by its drive), summed (of the velocity that its drive
-        read, over the time of the move).
+    Attributes: joint, kind, way (commanded), reading (of its drive), integral (of the velocity
+        that its drive read, over the time of the move).
     """
 
     joint: str
     kind: JointKind
-    commanded: float
-    read: float
-    summed: float = math.nan
+    way: float
+    reading: float
+    integral: float = math.nan
 
     @property
     def follows(self) -> bool:
-        return abs(self.read - self.commanded) <= TOLERANCE * abs(self.commanded)
+        return abs(self.reading - self.way) <= TOLERANCE * abs(self.way)
 
     @property
     def velocity_factor(self) -> float:
         """Times that the velocity is the change of the position; 1, where it may be."""
-        factor = self.summed / self.read if self.follows else 1.0
+        factor = self.integral / self.reading if self.follows else 1.0
         return 1.0 if math.isnan(factor) or 1.0 / FACTOR <= factor <= FACTOR else factor
 
 
@@ -93,7 +93,7 @@ class Trial:
         """Readings of joints without power."""
         return self._plant.exchange(self._off)
 
-    def move(self, joint: int) -> Moved:
+    def move(self, joint: int) -> Motion:
         """Move a joint away from its nearer limit, and disable its motor.
 
         It moves by 2° or 2 mm, or by a fourth of its range where that is less.
@@ -105,20 +105,20 @@ class Trial:
         config, has = self.joints[joint], self.description.joints[joint]
         kind = next((kind for kind in KINDS if kind in has.set_points), None)
         if kind is None:
-            known = ", ".join(kind.code for kind in KINDS)
-            raise PlantSettingsError(f"{config.name}: its drive accepts none of {known}")
+            codes = ", ".join(kind.code for kind in KINDS)
+            raise PlantSettingsError(f"{config.name}: its drive accepts none of {codes}")
         start = float(self.read().position[joint])
         limits = bounded_limits(config.limits, has.limits)
         middle = 0.5 * (limits.lower + limits.upper)
-        most = PART * (limits.upper - limits.lower)
-        way = min(config.kind.choose(TURN, SLIDE), most)
+        part = PART * (limits.upper - limits.lower)
+        way = min(config.kind.choose(TURN, SLIDE), part)
         way = way if start < middle + way else -way  # about the middle: upwards, noise or not
         try:
-            found, summed = self._follow(joint, kind, start, way, limits)
+            readings, integral = self._follow(joint, kind, start, way, limits)
         finally:
             self.read()
-        read = float(found.position[joint]) - start
-        return Moved(config.name, config.kind, way, read, summed)
+        reading = float(readings.position[joint]) - start
+        return Motion(config.name, config.kind, way, reading, integral)
 
     def _follow(
         self, joint: int, kind: SetPoint, start: float, way: float, limits: Limits
@@ -126,7 +126,7 @@ class Trial:
         speed = SHARE * limits.velocity
         duration = max(1.875 * abs(way) / speed, 1.0)
         cycles = round((duration + HOLD) / self._period)
-        summed, last = 0.0, self._clock()
+        integral, before = 0.0, self._clock()
         for cycle in range(1, cycles + 1):
             s = min(1.0, cycle * self._period / duration)
             values = np.zeros((VALUES, len(self.joints)))
@@ -137,38 +137,39 @@ class Trial:
                 values[Value.DAMPING, joint] = 0.1 * values[Value.STIFFNESS, joint]
             kinds = np.zeros(len(self.joints), dtype=np.int8)
             kinds[joint] = kind
-            found = self._plant.exchange(SetPoints(kinds, values, (kinds > 0).astype(np.float64)))
-            if any(found.faults):
-                faults = zip(self.joints, found.faults, strict=True)
-                named = "; ".join(f"{config.name}: {fault}" for config, fault in faults if fault)
-                raise PlantSettingsError(f"while {self.joints[joint].name} moved: {named}")
+            released = (kinds > 0).astype(np.float64)
+            readings = self._plant.exchange(SetPoints(kinds, values, released))
+            if any(readings.faults):
+                faults = zip(self.joints, readings.faults, strict=True)
+                texts = "; ".join(f"{config.name}: {fault}" for config, fault in faults if fault)
+                raise PlantSettingsError(f"while {self.joints[joint].name} moved: {texts}")
             now = self._clock()
-            read = math.nan if found.velocity is None else float(found.velocity[joint])
-            summed, last = summed + read * (now - last), now
+            velocity = math.nan if readings.velocity is None else float(readings.velocity[joint])
+            integral, before = integral + velocity * (now - before), now
             self._pause(self._period)
-        return found, summed
+        return readings, integral
 
 
-def corrections(axis: Axis, moved: Moved, turned: float) -> dict[str, str]:
+def corrections(axis: Axis, motion: Motion, way: float) -> dict[str, str]:
     """Options of an axis that the joint's true motion corrects.
 
     Args:
         axis: As it is configured.
-        moved: What its drive read.
-        turned: The true motion of the joint, rad or m, positive as in its URDF.
+        motion: What its drive read.
+        way: The true motion of the joint, rad or m, positive as in its URDF.
 
     Raises:
         PlantSettingsError: it did not move.
     """
-    if abs(turned) < 0.05 * abs(moved.read):
+    if abs(way) < 0.05 * abs(motion.reading):
         raise PlantSettingsError(f"{axis.name}: it did not move; is it the drive of this joint?")
-    found = {}
-    if turned * moved.read < 0.0:
-        found[f"{axis.name}.direction"] = f"{-axis.direction}"
-    scale = abs(moved.read / turned)
+    options = {}
+    if way * motion.reading < 0.0:
+        options[f"{axis.name}.direction"] = f"{-axis.direction}"
+    scale = abs(motion.reading / way)
     if abs(scale - 1.0) > TOLERANCE:
-        found[f"{axis.name}.ratio"] = f"{axis.ratio * scale:.4g}"
-    return found
+        options[f"{axis.name}.ratio"] = f"{axis.ratio * scale:.4g}"
+    return options
 
 
 def write(path: Path, options: dict[str, str]) -> bool:
@@ -181,10 +182,10 @@ def write(path: Path, options: dict[str, str]) -> bool:
     if line is None:
         return False
     words = [word.strip() for word in line[2].split(",") if word.strip()]
-    kept = [word for word in words if word.strip("'\"").partition("=")[0] not in options]
-    kept += [f"{key}={value}" for key, value in options.items()]
-    changed = f"{text[: line.start()]}{line[1]}[{', '.join(kept)}]{text[line.end() :]}"
+    rest = [word for word in words if word.strip("'\"").partition("=")[0] not in options]
+    rest += [f"{key}={value}" for key, value in options.items()]
+    content = f"{text[: line.start()]}{line[1]}[{', '.join(rest)}]{text[line.end() :]}"
     beside = path.with_name(f".{path.name}.new")
-    beside.write_text(changed, encoding="utf-8")
+    beside.write_text(content, encoding="utf-8")
     beside.replace(path)
     return True

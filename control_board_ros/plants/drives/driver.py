@@ -23,7 +23,7 @@ ONE_TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class Identity:
     """A drive that answers.
 
     Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN, and fault or
@@ -53,7 +53,7 @@ def zero_of(turn: float) -> str | None:
     """How a zero survives a restart, in words; None: it is not reported.
 
     Args:
-        turn: See ``Found``.
+        turn: See ``Identity``.
     """
     turns = turn / ONE_TURN
     if math.isnan(turns):
@@ -189,7 +189,7 @@ class Driver(Protocol):
         """The law of a kind of set-point, in the maker's own terms."""
         ...
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         """Power off; identify a drive by its place, set its watchdog, read its limits."""
         ...
 

@@ -21,5 +21,5 @@ def coded(number: int, names: Mapping[int, str]) -> DriveFault:
 
 def flagged(word: int, names: Mapping[int, str]) -> DriveFault | None:
     """The faults of a word, by their bits; None: no bit is set."""
-    found = ", ".join(name for bit, name in names.items() if word & bit)
-    return DriveFault(word, found or UNNAMED) if word else None
+    texts = ", ".join(name for bit, name in names.items() if word & bit)
+    return DriveFault(word, texts or UNNAMED) if word else None

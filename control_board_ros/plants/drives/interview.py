@@ -6,7 +6,7 @@ A set-up is a generator that yields questions and receives answers::
     def set_up(self, k):
         version, = yield Question(request)      # no answer: an empty list, after PATIENCE
         ...
-        return Found(...)
+        return Identity(...)
 """
 
 from __future__ import annotations

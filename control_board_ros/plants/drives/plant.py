@@ -23,7 +23,7 @@ from ..interface import Description, DriveFault, JointDescription, Readings, Set
 from .axes import Axes, Axis
 from .can_drives import CanDrives, Own
 from .clock import Clock
-from .driver import NONE, Answers, Driver, Found, Order, zero_of
+from .driver import NONE, Answers, Driver, Identity, Order, zero_of
 from .faults import RESTARTED, UNCONFIRMED
 from .interview import Interview, Questions
 from .reconcile import (
@@ -79,7 +79,7 @@ class DrivesPlant:
         self._shafts = any(axis.motor_turns for axis in axes)
         self._timeout, self._period = math.inf, 0.0
         self._free = [True] * len(axes)
-        self._found: list[Found | None] = [None] * len(axes)
+        self._found: list[Identity | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
         #: Last position of each joint while its zero was certain, rad; NaN: there is none.
         self._seen, self._seen_at = [math.nan] * len(axes), [math.nan] * len(axes)

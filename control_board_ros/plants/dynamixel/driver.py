@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
-from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Answers, Identity, Order, Traits
 from ..drives.faults import WATCHDOG, flagged
 from ..drives.interview import Questions
 from ..drives.plant import maker
@@ -93,7 +93,7 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         super().open(setup, answers)
         self._watch = max(1, min(127, int(setup.timeout / t.WATCHDOG_STEP)))  # never longer
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         """Torque off, indirect reads, watchdog; the drive's identification and limits."""
         axis, drive = self._axes[k], self._axes[k].id
         model = t.MODELS[(yield from self._model(k))]
@@ -127,7 +127,9 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
             current=current * model.ampere or None,
         )
         turn = 0.0 if self._options.position_mode == t.POSITION_MODE else ONE_TURN
-        return Found(id=drive, type=model.name, firmware=f"{firmware}", limits=limits, turn=turn)
+        return Identity(
+            id=drive, type=model.name, firmware=f"{firmware}", limits=limits, turn=turn
+        )
 
     def set_law(self, k: int, law: int) -> Questions[int]:
         """The mode, where it is another, and its goal of rest, each acknowledged."""
@@ -211,16 +213,16 @@ def angle(count: int) -> float:
     return (count - t.CENTRE) * t.COUNT
 
 
-def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
+def scan(device: str, baudrate: int = 1_000_000) -> list[Identity]:
     """The servos that answer on a bus."""
     with ServoBus(t.LIBRARY, device, baudrate) as bus:
         answered, _ = bus.protocol.broadcastPing(bus.port)
         return [identity(bus, drive) for drive in sorted(answered)]
 
 
-def identity(bus: ServoBus, drive: int) -> Found:
+def identity(bus: ServoBus, drive: int) -> Identity:
     number, error = bus.get(drive, t.MODEL), bus.get(drive, t.ERROR)
-    return Found(
+    return Identity(
         id=drive,
         type=t.MODELS[number].name if number in t.MODELS else f"model {number}",
         firmware=str(bus.get(drive, t.FIRMWARE)),

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Value
-from ..drives.driver import Found, Order, Traits
+from ..drives.driver import Identity, Order, Traits
 from ..drives.faults import flagged
 from ..drives.interview import PAUSE, Questions, longer
 from ..drives.plant import maker
@@ -62,7 +62,7 @@ class FeetechDrives(ServoDrives[FeetechOptions]):
         #: Offset of each count, and whether it wrapped.
         self._homing, self._wrapped = [0] * len(self._axes), [False] * len(self._axes)
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         """Disable torque and ramps; the identification of the drive and its limits."""
         axis, drive = self._axes[k], self._axes[k].id
         number = yield from self._model(k)
@@ -96,7 +96,7 @@ class FeetechDrives(ServoDrives[FeetechOptions]):
             current=(yield from get(drive, t.CURRENT_LIMIT)) * t.AMPERE or None,
         )
         firmware = yield from get(drive, t.FIRMWARE)
-        return Found(
+        return Identity(
             id=drive,
             type=t.MODELS[number],
             firmware=f"{firmware & 0xFF}.{firmware >> 8}",
@@ -182,10 +182,10 @@ def goals(kind: SetPoint, value: Sequence[float], place: int) -> bytes:
     return struct.pack("<HHH", position, pwm, velocity)
 
 
-def identity(bus: ServoBus, drive: int) -> Found:
+def identity(bus: ServoBus, drive: int) -> Identity:
     number, status = bus.get(drive, t.MODEL), bus.get(drive, t.STATUS)
     firmware = bus.get(drive, t.FIRMWARE)
-    return Found(
+    return Identity(
         id=drive,
         type=t.MODELS.get(number, f"model {number}"),
         firmware=f"{firmware & 0xFF}.{firmware >> 8}",
@@ -194,7 +194,7 @@ def identity(bus: ServoBus, drive: int) -> Found:
     )
 
 
-def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
+def scan(device: str, baudrate: int = 1_000_000) -> list[Identity]:
     """The servos that answer on a bus."""
     with ServoBus(t.LIBRARY, device, baudrate) as bus:
         bus.port.wait = 5e-3

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..drives.can_line import Frame
-from ..drives.driver import ONE_TURN, Answers, Found, Order
+from ..drives.driver import ONE_TURN, Answers, Identity, Order
 from ..drives.faults import coded
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.reconcile import ASK, CONFIRM, GOAL, POWER_ON, RESET
@@ -74,7 +74,7 @@ class Damiao:
         """The frame that takes its power."""
         return self._axis.id, f.DISABLE
 
-    def set_up(self, timeout: float) -> Questions[Found]:
+    def set_up(self, timeout: float) -> Questions[Identity]:
         """MIT mode and watchdog, acknowledged; its ranges."""
         number = self._axis.id
         question = reading(number, MST_ID, several=True)
@@ -86,7 +86,7 @@ class Damiao:
             ends.append((yield from self._get(register)))
         self.ranges = f.Ranges(*ends)
         version = int((yield from self._get(SW_VER)))
-        return Found(
+        return Identity(
             id=number,
             type="Damiao",
             firmware=f"{version}",

@@ -15,7 +15,7 @@ from typing import Any
 from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_line import PATIENCE, CanLine, Frame
-from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Answers, Identity, Order, Traits
 from ..drives.faults import coded, flagged
 from ..drives.interview import Question, Questions, converse
 from ..drives.plant import maker
@@ -86,7 +86,7 @@ class MitDrives(CanDrives[MitOptions]):
         del kind
         return self._motors[k].law
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         return self._motors[k].set_up(self._setup.timeout)
 
     def confirm(self, k: int) -> Questions[bool]:
@@ -144,7 +144,7 @@ class MitDrives(CanDrives[MitOptions]):
         return None
 
 
-def scan(bus: str) -> list[Found]:
+def scan(bus: str) -> list[Identity]:
     """What answers on a bus; it only reads, a motor that runs keeps its power."""
     found = []
     with CanLine(bus) as line:
@@ -154,7 +154,7 @@ def scan(bus: str) -> list[Found]:
                 states = [m.data[0] >> 4 for m in line.collect(PATIENCE / 10) if len(m.data) == 8]
                 faults = [coded(state, d.FAULTS) for state in states if state in d.FAULTS]
                 version = line.ask(d.reading(drive, d.SW_VER))
-                one = Found(
+                one = Identity(
                     id=drive, type="Damiao", fault=faults[0] if faults else None, turn=ONE_TURN
                 )
                 found.append(replace(one, firmware=f"{int(version[0])}" if version else ""))
@@ -164,11 +164,11 @@ def scan(bus: str) -> list[Found]:
                 for index in (p.VOLTAGE, p.FAULTS)
             )
             fault = flagged(0 if math.isnan(word) else int(word), r.FAULTS)
-            one = Found(id=drive, type="RobStride", voltage=volts, fault=fault, turn=ONE_TURN)
+            one = Identity(id=drive, type="RobStride", voltage=volts, fault=fault, turn=ONE_TURN)
             found.append(one)
         for drive, word in answering(line, r.faults, {one.id for one in found}):
             kind, fault = f"RobStride, protocol={f.MIT}", flagged(word, r.FAULTS)
-            found.append(Found(id=drive, type=kind, fault=fault, turn=ONE_TURN))
+            found.append(Identity(id=drive, type=kind, fault=fault, turn=ONE_TURN))
     return found
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from ...text import nearest
 from ..drives.can_line import Frame
-from ..drives.driver import ONE_TURN, Answers, Found, Order
+from ..drives.driver import ONE_TURN, Answers, Identity, Order
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.reconcile import ACTING, ASK, GOAL, OFF, POWER_ON, RESET
@@ -173,13 +173,13 @@ class RobStride:
         """The frame that takes its power."""
         return self._axis.id, f.DISABLE
 
-    def set_up(self, _timeout: float) -> Questions[Found]:
+    def set_up(self, _timeout: float) -> Questions[Identity]:
         number = self._axis.id
         yield from find(faults(number), self._axis, self._bus, "mit_can")
         yield from self._stop()
         self._faults = Faults(self.ranges)
         kind = f"RobStride {self._axis.model.upper()}"
-        return Found(
+        return Identity(
             id=number,
             type=kind,
             limits=limits(self.ranges),

@@ -20,7 +20,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ..drives.can_line import Frame
-from ..drives.driver import ONE_TURN, Answers, Found, Order
+from ..drives.driver import ONE_TURN, Answers, Identity, Order
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.reconcile import ASK, GOAL, OFF, POWER_ON, RESET
@@ -174,7 +174,7 @@ class RobStridePrivate:
         """Whether a frame is from this motor."""
         return sent_by(self._axis.id, message)
 
-    def set_up(self, timeout: float) -> Questions[Found]:
+    def set_up(self, timeout: float) -> Questions[Identity]:
         """Run mode and watchdog, read back; its firmware and its limit of torque."""
         number = self._axis.id
         yield from find(identity(number), self._axis, self._bus, "mit_can")
@@ -194,7 +194,7 @@ class RobStridePrivate:
             ends = replace(ends, torque=min(self.ranges.torque, most))
         self._word = 0  # its faults, as it told them unasked
         self._tripped = False  # its power went
-        return Found(
+        return Identity(
             id=number,
             type=f"RobStride {model.upper()}",
             firmware=".".join(map(str, firmware)),

@@ -24,7 +24,7 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.axes import Options
 from ..drives.can_drives import CanDrives
 from ..drives.can_line import PATIENCE, CanLine, Frame
-from ..drives.driver import ONE_TURN, Answers, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Answers, Identity, Order, Traits
 from ..drives.faults import coded
 from ..drives.interview import ATTEMPTS, PAUSE, Question, Questions, converse, find, longer
 from ..drives.plant import maker
@@ -109,11 +109,11 @@ class MoteusDrives(CanDrives[MoteusOptions]):
         super().open(setup, answers)
         self._drives = [Drive(axis.id) for axis in self._axes]
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         """Set the watchdog and the largest torque of a drive, and read its gains and limits."""
         axis, joint, drive = self._axes[k], self._setup.joints[k], self._drives[k]
         data = yield from find(identity(axis.id), axis, self._options.bus, "moteus")
-        found = found_of(axis.id, data)
+        found = identity_of(axis.id, data)
         yield from self._put(k, TIMEOUT_MODE, f"{self._timeout_mode(k)}")
         yield from self._put(k, "servo.default_timeout_s", f"{self._setup.timeout:.4f}")
         numbers = {}
@@ -271,7 +271,7 @@ def about(data: bytes) -> bytes | None:
         return None
 
 
-def found_of(drive: int, data: bytes) -> Found:
+def identity_of(drive: int, data: bytes) -> Identity:
     """A drive by its answer.
 
     Raises:
@@ -289,7 +289,7 @@ def found_of(drive: int, data: bytes) -> Found:
         )
     model = int(values.get(Register.MODEL_NUMBER, -1))
     fault = int(values.get(Register.FAULT, 0))
-    return Found(
+    return Identity(
         id=drive,
         type=f"moteus model {model}" if model > 0 else "moteus",
         firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
@@ -336,14 +336,14 @@ def said(drive: int, words: str) -> Questions[str]:
     raise ConnectionError(f"id {drive} does not answer to {words!r}")
 
 
-def scan(bus: str) -> list[Found]:
+def scan(bus: str) -> list[Identity]:
     """The drives that answer on a bus."""
     with CanLine(bus, fd=True) as line:
         for drive in IDS:
             line.send(*identity(drive).request[0])
         came = {m.arbitration_id >> 8: bytes(m.data) for m in line.collect(0.1)
                 if m.arbitration_id & 0xFF == 0}  # fmt: skip
-        return [found_of(drive, data) for drive, data in sorted(came.items()) if about(data)]
+        return [identity_of(drive, data) for drive, data in sorted(came.items()) if about(data)]
 
 
 def words_of(drive: int, message: Any) -> tuple[bytes] | None:

@@ -18,7 +18,7 @@ from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_frame import REMOTE
 from ..drives.can_line import PATIENCE, CanLine, Frame
-from ..drives.driver import ONE_TURN, Found, Order, Traits
+from ..drives.driver import ONE_TURN, Identity, Order, Traits
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
 from ..drives.plant import maker
@@ -88,7 +88,7 @@ class OdriveDrives(CanDrives[OdriveOptions]):
         self._drives = [Drive() for _ in self._axes]
         self._turn = 0
 
-    def set_up(self, k: int) -> Questions[Found]:
+    def set_up(self, k: int) -> Questions[Identity]:
         """Set the watchdog; the identification of the drive."""
         axis = self._axes[k]
         number, drive = axis.id, Drive()
@@ -114,7 +114,7 @@ class OdriveDrives(CanDrives[OdriveOptions]):
                 scales.append((yield from got(number, drive, name)) if known else f.FEED_FORWARD)
             drive.scales = scales[0], scales[1]
         self._drives[k] = drive
-        return Found(
+        return Identity(
             id=number,
             type=f"ODrive {version.hardware}",
             firmware=version.firmware,
@@ -287,7 +287,7 @@ def parameter(endpoint: f.Endpoint, command: int, data: bytes) -> float | None:
     return float(struct.unpack_from(endpoint.form, data[4:].ljust(4, b"\0"))[0])
 
 
-def scan(bus: str) -> list[Found]:
+def scan(bus: str) -> list[Identity]:
     """The controllers that answer on a bus."""
     answers: dict[int, dict[int, bytes]] = {}
     with CanLine(bus) as line:
@@ -297,14 +297,16 @@ def scan(bus: str) -> list[Found]:
             for m in line.collect(PATIENCE):
                 if m.arbitration_id & 0x1F == command and len(m.data) == 8:
                     answers.setdefault(m.arbitration_id >> 5, {})[command] = bytes(m.data)
-    return [found_of(drive, said) for drive, said in sorted(answers.items()) if f.VERSION in said]
+    return [
+        identity_of(drive, said) for drive, said in sorted(answers.items()) if f.VERSION in said
+    ]
 
 
-def found_of(drive: int, said: Mapping[int, bytes]) -> Found:
+def identity_of(drive: int, said: Mapping[int, bytes]) -> Identity:
     """A controller by its answers."""
     version = f.Version.parse(said[f.VERSION])
     errors = struct.unpack_from("<I", said[f.BEAT])[0] if f.BEAT in said else 0
-    return Found(
+    return Identity(
         id=drive,
         type=f"ODrive {version.hardware}",
         firmware=version.firmware,
