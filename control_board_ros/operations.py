@@ -2,10 +2,10 @@
 """What a service does with a board, in core's words, without ROS.
 
 ``OPERATIONS`` has a row for each service that reads or changes joints and does no more; rows of
-interface.py that name methods of the board need no other one here. The node serves them on ROS, a
-client's LocalLink in the same process. An operation takes the board, held
-between two cycles, and a request, which is any object with the fields of the service's type, and
-returns the fields of the response.
+interface.py that name methods of the board need no other one here. ``Poses`` and the starts of
+tasks are at the end. The node serves them on ROS, a client's LocalLink in the same process. An
+operation takes the board, held between two cycles, and a request, which is any object with the
+fields of the service's type, and returns the fields of the response.
 
 Raises: ValueError of an operation is a request that is wrong as a whole; it becomes the message of
 the response.
@@ -15,12 +15,15 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from .core.goals.pose import Pose
+from .core.goals.tasks import CalibrationTask, MoveTask, PoseTask, made_pose, pose_now
 from .core.selection import RequestError
 from .core.state import Reference
 from .core.terms.drives import DriveUse
@@ -39,6 +42,9 @@ if TYPE_CHECKING:
 
 Fields = dict[str, Any]
 Operation = Callable[["JointGroup", Any], Fields]
+#: A goal of several cycles, and its start, with the board held between two of them.
+Task = MoveTask | CalibrationTask | PoseTask
+Begin = Callable[["JointGroup"], Task]
 
 FEEDFORWARD = "feedforward"
 #: Power of drives, as they report it.
@@ -193,6 +199,13 @@ def drive_fields(drives: Sequence[DriveUse]) -> Fields:
     }
 
 
+def frozen(board: JointGroup, name: str) -> FreezeFrame:
+    """The freeze frame of a joint; RequestError where there is none."""
+    if (frame := board.get_freeze_frame(name)) is None:
+        raise RequestError(f"{name} has had no fault since the board was started")
+    return frame
+
+
 def frame_fields(frame: FreezeFrame, torque_sensor: bool) -> Fields:
     """The readings of a freeze frame; without a torque sensor the torque is NaN."""
     rows = {name: frame.block[:, row] for name, row in FRAME.items()}
@@ -332,3 +345,114 @@ OPERATIONS: dict[str, Operation] = {
     "set_encoders": changes(set_encoders),
     "configure": configure,
 }
+
+
+# -- tasks and poses ------------------------------------------------------------------------------
+
+
+def move(request: Any) -> Begin:
+    """The start of a goal of ~/move."""
+    return lambda board: MoveTask(
+        board, truncated(request.names, board.count), request.positions, optional(request.speeds)
+    )
+
+
+def calibration(request: Any) -> Begin:
+    """The start of a goal of ~/calibrate."""
+    return lambda board: CalibrationTask(board, truncated(request.names, board.count))
+
+
+class PoseStore(Protocol):
+    """The poses that users save; ``kept``: where, or how long."""
+
+    kept: str
+
+    def read(self) -> Mapping[str, Pose]:
+        """All poses by name; raises RequestError where they cannot be read."""
+
+    def save(self, pose: Pose, names: Sequence[str]) -> object:
+        """Add or replace a pose of the joints of a board; raises RequestError."""
+
+
+class Poses:
+    """The poses of a board (R5): of each its part.
+
+    Args:
+        board: whose joints they are.
+        exclusive: holds it between two cycles; the store is used outside: a slow disk delays none.
+        configured: the poses of the configuration by name, now.
+        store: of the user's.
+    """
+
+    def __init__(
+        self,
+        board: JointGroup,
+        exclusive: Callable[[], AbstractContextManager[JointGroup]],
+        configured: Callable[[], Mapping[str, Pose]],
+        store: PoseStore,
+    ) -> None:
+        self._names, self._exclusive = board.names, exclusive
+        self._all_configured, self._store = configured, store
+
+    def list_poses(self, request: Any) -> Fields:
+        """The names of all poses, and the positions of one."""
+        fields: Fields = {"poses": list(self._configured())}
+        try:
+            if request.name:
+                pose = self._find(request.name)
+                positions = doubles(pose.positions)
+                fields |= {"names": list(pose.joints), "positions": positions, "speed": pose.speed}
+            return fields | {"poses": list(self._all()), "success": True}
+        except RequestError as error:  # those of the configuration remain
+            return fields | {"success": False, "message": str(error)}
+
+    def save_pose(self, request: Any) -> Fields:
+        if request.name in self._configured():
+            raise RequestError(
+                f"pose {request.name!r} is one of the configuration; save it under another name, "
+                "or change poses in the parameter file"
+            )
+        with self._exclusive() as board:
+            joints = truncated(request.names, board.count)
+            if len(request.positions):
+                positions = list(request.positions[: board.count + 1])
+                pose = made_pose(board, request.name, joints, positions, request.speed)
+            else:
+                pose = pose_now(board, request.name, joints, request.speed)
+        self._store.save(pose, self._names)
+        message = f"saved {self._store.kept}"
+        return {"success": True, "poses": list(self._all()), "message": message}
+
+    def move(self, request: Any) -> Begin:
+        """The start of a goal of ~/go_to_pose; raises RequestError where the pose is unknown."""
+        pose = self._find(request.pose)
+        return lambda board: PoseTask(board, pose, request.speed)
+
+    def _find(self, name: str) -> Pose:
+        """A pose by its name; RequestError, with the known ones, where it is unknown."""
+        configured = self._configured()
+        if name in configured:  # also where the user's file is broken
+            return configured[name]
+        poses = self._all()
+        if name in poses:
+            return poses[name]
+        if (foreign := self._store.read().get(name)) is not None:
+            raise RequestError(
+                f"pose {name!r} {self._store.kept} is of other joints, "
+                f"{', '.join(foreign.joints)}; correct the names, or use the board that has them"
+            )
+        raise RequestError(unknown_word("pose", name, poses, "poses:"))
+
+    def _configured(self) -> dict[str, Pose]:
+        return self._parts(self._all_configured())
+
+    def _all(self) -> dict[str, Pose]:
+        """All poses by name; RequestError where the user's cannot be read."""
+        configured = self._configured()
+        return configured | self._parts(
+            {name: pose for name, pose in self._store.read().items() if name not in configured}
+        )
+
+    def _parts(self, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+        parts = {name: pose.of(self._names) for name, pose in poses.items()}
+        return {name: part for name, part in parts.items() if part is not None}

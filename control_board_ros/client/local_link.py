@@ -12,6 +12,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import fields
 from functools import partial
 from types import SimpleNamespace
@@ -20,7 +21,6 @@ from typing import Any, NamedTuple, Protocol
 from ..core.board import Board
 from ..core.goals.path import Points
 from ..core.goals.pose import Pose
-from ..core.goals.tasks import CalibrationTask, MoveTask, PoseTask, made_pose, pose_now
 from ..core.goals.trajectory_goal import Code, End, Follower, GoalError, TrajectoryGoal, start_goal
 from ..core.group import JointGroup
 from ..core.selection import RequestError
@@ -30,7 +30,6 @@ from ..core.terms.reply import Reply, accepted
 from ..interface import (
     CALIBRATE,
     EXTERNAL_TORQUE_SENSOR,
-    FOLLOW_JOINT_TRAJECTORY,
     GO_TO_POSE,
     MODES,
     MOVE,
@@ -40,9 +39,13 @@ from ..interface import (
 from ..operations import (
     OPERATIONS,
     Fields,
+    Poses,
+    Task,
     answer,
+    calibration,
     frame_fields,
-    optional,
+    frozen,
+    move,
     reference_fields,
     requested,
     send_reference,
@@ -304,7 +307,9 @@ class LocalServices:
 
     def __init__(self, link: LocalLink) -> None:
         self._link, self._group, self._simulation = link, link.group, link.simulation
-        self._saved: dict[str, Pose] = {}  # as long as the client lives
+        self.poses = Poses(
+            link.group, lambda: nullcontext(link.group), lambda: link.settings.poses, Saved()
+        )
 
     def send_reference(self, request: Any) -> Fields:
         return reference_fields(send_reference(self._group, request))
@@ -327,9 +332,7 @@ class LocalServices:
 
     def get_freeze_frame(self, request: Any) -> Fields:
         joint = self._group.get_config(request.name)[0]
-        frame = self._group.get_freeze_frame(request.name)
-        if frame is None:
-            raise RequestError(f"{request.name} has had no fault since the board was started")
+        frame = frozen(self._group, request.name)
         return frame_fields(frame, joint.torque_sensor) | {
             "fault": fault_message(self._group.get_faults(request.name)[0]),
             "stamps": list(map(Stamp, frame.stamps.tolist())),
@@ -375,40 +378,22 @@ class LocalServices:
     # Poses
 
     def list_poses(self, request: Any) -> Fields:
-        poses = self._poses()
-        fields: Fields = {"poses": list(poses)}
-        if request.name:
-            pose = self.find_pose(request.name)
-            fields |= {"names": pose.joints, "positions": pose.positions, "speed": pose.speed}
-        return fields
+        return self.poses.list_poses(request)
 
     def save_pose(self, request: Any) -> Fields:
-        """Save a pose for as long as the client lives."""
-        if request.name in self._link.settings.poses:
-            raise RequestError(
-                f"pose {request.name!r} is one of the configuration; save it under another name"
-            )
-        board, joints = self._group, truncated(request.names, self._group.count)
-        if len(request.positions):
-            pose = made_pose(board, request.name, joints, request.positions, request.speed)
-        else:
-            pose = pose_now(board, request.name, joints, request.speed)
-        self._saved[request.name] = pose
-        return {"poses": list(self._poses()), "message": "saved until the client is closed"}
+        return self.poses.save_pose(request)
 
-    def find_pose(self, name: str) -> Pose:
-        """A pose by its name; RequestError where it is unknown."""
-        poses = self._poses()
-        if name not in poses:
-            raise RequestError(unknown_word("pose", name, poses, "poses:"))
-        return poses[name]
 
-    def _poses(self) -> dict[str, Pose]:
-        names = frozenset(self._group.names)
-        poses: dict[str, Pose] = {**self._link.settings.poses, **self._saved}
-        return {
-            name: fitted for name, pose in poses.items() if (fitted := pose.of(names)) is not None
-        }
+class Saved(dict[str, Pose]):
+    """The poses that a client has saved."""
+
+    kept = "until the client is closed"
+
+    def read(self) -> dict[str, Pose]:
+        return self
+
+    def save(self, pose: Pose, _names: Sequence[str]) -> None:
+        self[pose.name] = pose
 
 
 def fault_message(fault: FaultRecord) -> Message:
@@ -444,9 +429,6 @@ class LocalStates:
         if self._link.paused:
             raise BoardError(STANDS_STILL)
         return await self.latest() if timeout >= self._link.period else None
-
-
-Task = MoveTask | CalibrationTask | PoseTask
 
 
 class LocalGoal:
@@ -535,13 +517,9 @@ class LocalGoal:
 
     def _start(self, goal: Message) -> Task | TrajectoryGoal:
         link, group = self._link, self._link.group
-        if self._action is MOVE:
-            return MoveTask(group, goal.names, goal.positions, optional(goal.speeds))
-        if self._action is CALIBRATE:
-            return CalibrationTask(group, goal.names)
-        if self._action is GO_TO_POSE:
-            return PoseTask(group, link.services.find_pose(goal.pose), goal.speed)
-        assert self._action is FOLLOW_JOINT_TRAJECTORY
+        starts = {MOVE: move, CALIBRATE: calibration, GO_TO_POSE: link.services.poses.move}
+        if self._action in starts:
+            return starts[self._action](goal)(group)
         names, times, positions, velocities = goal.trajectory
         rows = [[]] * len(times) if velocities is None else velocities.tolist()
         points = Points(times.tolist(), positions.tolist(), rows, [[]] * len(times))

@@ -150,10 +150,14 @@ def pose_file(robot: str) -> Path:
 
 
 class UserPoses:
-    """The poses of a user for one robot; attribute ``path``: their file, which may not exist."""
+    """The poses of a user for one robot.
+
+    Attributes: path (of their file, which may not exist), kept (where that is, in words).
+    """
 
     def __init__(self, robot: str) -> None:
         self.robot, self.path = robot, pose_file(robot)
+        self.kept = f"in {self.path}"
 
     def read(self) -> dict[str, Pose]:
         """All poses by name, in file order; empty without a file.

@@ -593,7 +593,8 @@ def test_power_on_is_shown_whatever_comes_next(fast: Rig) -> None:
     """N1: each change of modes is kept for the publisher, also those of a single cycle."""
     fast.loop.start()
     fast.run_to(10)
-    services = Services(fast.loop.main, False, lambda later: later(), fast.board.stop)
+    no_poses: Any = None
+    services = Services(fast.loop.main, False, lambda later: later(), fast.board.stop, no_poses)
     for act in (lambda: services.power_cycle(None, Trigger.Response()), fast.loop.reset):
         fast.loop.main.snapshots.mode_changes.clear()
         act()

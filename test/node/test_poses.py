@@ -13,7 +13,8 @@ from rig import Rig, board_config, joint
 
 from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.selection import RequestError
-from control_board_ros.node.wiring.poses import Poses
+from control_board_ros.node.wiring.messages import filled
+from control_board_ros.operations import Poses
 from control_board_ros.settings.poses import UserPoses
 
 CONFIGURED = {
@@ -30,15 +31,17 @@ class Asked:
         self.rig.tick(2)
         assert self.rig.board.set_control_mode(None, "pos")
         board = self.rig.board
-        member: Any = SimpleNamespace(board=board, exclusive=lambda: contextlib.nullcontext(board))
         self.user = UserPoses("arm")
-        self.poses = Poses(member, CONFIGURED, self.user)
+        self.poses = Poses(
+            board, lambda: contextlib.nullcontext(board), lambda: CONFIGURED, self.user
+        )
 
     def list(self, **request: Any) -> Any:
-        return self.poses.list_poses(ListPoses.Request(**request), ListPoses.Response())
+        fields = self.poses.list_poses(ListPoses.Request(**request))
+        return filled(ListPoses.Response(), fields)
 
     def save(self, **request: Any) -> Any:
-        return self.poses.save_pose(SavePose.Request(**request), SavePose.Response())
+        return filled(SavePose.Response(), self.poses.save_pose(SavePose.Request(**request)))
 
 
 @pytest.fixture
@@ -107,6 +110,6 @@ def test_a_broken_pose_file_is_reported(asked: Asked) -> None:
 def test_a_pose_of_other_joints_names_them(asked: Asked) -> None:
     """R1: saved by another board of the robot."""
     asked.user.save(Pose("up", ("c",), (0.0,)))
-    with pytest.raises(RequestError, match=r"pose 'up' of .* is of other joints, c; "):
+    with pytest.raises(RequestError, match=r"pose 'up' in .* is of other joints, c; "):
         asked.poses.move(SimpleNamespace(pose="up", speed=0.0))
     assert list(asked.list().poses) == ["home", "park"]

@@ -79,10 +79,11 @@ class InProcess:
         self.modes: deque[Any] = deque(maxlen=MAX_MESSAGES)
         self.states_received = self.modes_received = 0
         self._malformed: Malformed | None = None
+        poses: Any = None  # its services are not asked for
         member: Any = SimpleNamespace(
             exclusive=lambda: contextlib.nullcontext(group), loop=None, snapshots=self._snapshots
         )
-        self._services = Services(member, True, lambda later: later(), group.stop)
+        self._services = Services(member, True, lambda later: later(), group.stop, poses)
         self._topics = CommandTopics(
             member,
             injection=True,

@@ -43,7 +43,7 @@ class WiredLink(LocalLink):
             snapshots=Snapshots(self.group, TimeBase(simulated=True, shrinkage=0)),
         )
         stop = partial(self.follower.stop, self.group)
-        self._wiring = Services(member, True, lambda later: later(), stop)
+        self._wiring = Services(member, True, lambda later: later(), stop, self.services.poses)
         self._topics = CommandTopics(
             member, injection=True, joint_trajectory=lambda _: None, warn=lambda *_: None
         ).callbacks()

@@ -24,6 +24,7 @@ from ...core.config.parameter import ConfigError, Parameter
 from ...core.goals.trajectory_goal import Follower, start_goal
 from ...core.terms.measurement import Plant
 from ...interface import DIAGNOSTICS, JOINT_STATES, PART_JOINT_STATES, REQUEST_LOG, Endpoint
+from ...operations import Poses
 from ...settings.loading import Settings
 from ...settings.poses import UserPoses
 from ...settings.schema import BOARD, JOINT, PART_ROWS, ROBOT_ROWS
@@ -36,7 +37,6 @@ from ..wiring.actions import Actions
 from ..wiring.diagnostics import Diagnostics
 from ..wiring.messages import stamp
 from ..wiring.parameters import Parameters
-from ..wiring.poses import Poses
 from ..wiring.publishing import StatePublisher, StateThread, publisher
 from ..wiring.reporter import PERIOD, Reporter
 from ..wiring.request_log import RequestLog
@@ -116,17 +116,19 @@ class BoardNode:
             node, member, description, role.joint_states, settings.physical
         )
         stop = partial(follower.stop, member.board)
+        user = UserPoses(settings.urdf.name)
+        poses = Poses(member.board, member.exclusive, lambda: settings.poses, user)
         services = Services(
             member,
             injection,
             self._later,
             stop,
+            poses,
             role.for_all,
             settings.values["pwm_name"],
             self._void,
         )
-        poses = Poses(member, settings.poses, UserPoses(settings.urdf.name))
-        reporter.offer_services(requests, services, poses)
+        reporter.offer_services(requests, services)
         commands = CommandTopics(
             member,
             injection=injection,

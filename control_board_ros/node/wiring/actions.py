@@ -22,10 +22,9 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 
 from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome, PoseTask
-from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
-from ...operations import doubles, optional, truncated
+from ...operations import Begin, Task, calibration, doubles, move
 from ..loop.loop import Member
 from .request_log import GoalRecord, RequestLog
 
@@ -35,27 +34,11 @@ PERIOD = 0.05
 RESULT_KEPT = 60
 
 T = TypeVar("T")
-Task = MoveTask | CalibrationTask | PoseTask
 FEEDBACK: dict[type[Task], Any] = {
     MoveTask: Move.Feedback,
     CalibrationTask: Calibrate.Feedback,
     PoseTask: GoToPose.Feedback,
 }
-#: Starts a task, with the board held between two cycles.
-Begin = Callable[[JointGroup], Task]
-
-
-def move(request: Any) -> Begin:
-    return lambda board: MoveTask(
-        board,
-        truncated(request.names, board.count),
-        request.positions,
-        optional(request.speeds),
-    )
-
-
-def calibration(request: Any) -> Begin:
-    return lambda board: CalibrationTask(board, truncated(request.names, board.count))
 
 
 def feedback_of(task: Task) -> Any:

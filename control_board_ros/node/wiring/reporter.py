@@ -73,14 +73,11 @@ class Reporter:
         """Log the counts of repeated messages; to be called once a second."""
         self._throttled.flush()
 
-    def offer_services(self, requests: RequestLog, *offered: Any) -> None:
-        """Offer every service of a board: one of ``offered`` has a method of its name.
-
-        ``requests`` notes the answers.
-        """
+    def offer_services(self, requests: RequestLog, services: Any) -> None:
+        """Offer every service of a board, a method of its name; ``requests`` notes the answers."""
         for service in SERVICES:
-            by = next(provider for provider in offered if hasattr(provider, service.short))
-            callback = self._answering(service, getattr(by, service.short), requests.answered)
+            method = getattr(services, service.short)
+            callback = self._answering(service, method, requests.answered)
             self._node.create_service(
                 service.load(), service.name, callback, qos_profile=service.qos.profile()
             )

@@ -20,7 +20,9 @@ from ...core.terms.vocabs import ControlMode, encode
 from ...operations import (
     OPERATIONS,
     Operation,
+    Poses,
     answer,
+    frozen,
     reference_fields,
     requested,
     send_reference,
@@ -37,6 +39,7 @@ class Services:
         injection: whether faults may be injected into a simulation.
         later: runs a function in the executor's thread; safe to call from any thread.
         stop: stops the motion of joints, trajectories as well; called with the lock held.
+        poses: of the board.
         for_all: faults that reach all joints, whichever are named.
         pwm_name: of OPENLOOP in answers of ~/get_control_mode.
         void: why the request that is served now is void (B6); empty: it is not.
@@ -48,6 +51,7 @@ class Services:
         injection: bool,
         later: Callable[[Callable[[], None]], None],
         stop: Callable[[Sequence[str]], Reply],
+        poses: Poses,
         for_all: Collection[str] = (),
         pwm_name: str = ControlMode.OPENLOOP.code,
         void: Callable[[], str] = lambda: "",
@@ -56,6 +60,7 @@ class Services:
         self._member, self._loop = member, member.loop
         self._injection = injection
         self._later, self._stop, self._for_all, self._void = later, stop, for_all, void
+        self._poses = poses
 
     def serve(self, operation: Operation, request: Any, response: Any) -> Any:
         """The response of an operation, held by the board between two cycles."""
@@ -110,11 +115,9 @@ class Services:
     def get_freeze_frame(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
             joint = board.get_config(request.name)[0]
-            frame = board.get_freeze_frame(request.name)
+            frame = frozen(board, request.name)
             self._member.snapshots.note_changes()
             faults = self._member.snapshots.faults.by_name()
-        if frame is None:
-            raise RequestError(f"{request.name} has had no fault since the board was started")
         record, raised = faults[request.name]
         return freeze_frame(response, frame, record, raised, joint.torque_sensor)
 
@@ -123,6 +126,14 @@ class Services:
             board.power_cycle()
             self._loop.note_changes()  # the next cycle may configure the joints already
         return succeeded(response)
+
+    # -- poses --------------------------------------------------------------------------------
+
+    def list_poses(self, request: Any, response: Any) -> Any:
+        return filled(response, self._poses.list_poses(request))
+
+    def save_pose(self, request: Any, response: Any) -> Any:
+        return filled(response, self._poses.save_pose(request))
 
     # -- simulation ---------------------------------------------------------------------------
 
