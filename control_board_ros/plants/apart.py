@@ -64,12 +64,12 @@ class PlantApart:
         self._description = self._ask("describe")
 
     def exchange(self, wanted: SetPoints) -> Readings:
-        found: Readings = self._ask("exchange", wanted)
-        faulty = any(getattr(found, "faults", ()))
+        readings: Readings = self._ask("exchange", wanted)
+        faulty = any(getattr(readings, "faults", ()))
         if self._faulty and not faulty:  # a drive that came back may have other limits, and turns
             self._description = self._ask("describe")
         self._faulty = faulty
-        return found
+        return readings
 
     def let_go(self) -> None:
         self._ask("let_go")
@@ -118,12 +118,12 @@ class PlantApart:
             ApartError: the plant raised; of the same name and text.
         """
         try:
-            kind, found = self._connection.recv()
+            kind, answer = self._connection.recv()
         except (EOFError, OSError):
             raise self._gone() from None
         if kind:
-            raise type(kind, (ApartError,), {})(found)
-        return found
+            raise type(kind, (ApartError,), {})(answer)
+        return answer
 
     def _gone(self) -> ConnectionError:
         with contextlib.suppress(subprocess.TimeoutExpired):

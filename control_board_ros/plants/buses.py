@@ -250,18 +250,18 @@ class Buses:
 
         Where a bus has none of a motor quantity, its joints have NaN; any other is None for all.
         """
-        found = [bus.last or unread(bus.columns) for bus in self._buses]
+        readings = [bus.last or unread(bus.columns) for bus in self._buses]
         rows: dict[str, Any] = {}
-        for name, parts in zip(ROWS, zip(*map(rows_of, found), strict=True), strict=True):
+        for name, parts in zip(ROWS, zip(*map(rows_of, readings), strict=True), strict=True):
             there = [part is not None for part in parts]
             if all(there):
                 rows[name] = np.concatenate(parts)
             elif any(there) and name in ABSENT:
-                filled = [np.full(len(one.position), ABSENT[name]) for one in found]
+                filled = [np.full(len(one.position), ABSENT[name]) for one in readings]
                 rows[name] = np.concatenate(
                     [f if p is None else p for p, f in zip(parts, filled, strict=True)]
                 )
-        if any(one.drives for one in found):
+        if any(one.drives for one in readings):
             rows["drives"] = [
                 one._replace(late=(one.late or 0) + late)
                 for bus, late in zip(self._buses, self.late, strict=True)
@@ -270,7 +270,7 @@ class Buses:
         own = rows.get("ages")
         rows["ages"] = ages if own is None else np.maximum(own, ages)
         faults: list[str | DriveFault | None] = []
-        for k, (bus, one) in enumerate(zip(self._buses, found, strict=True), start=1):
+        for k, (bus, one) in enumerate(zip(self._buses, readings, strict=True), start=1):
             silent = f"bus {k} of {len(self._buses)} does not answer" if bus.last is None else ""
             everybody = [bus.error or silent or None] * (bus.columns.stop - bus.columns.start)
             faults += everybody if everybody[0] else one.faults or everybody

@@ -128,46 +128,46 @@ class Cia402Drives(CanDrives[Cia402Options]):
         """Disable, set watchdog and PDOs, start; the identification of the drive."""
         axis, sdo = self._options.axes[k], Sdo(self._axes[k].id)
         question = device_type(axis.id)
-        kind = yield from find(question, axis, self._options.bus, "cia402")
-        if kind & 0xFFFF != o.PROFILE:
+        device = yield from find(question, axis, self._options.bus, "cia402")
+        if device & 0xFFFF != o.PROFILE:
             raise PlantSettingsError(
-                f"{axis.name}: id {axis.id} has profile {kind & 0xFFFF}; {o.PROFILE} (drives) is "
-                "supported"
+                f"{axis.name}: id {axis.id} has profile {device & 0xFFFF}; {o.PROFILE} (drives) "
+                "is supported"
             )
         yield replace(NOTHING, request=[(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))])
         yield from self._clear(axis.id, sdo)
         modes = yield from sdo.get(o.SUPPORTED_MODES, 0, "<I")
-        for wanted in self.traits.set_points:
-            if not modes >> MODES[wanted] - 1 & 1:
-                offered = [m.name.lower() for m in Mode if modes >> m - 1 & 1]
+        for set_point in self.traits.set_points:
+            if not modes >> MODES[set_point] - 1 & 1:
+                modes_offered = [m.name.lower() for m in Mode if modes >> m - 1 & 1]
                 raise PlantSettingsError(
-                    f"{axis.name}: id {axis.id} has no {MODES[wanted].name}; add 'modes="
-                    f"{' '.join(offered)}' to plant_arguments"
+                    f"{axis.name}: id {axis.id} has no {MODES[set_point].name}; add 'modes="
+                    f"{' '.join(modes_offered)}' to plant_arguments"
                 )
         yield from self._set_watchdog(k, sdo)
         yield from self._set_period(sdo)
         drive = Drive(scale=(yield from scale_of(axis, sdo)))
         drive.offset = (yield from sdo.maybe(o.TORQUE_OFFSET, 0, "<h")) is not None
         for function, mapped in o.MAPPED.items():
-            kept = [item for item in mapped if item[0] != o.TORQUE_OFFSET or drive.offset]
-            yield from sdo.map_pdo(function, kept)
+            objects = [item for item in mapped if item[0] != o.TORQUE_OFFSET or drive.offset]
+            yield from sdo.map_pdo(function, objects)
         if k in self.traits.motor_encoders:
             drive.whole = 7
             yield from sdo.map_pdo(o.TPDO3, o.MOTOR)
-        found = yield from named(sdo, axis.id)
+        identity = yield from named(sdo, axis.id)
         limits = yield from limits_of(sdo, drive.scale)
         yield replace(NOTHING, request=[(o.NMT, bytes([o.START, axis.id]))])
         self._drives[k] = drive
-        return replace(found, limits=limits)
+        return replace(identity, limits=limits)
 
     def _clear(self, number: int, sdo: Sdo) -> Questions[None]:
         """Clear an earlier fault, as that of its watchdog; see MAX_RESETS."""
-        for again in (False, True):
+        for attempt in (False, True):
             for word in (0, FAULT_RESET, 0):
                 yield from sdo.put(o.CONTROL, 0, "<H", word)
             error = yield from sdo.maybe(o.ERROR_CODE, 0, "<H")
             status = yield from sdo.get(o.STATUS, 0, "<H")
-            if again or error != o.HEARTBEAT_LOST or state_of(status) not in FAULTED:
+            if attempt or error != o.HEARTBEAT_LOST or state_of(status) not in FAULTED:
                 return
             yield replace(NOTHING, request=[(o.NMT, bytes([o.RESET_COMMUNICATION, number]))])
 
@@ -285,19 +285,19 @@ class Cia402Drives(CanDrives[Cia402Options]):
         part, form = o.ANSWERS[function]
         if len(data) != struct.calcsize(form):
             return
-        found = struct.unpack(form, data)
+        numbers = struct.unpack(form, data)
         if function == o.TPDO1:
-            drive.state, drive.counts = state_of(found[0]), found[1]
-            answers.position[k] = found[1] / drive.scale.position
-            answers.torque[k] = found[2] / drive.scale.torque
+            drive.state, drive.counts = state_of(numbers[0]), numbers[1]
+            answers.position[k] = numbers[1] / drive.scale.position
+            answers.torque[k] = numbers[2] / drive.scale.torque
             reported.power = drive.state in POWERED
             drive.idle = drive.idle and not reported.power
             answers.came(k, data)
         elif function == o.TPDO2:
-            answers.velocity[k] = found[0] / drive.scale.velocity
-            drive.error, reported.law = found[1], found[2]
+            answers.velocity[k] = numbers[0] / drive.scale.velocity
+            drive.error, reported.law = numbers[1], numbers[2]
         else:
-            answers.motor_position[k] = found[0] * REV / self._options.axes[k].motor_counts
+            answers.motor_position[k] = numbers[0] * REV / self._options.axes[k].motor_counts
         reported.fault = judged(drive)
         drive.parts |= part
 
@@ -316,8 +316,8 @@ def judged(drive: Drive) -> DriveFault | None:
 
 def whole(value: float, bits: int) -> int:
     """A value as a signed integer, at its end where it is beyond."""
-    most = (1 << bits - 1) - 1
-    return round(max(-most, min(most, value)))
+    limit = (1 << bits - 1) - 1
+    return round(max(-limit, min(limit, value)))
 
 
 def scan(bus: str) -> list[Identity]:
@@ -337,10 +337,10 @@ def scan(bus: str) -> list[Identity]:
 def identified(line: CanLine, drive: int) -> Identity:
     """The identification of a drive on a line that nobody else uses."""
 
-    def said(message: Any) -> tuple[bytes] | None:
+    def data_of(message: Any) -> tuple[bytes] | None:
         return (bytes(message.data),) if message.arbitration_id == o.SDO_ANSWER | drive else None
 
-    return converse(identity_of(Sdo(drive), drive), partial(line.ask, said=said))
+    return converse(identity_of(Sdo(drive), drive), partial(line.ask, words_of=data_of))
 
 
 make = maker(Cia402Drives, Cia402Options, IDS)

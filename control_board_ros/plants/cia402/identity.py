@@ -103,13 +103,13 @@ def limits_of(sdo: Sdo, scale: Scale) -> Questions[DriveLimits]:
     upper = yield from sdo.maybe(o.POSITION_LIMITS, 2, "<i")
     speed = yield from sdo.maybe(o.MAX_SPEED, 0, "<I")
     torque = yield from sdo.maybe(o.MAX_TORQUE, 0, "<H")
-    found = DriveLimits(
+    limits = DriveLimits(
         velocity=speed * REV / 60.0 if speed else None,
         torque=torque / scale.torque if torque else None,
     )
     if lower is None or upper is None or lower >= upper:
-        return found
-    return replace(found, lower=lower / scale.position, upper=upper / scale.position)
+        return limits
+    return replace(limits, lower=lower / scale.position, upper=upper / scale.position)
 
 
 def named(sdo: Sdo, drive: int) -> Questions[Identity]:
@@ -123,9 +123,9 @@ def identity_of(sdo: Sdo, drive: int) -> Questions[Identity]:
     state = state_of((yield from sdo.get(o.STATUS, 0, "<H")))
     code = (yield from sdo.maybe(o.ERROR_CODE, 0, "<H")) or 0
     volts = yield from sdo.maybe(o.SUPPLY, 0, "<I")
-    found = yield from named(sdo, drive)
+    identity = yield from named(sdo, drive)
     return replace(
-        found,
+        identity,
         voltage=math.nan if volts is None else 1e-3 * volts,
         fault=DriveFault(code, o.error_name(code)) if state is State.FAULT else None,
     )

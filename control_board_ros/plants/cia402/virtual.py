@@ -243,8 +243,8 @@ class VirtualCia402:
         return round(1e3 * self.torque / self.rated) if index == o.TORQUE else None
 
     def _value(self, index: int, subindex: int = 0) -> int:
-        found = self.node.object_dictionary[index]
-        item = found if isinstance(found, ODVariable) else found[subindex]
+        entry = self.node.object_dictionary[index]
+        item = entry if isinstance(entry, ODVariable) else entry[subindex]
         return int(item.decode_raw(self.node.get_data(index, subindex)))
 
     def step(self, seconds: float, position: float, velocity: float) -> float:

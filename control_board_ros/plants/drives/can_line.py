@@ -42,21 +42,21 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> CanBus:
         from .fdcanusb import Fdcanusb
 
         return Fdcanusb(channel, fd=fd)
-    more: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     if fd:
-        more = {"protocol": can.CanProtocol.CAN_FD} if interface == "virtual" else {"fd": True}
+        settings = {"protocol": can.CanProtocol.CAN_FD} if interface == "virtual" else {"fd": True}
     if interface == "udp_multicast":
         if channel.count(":") == 1:
             channel, _, port = channel.partition(":")
-            more["port"] = int(port)
-        more.setdefault("port", PORT)
+            settings["port"] = int(port)
+        settings.setdefault("port", PORT)
     if bitrate:
-        more["bitrate"] = bitrate
-    bus = can.Bus(interface=interface, channel=channel or None, **more)
+        settings["bitrate"] = bitrate
+    bus = can.Bus(interface=interface, channel=channel or None, **settings)
     if interface == "socketcan":
         return SocketCan(bus, fd=fd)
     if interface == "udp_multicast" and channel:
-        return Multicast(bus, channel, more["port"], fd=fd)
+        return Multicast(bus, channel, settings["port"], fd=fd)
     return MessageBus(bus, fd=fd)
 
 
@@ -138,16 +138,16 @@ class CanLine:
             OSError: the interface is gone, or left the bus.
         """
         try:
-            found = (self._bus or self.bus).recv(seconds)
+            message = (self._bus or self.bus).recv(seconds)
         except self._errors as error:
             raise bus_error(self._text, error) from None
-        if found is not None and found.is_error_frame and found.arbitration_id & BUS_OFF:
+        if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
             raise OSError(
                 f"bus {self._text} is off: the interface left it after too many errors; check "
                 "wiring, termination and bit rate, and enable automatic restart: "
                 "ip link set can0 type can restart-ms 100"
             )
-        return found
+        return message
 
     def begin(
         self,
@@ -171,12 +171,12 @@ class CanLine:
     def read(self, end: float) -> bool:
         """Read frames until every missing drive has answered, or until a time, s; false then."""
         while self._missing and self._most:
-            received = self._receive(max(0.0, end - self.clock.now()))
-            if received is None:
+            message = self._receive(max(0.0, end - self.clock.now()))
+            if message is None:
                 return False
             self._most -= 1
-            if not received.is_error_frame and (found := self._take(received)) is not None:
-                self._missing.discard(found)
+            if not message.is_error_frame and (drive := self._take(message)) is not None:
+                self._missing.discard(drive)
         return True
 
     def fileno(self) -> int | None:
@@ -187,10 +187,10 @@ class CanLine:
     def drain(self, take: Callable[[Any], int | None]) -> None:
         """Read pending frames, which are late answers."""
         for _ in range(64):
-            if (received := self._receive(0.0)) is None:
+            if (message := self._receive(0.0)) is None:
                 return
-            if not received.is_error_frame:
-                take(received)
+            if not message.is_error_frame:
+                take(message)
 
     def collect(self, seconds: float) -> list[Any]:
         """All frames that arrive within a time, s."""
@@ -198,32 +198,32 @@ class CanLine:
 
     def _arriving(self, seconds: float) -> Iterator[Any]:
         end = self.clock.now() + seconds
-        while (left := end - self.clock.now()) > 0.0:
-            received = self._receive(left)
-            if received is not None and not received.is_error_frame:
-                yield received
+        while (rest := end - self.clock.now()) > 0.0:
+            message = self._receive(rest)
+            if message is not None and not message.is_error_frame:
+                yield message
 
     def ask(
         self,
         question: Question,
-        said: Callable[[Any], tuple[Any, ...] | None] = lambda frame: (frame,),
+        words_of: Callable[[Any], tuple[Any, ...] | None] = lambda frame: (frame,),
         seconds: float = 0.2 * PATIENCE,
     ) -> list[Any]:
         """The answers to a question, on a line that nobody else uses.
 
         Args:
             question: Where one answer is enough, no more are waited for.
-            said: What a frame says, as the question picks it; None: it is of another drive.
+            words_of: What a frame says, as the question picks it; None: it is of another drive.
             seconds: Timeout.
         """
         self.drain(lambda _: None)  # what is late answers another question
         for frame in question.request:
             self.send(*frame)
         answers = []
-        for received in self._arriving(seconds):
-            words = said(received)
-            if words is not None and (found := question.pick(*words)) is not None:
-                answers.append(found)
+        for message in self._arriving(seconds):
+            words = words_of(message)
+            if words is not None and (answer := question.pick(*words)) is not None:
+                answers.append(answer)
                 if not question.several:
                     break
         return answers

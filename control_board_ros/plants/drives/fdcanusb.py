@@ -58,8 +58,8 @@ class Fdcanusb:
                 line, _, self._bytes = self._bytes.partition(b"\n")
                 if line.startswith(b"ERR"):
                     raise OSError(f"the adapter says: {line.decode('latin1').strip()}")
-                if (found := parse(line)) is not None:
-                    return found
+                if (message := parse(line)) is not None:
+                    return message
             left = end - time.monotonic()
             if not select.select([self._port.fileno()], [], [], max(0.0, left))[0]:
                 return None

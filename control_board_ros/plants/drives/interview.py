@@ -85,9 +85,9 @@ class Interview(Generic[Result]):
 
     def hear(self, *said: Any) -> bool:
         """What a drive sent; true where it is an answer."""
-        if self.over or (found := self.question.pick(*said)) is None:
+        if self.over or (answer := self.question.pick(*said)) is None:
             return False
-        self._answers.append(found)
+        self._answers.append(answer)
         return True
 
     @property
@@ -103,17 +103,17 @@ class Interview(Generic[Result]):
             self.over, self.result = True, end.value
 
 
-def converse(questions: Questions[Result], asked: Callable[[Question], Answers]) -> Result:
+def converse(questions: Questions[Result], answers_to: Callable[[Question], Answers]) -> Result:
     """Lead an interview on a line that nobody else uses; its result.
 
     Args:
         questions: Its generator.
-        asked: Asks a question; all answers.
+        answers_to: Asks a question; all answers.
     """
     try:
         question = next(questions)
         while True:
-            question = questions.send(asked(question))
+            question = questions.send(answers_to(question))
     except StopIteration as end:
         result: Result = end.value
         return result

@@ -79,7 +79,7 @@ class DrivesPlant:
         self._shafts = any(axis.motor_turns for axis in axes)
         self._timeout, self._period = math.inf, 0.0
         self._free = [True] * len(axes)
-        self._found: list[Identity | None] = [None] * len(axes)
+        self._identities: list[Identity | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
         #: Last position of each joint while its zero was certain, rad; NaN: there is none.
         self._seen, self._seen_at = [math.nan] * len(axes), [math.nan] * len(axes)
@@ -118,12 +118,12 @@ class DrivesPlant:
             JointDescription(
                 name=axis.name,
                 set_points=traits.set_points,
-                drive="" if found is None else f"{found.type} {found.firmware}".strip(),
+                drive="" if identity is None else f"{identity.type} {identity.firmware}".strip(),
                 rate=traits.rate,
                 resolution=traits.resolution / axis.ratio,
                 limits=NONE
-                if found is None
-                else axis.limits_at_joint(found.limits, self._turned[k]),
+                if identity is None
+                else axis.limits_at_joint(identity.limits, self._turned[k]),
                 turn=self._turn(k) / axis.ratio,
                 turned=self._turned[k] / axis.factor,
                 on_silence=traits.on_silence,
@@ -132,7 +132,7 @@ class DrivesPlant:
                 temperature_sensor=traits.temperature,
                 motor_encoder=axis.motor_turns > 0.0 or k in traits.motor_encoders,
             )
-            for k, (axis, found) in enumerate(zip(self.axes, self._found, strict=True))
+            for k, (axis, identity) in enumerate(zip(self.axes, self._identities, strict=True))
         )
         return Description(joints=tuple(joints))
 
@@ -154,7 +154,7 @@ class DrivesPlant:
         self.driver.line.clock = self.clock
         self.driver.open(setup, self.answers)
         reported, everyone = self.answers.reported, range(len(self.axes))
-        while any(one.lost for one in reported):
+        while any(report.lost for report in reported):
             orders = {k: self._order(k, UNPOWERED, SetPoint.OFF, ()) for k in everyone}
             self._send(orders, self.driver.exchange)
             self._judge()
@@ -273,7 +273,7 @@ class DrivesPlant:
             return False
         self._interviews[k] = None
         if action is Action.SET_UP:
-            self._found[k], reported.lost = interview.result, False
+            self._identities[k], reported.lost = interview.result, False
             reported.confirmed = True
             self._turns_due[k], self._turn_faults[k] = (turn := self._turn(k)) > 0.0, ""
             self._turn_steps[k] = turn / self.axes[k].ratio if turn > 0.0 else math.inf
@@ -344,22 +344,22 @@ class DrivesPlant:
 
     def _reports(self, now: float) -> list[DriveReport] | None:
         """What the drives report of themselves, where it changed, and once in REPORT."""
-        said = [(one.power, one.law, one.lost or one.unheard >= UNHEARD)
-                for one in self.answers.reported]  # fmt: skip
-        if said == self._said and now < self._says_at:
+        reports = [(report.power, report.law, report.lost or report.unheard >= UNHEARD)
+                for report in self.answers.reported]  # fmt: skip
+        if reports == self._said and now < self._says_at:
             return None
-        self._said, self._says_at = said, now + REPORT
-        return [self._report(k, *one) for k, one in enumerate(said)]
+        self._said, self._says_at = reports, now + REPORT
+        return [self._report(k, *report) for k, report in enumerate(reports)]
 
     def _report(self, k: int, power: bool, law: Hashable, silent: bool) -> DriveReport:
-        found, own, names = self._found[k], self.axes[k].turn, self.driver.traits.laws
-        if found is None:
+        identity, option, names = self._identities[k], self.axes[k].turn, self.driver.traits.laws
+        if identity is None:
             return DriveReport(lost=self.answers.lost[k], late=self.answers.late[k])
-        named = f"{law} {names[law]}" if law in names else f"{law}"
+        name = f"{law} {names[law]}" if law in names else f"{law}"
         return DriveReport(
-            zero=zero_of(found.turn if own is None else own),
-            power=power if found.says_power and not silent else None,
-            law=named if found.says_law and not silent and law is not None else None,
+            zero=zero_of(identity.turn if option is None else option),
+            power=power if identity.says_power and not silent else None,
+            law=name if identity.says_law and not silent and law is not None else None,
             lost=self.answers.lost[k],
             late=self.answers.late[k],
         )
@@ -370,8 +370,8 @@ class DrivesPlant:
 
     def _turn(self, k: int) -> float:
         """By which the position of a drive can be wrong after a restart, rad at its output."""
-        own, found = self.axes[k].turn, self._found[k]
-        turn = own if own is not None else 0.0 if found is None else found.turn
+        option, identity = self.axes[k].turn, self._identities[k]
+        turn = option if option is not None else 0.0 if identity is None else identity.turn
         return 0.0 if math.isnan(turn) else turn
 
     def _watch_turns(self, position: Array, late: Sequence[bool]) -> Array:
@@ -398,20 +398,20 @@ class DrivesPlant:
         """Correct the turns that a drive lost, or say that they are not certain (S9)."""
         self._turns_due[k] = False
         axis, joint = self.axes[k], self._joints[k]
-        last = None if math.isnan(self._seen[k]) else self._seen[k]
+        before = None if math.isnan(self._seen[k]) else self._seen[k]
         place = float(self._axes.position(self.answers.position)[k])
         turn = self._turn(k) / axis.ratio
         calibrates = joint is not None and joint.requires_calibration
-        if calibrates and last is None:
+        if calibrates and before is None:
             return  # it is calibrated before it moves
-        added = missing(place, turn, range_of(joint), last)
-        if added is not None:
-            self._turned[k], self._turn_faults[k] = added * axis.factor, ""
+        way = missing(place, turn, range_of(joint), before)
+        if way is not None:
+            self._turned[k], self._turn_faults[k] = way * axis.factor, ""
         elif calibrates:
             self._zero_lost[k] = True
         else:
             text_of = (JointKind.REVOLUTE if joint is None else joint.kind).position
-            near = "" if last is None else f", or near {text_of(last)}, where it was read last"
+            near = "" if before is None else f", or near {text_of(before)}, where it was read last"
             by = "" if math.isinf(turn) else f" by multiples of {text_of(turn)}"
             self._turn_faults[k] = (
                 f"its drive may have lost turns: {text_of(place)} may be wrong{by}; move it to "
@@ -499,12 +499,12 @@ def silent(axis: Axis, age: float) -> str:
     return f"no answer from id {axis.id} for {1e3 * age:.0f} ms"
 
 
-def maker(driver: Callable[[Own], Driver], options: type[Own], ids: range) -> Make:
+def maker(driver: Callable[[Own], Driver], schema: type[Own], ids: range) -> Make:
     """The ``make`` of a make's module: from joints and options to a plant.
 
     Args:
         driver: Its class.
-        options: The class of its options.
+        schema: The class of its options.
         ids: That its drives can have.
     """
 
@@ -514,10 +514,10 @@ def maker(driver: Callable[[Own], Driver], options: type[Own], ids: range) -> Ma
         Raises:
             PlantSettingsError: an argument is unknown or invalid.
         """
-        found = options.parse(names, arguments)
-        for axis in found.axes:
+        options = schema.parse(names, arguments)
+        for axis in options.axes:
             if axis.id not in ids:
                 raise axis.refused("id", f"{ids[0]} to {ids[-1]} is required")
-        return DrivesPlant(found.axes, driver(found))
+        return DrivesPlant(options.axes, driver(options))
 
     return make

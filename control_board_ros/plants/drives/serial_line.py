@@ -332,7 +332,7 @@ class ServoBus:
 
     def models(self, drive: int, attempts: int = ATTEMPTS) -> list[int]:
         """The models that answer as a drive: none, one, or two, if two answer each time."""
-        found: list[int] = []
+        numbers: list[int] = []
         model = self._library.model
         for attempt in range(attempts):
             time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
@@ -342,8 +342,8 @@ class ServoBus:
             models = [int.from_bytes(data, "little") for data in islice(answers, 2)]
             if len(models) == 1:
                 return models
-            found = models or found
-        return found
+            numbers = models or numbers
+        return numbers
 
     def close(self, axes: Sequence[Axis] = ()) -> None:
         """Torque off, and leave the port; safe to call twice, and where it is not open."""

@@ -10,7 +10,7 @@ NEAR = 0.25
 
 
 def missing(
-    place: float, step: float, ends: tuple[float, float] | None, last_place: float | None
+    place: float, step: float, ends: tuple[float, float] | None, before: float | None
 ) -> float | None:
     """What is to be added to the reading of a joint, rad; None: it is not certain.
 
@@ -18,7 +18,7 @@ def missing(
         place: As its drive reads, rad.
         step: Multiples of this may be missing; inf: any angle.
         ends: Of its range; None: it has none, or their places are not known.
-        last_place: Its last reading before the restart; None: there is none.
+        before: Its last reading before the restart; None: there is none.
     """
     if math.isinf(step):
         return None
@@ -26,9 +26,9 @@ def missing(
         first, final = math.ceil((ends[0] - place) / step), math.floor((ends[1] - place) / step)
         if first == final:
             return first * step
-        if first > final and last_place is None:
+        if first > final and before is None:
             return 0.0  # it is outside its range: that is no matter of turns
-    if last_place is None:
+    if before is None:
         return None if ends is not None else 0.0
-    turns = round((last_place - place) / step) * step
-    return turns if abs(place + turns - last_place) <= NEAR * step else None
+    turns = round((before - place) / step) * step
+    return turns if abs(place + turns - before) <= NEAR * step else None

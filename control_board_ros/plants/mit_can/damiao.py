@@ -66,8 +66,8 @@ class Damiao:
 
     def sent(self, message: Any) -> bool:
         """Whether a frame is from this motor."""
-        named = message.arbitration_id == self.master and not message.is_extended_id
-        return named and len(message.data) == 8 and message.data[0] & 0xF == self._axis.id
+        from_master = message.arbitration_id == self.master and not message.is_extended_id
+        return from_master and len(message.data) == 8 and message.data[0] & 0xF == self._axis.id
 
     @property
     def off(self) -> Frame:
@@ -169,8 +169,8 @@ def change_id(old: int, new: int) -> Questions[None]:
         data = struct.pack("<BBBBI", old, 0, SET, register, value)
         yield Question([(REGISTERS, data)], reading(old, register).pick)
     for register, value in ((ESC_ID, new), (MST_ID, 0x10 + new)):
-        found = yield from ask(reading(new, register), f"id {new} does not answer")
-        if found != value:
+        content = yield from ask(reading(new, register), f"id {new} does not answer")
+        if content != value:
             raise ValueError(f"id {old} does not accept {value} in register {register}")
     yield Question([(REGISTERS, bytes([new, 0, STORE, 1, 0, 0, 0, 0]))], lambda _: None)
 

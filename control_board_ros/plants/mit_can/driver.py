@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
@@ -21,7 +21,7 @@ from ..drives.interview import Question, Questions, converse
 from ..drives.plant import maker
 from ..drives.set_id import check, verify
 from ..errors import PlantSettingsError
-from ..interface import Setup
+from ..interface import DriveFault, Setup
 from . import damiao as d
 from . import frames as f
 from . import robstride as r
@@ -146,45 +146,46 @@ class MitDrives(CanDrives[MitOptions]):
 
 def scan(bus: str) -> list[Identity]:
     """What answers on a bus; it only reads, a motor that runs keeps its power."""
-    found = []
+    identities, ids = list[Identity](), set[int]()
+
+    def add(drive: int, make: str, fault: DriveFault | None, **more: Any) -> None:
+        ids.add(drive)
+        identities.append(Identity(id=drive, type=make, fault=fault, turn=ONE_TURN, **more))
+
     with CanLine(bus) as line:
         for drive in d.IDS:
             for _ in line.ask(d.reading(drive, d.MST_ID, several=True)):
                 line.send(d.REGISTERS, d.refresh(drive))
                 states = [m.data[0] >> 4 for m in line.collect(PATIENCE / 10) if len(m.data) == 8]
                 faults = [coded(state, d.FAULTS) for state in states if state in d.FAULTS]
-                version = line.ask(d.reading(drive, d.SW_VER))
-                one = Identity(
-                    id=drive, type="Damiao", fault=faults[0] if faults else None, turn=ONE_TURN
-                )
-                found.append(replace(one, firmware=f"{int(version[0])}" if version else ""))
-        for drive, _ in answering(line, p.identity, {one.id for one in found}):
+                version = "".join(f"{int(n)}" for n in line.ask(d.reading(drive, d.SW_VER)))
+                add(drive, "Damiao", faults[0] if faults else None, firmware=version)
+        for drive, _ in answering(line, p.identity, ids):
             volts, word = (
                 [*line.ask(p.reading(drive, index)), math.nan][0]
                 for index in (p.VOLTAGE, p.FAULTS)
             )
             fault = flagged(0 if math.isnan(word) else int(word), r.FAULTS)
-            one = Identity(id=drive, type="RobStride", voltage=volts, fault=fault, turn=ONE_TURN)
-            found.append(one)
-        for drive, word in answering(line, r.faults, {one.id for one in found}):
-            kind, fault = f"RobStride, protocol={f.MIT}", flagged(word, r.FAULTS)
-            found.append(Identity(id=drive, type=kind, fault=fault, turn=ONE_TURN))
-    return found
+            add(drive, "RobStride", fault, voltage=volts)
+        for drive, word in answering(line, r.faults, ids):
+            add(drive, f"RobStride, protocol={f.MIT}", flagged(word, r.FAULTS))
+    return identities
 
 
 def answering(
-    line: CanLine, question: Callable[[int], Question], known: Container[int]
+    line: CanLine, question: Callable[[int], Question], aside: Container[int]
 ) -> Iterator[tuple[int, Any]]:
-    """Who answers a question, and what; without known drives, to whom it would be a command."""
-    drives, came = [drive for drive in IDS if drive not in known], list[Any]()
-    for first in range(0, len(drives), BATCH):
-        for drive in drives[first : first + BATCH]:
+    """Who answers a question, and what; without some drives, to whom it would be a command."""
+    drives = [drive for drive in IDS if drive not in aside]
+    messages = list[Any]()
+    for begin in range(0, len(drives), BATCH):
+        for drive in drives[begin : begin + BATCH]:
             line.send(*question(drive).request[0])
-        came += line.collect(PATIENCE / 10)
-    came += line.collect(PATIENCE)
+        messages += line.collect(PATIENCE / 10)
+    messages += line.collect(PATIENCE)
     for drive in drives:
         pick = question(drive).pick
-        yield from ((drive, found) for message in came if (found := pick(message)) is not None)
+        yield from ((drive, word) for message in messages if (word := pick(message)) is not None)
 
 
 def set_id(bus: str, old: int, new: int) -> None:

@@ -67,18 +67,18 @@ def ranges(axis: f.MitAxis) -> f.Ranges:
     """
     model, scales = axis.model, axis.scales
     if model not in MODELS:
-        known = [f.DAMIAO, *MODELS]
-        hint = nearest(model, known)
-        raise axis.refused("model", f"unknown{hint}; known: {', '.join(known)}")
+        models = [f.DAMIAO, *MODELS]
+        hint = nearest(model, models)
+        raise axis.refused("model", f"unknown{hint}; known: {', '.join(models)}")
     if not scales:
         return MODELS[model]
-    found: f.Ranges | None = None
+    given: f.Ranges | None = None
     with contextlib.suppress(TypeError, ValueError):
-        found = f.Ranges(*map(float, scales.split("/")))
-    if found is None or not all(value > 0.0 for value in found):
+        given = f.Ranges(*map(float, scales.split("/")))
+    if given is None or not all(value > 0.0 for value in given):
         what = "rad/(rad/s)/(N·m)/(N·m/rad)/(N·m·s/rad) is required, as 12.57/44/17/500/5"
         raise axis.refused("scales", what)
-    return found
+    return given
 
 
 def faults(drive: int) -> Question:
@@ -102,8 +102,8 @@ def motion(drive: int, request: list[Frame]) -> Question:
 
 def sent_by(drive: int, message: Any) -> bool:
     """Whether a frame is from a motor."""
-    named = message.arbitration_id == MASTER and not message.is_extended_id
-    return named and len(message.data) == 8 and message.data[0] == drive
+    from_master = message.arbitration_id == MASTER and not message.is_extended_id
+    return from_master and len(message.data) == 8 and message.data[0] == drive
 
 
 def fault_word(data: bytes) -> int | None:

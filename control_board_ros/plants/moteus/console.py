@@ -136,24 +136,24 @@ def blob(head: str, data: bytes) -> bytes:
 
 def schema(fields: tuple[Field, ...]) -> bytes:
     """The schema of a record: each field with its flags, name, no other names, and no default."""
-    found = bytes([RECORD, 0])
+    data = bytes([RECORD, 0])
     for field in fields:
         size = struct.calcsize(field.form)
         kind = {"f": bytes([FLOAT]), "i": bytes([SIGNED, size])}.get(
             field.form, bytes([UNSIGNED, size])
         )
         many = bytes([ARRAY, field.length]) if field.length else b""
-        found += bytes([0, len(field.name)]) + field.name.encode() + bytes([0]) + many + kind
-        found += bytes(1)
-    return found + bytes(5)  # a field without a name, which is the end
+        data += bytes([0, len(field.name)]) + field.name.encode() + bytes([0]) + many + kind
+        data += bytes(1)
+    return data + bytes(5)  # a field without a name, which is the end
 
 
 def packed(fields: tuple[Field, ...], values: Mapping[str, float | list[int]]) -> bytes:
     """Values in the order of their fields."""
-    found = b""
+    data = b""
     for name, form, length in fields:
         value = values[name]
         parts = value if isinstance(value, list) else [value]
         whole = parts if form == "f" else [int(part) for part in parts]
-        found += struct.pack(f"<{length or 1}{form}", *whole)
-    return found
+        data += struct.pack(f"<{length or 1}{form}", *whole)
+    return data

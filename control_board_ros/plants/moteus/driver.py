@@ -113,7 +113,7 @@ class MoteusDrives(CanDrives[MoteusOptions]):
         """Set the watchdog and the largest torque of a drive, and read its gains and limits."""
         axis, joint, drive = self._axes[k], self._setup.joints[k], self._drives[k]
         data = yield from find(identity(axis.id), axis, self._options.bus, "moteus")
-        found = identity_of(axis.id, data)
+        facts = identity_of(axis.id, data)
         yield from self._put(k, TIMEOUT_MODE, f"{self._timeout_mode(k)}")
         yield from self._put(k, "servo.default_timeout_s", f"{self._setup.timeout:.4f}")
         numbers = {}
@@ -134,7 +134,7 @@ class MoteusDrives(CanDrives[MoteusOptions]):
             velocity=numbers["servo.max_velocity"] * f.REV,
             current=numbers["servo.max_current_A"],
         )
-        return replace(found, limits=limits, turn=(yield from self._turn(axis.id)))
+        return replace(facts, limits=limits, turn=(yield from self._turn(axis.id)))
 
     def _turn(self, number: int) -> Questions[float]:
         """A turn of its rotor, unless an encoder at the output tells them apart."""
@@ -376,9 +376,9 @@ def set_id(bus: str, old: int, new: int) -> None:
         who = moteus.Controller(id=old)
         line.send(old, f.padded(who.make_diagnostic_write(words).data))
         for line_of_it, answer in (("conf get id.id", f"{new}"), ("conf write", "OK")):
-            found = converse(said(new, line_of_it), partial(asked, new))
-            if found != answer:
-                raise ValueError(f"id {new}: {line_of_it}: {found!r}; {answer} is expected")
+            reply = converse(said(new, line_of_it), partial(asked, new))
+            if reply != answer:
+                raise ValueError(f"id {new}: {line_of_it}: {reply!r}; {answer} is expected")
         verify(old, new, heard)
 
 

@@ -118,6 +118,6 @@ def reading(data: bytes) -> tuple[int, float, float, float, float, float, int]:
             return mode, q, dq, torque, amps, 0.5 * volts, fault
     from moteus.protocol import parse_reply
 
-    found = parse_reply(data)
-    q, dq, torque, amps, volts = (float(found[r]) for r in (1, 2, 3, 4, 0x0D))
-    return int(found[0x000]), q, dq, torque, amps, volts, int(found[0x00F])
+    registers = parse_reply(data)
+    q, dq, torque, amps, volts = (float(registers[r]) for r in (1, 2, 3, 4, 0x0D))
+    return int(registers[0x000]), q, dq, torque, amps, volts, int(registers[0x00F])

@@ -127,16 +127,16 @@ class VirtualMoteus:
             return
         me = self.id
         try:
-            found = v.read(data)
+            content = v.read(data)
         except Exception:  # noqa: BLE001 - no frame of its protocol: it does nothing
             return
-        if not self._is_meant(found.writes):
+        if not self._is_meant(content.writes):
             return
-        for said in found.said:
+        for said in content.said:
             self._console.hear(said)
-        self._write(found.writes)
-        reply = v.answer(found.reads, self._registers()) if found.reads else b""
-        for channel, most in found.wanted:
+        self._write(content.writes)
+        reply = v.answer(content.reads, self._registers()) if content.reads else b""
+        for channel, most in content.wanted:
             piece = self._console.say(most)
             reply += bytes([0x41, channel, len(piece)]) + piece
         if frame_id & 0x8000 and 0 < len(reply) <= 64:

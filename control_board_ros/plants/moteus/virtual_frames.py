@@ -114,7 +114,7 @@ def answer(reads: tuple[tuple[int, int], ...], registers: Mapping[int, float]) -
 @lru_cache(64)
 def runs(reads: tuple[tuple[int, int], ...]) -> list[tuple[bytes, list[int], int]]:
     """Registers of one resolution that follow each other, with the head of their subframe."""
-    found = []
+    answers = []
     ordered = groupby(enumerate(reads), lambda each: (each[1][0] - each[0], each[1][1]))
     for (_, resolution), run in ordered:
         numbers = [register for _, (register, _) in run]
@@ -124,8 +124,8 @@ def runs(reads: tuple[tuple[int, int], ...]) -> list[tuple[bytes, list[int], int
         if count >= 4:
             writer.write_varuint(count)
         writer.write_varuint(numbers[0])
-        found.append((buffer.getvalue(), numbers, resolution))
-    return found
+        answers.append((buffer.getvalue(), numbers, resolution))
+    return answers
 
 
 def mapped(number: int, resolution: int, value: float) -> bytes:

@@ -217,17 +217,17 @@ class OdriveDrives(CanDrives[OdriveOptions]):
         form, drive, reported = FORMATS.get(command), self._drives[k], answers.reported[k]
         if form is None or len(data) != 8:
             return None
-        found = struct.unpack(form, data)
-        if not all(map(math.isfinite, found)):
+        numbers = struct.unpack(form, data)
+        if not all(map(math.isfinite, numbers)):
             return None
         if command == f.ESTIMATES:
-            answers.position[k], answers.velocity[k] = found[0] * REV, found[1] * REV
-            self._came(k, found[0], found[1], data)
+            answers.position[k], answers.velocity[k] = numbers[0] * REV, numbers[1] * REV
+            self._came(k, numbers[0], numbers[1], data)
         elif command == f.TORQUES:
-            answers.torque[k] = found[1]
+            answers.torque[k] = numbers[1]
         else:
-            reported.power = found[1] == f.CLOSED_LOOP
-            reported.fault = flagged(found[0], f.ERRORS)
+            reported.power = numbers[1] == f.CLOSED_LOOP
+            reported.fault = flagged(numbers[0], f.ERRORS)
         reported.law = drive.read if f.LAW in drive.parameters else drive.law or None
         drive.awaited.discard(command)
         return None if drive.awaited else k

@@ -127,16 +127,16 @@ def endpoints(version: Version, file: str) -> Mapping[str, Endpoint]:
             "releases, or unwatched=1 to go without the drive's watchdog"
         )
     try:
-        found = json.loads(Path(file).read_text(encoding="utf-8"))
+        content = json.loads(Path(file).read_text(encoding="utf-8"))
         of = (
-            str(found["fw_version"]).partition("-")[0],
-            ".".join(str(found["hw_version"]).split(".")[:2]),
+            str(content["fw_version"]).partition("-")[0],
+            ".".join(str(content["hw_version"]).split(".")[:2]),
         )
         made = {
             name: Endpoint(int(entry["id"]), FORMS[entry["type"]])
             for name, entry in (
-                (name, found["endpoints"][name])
-                for name in (*USED, *filter(found["endpoints"].__contains__, READ_TOO))
+                (name, content["endpoints"][name])
+                for name in (*USED, *filter(content["endpoints"].__contains__, READ_TOO))
             )
         }
     except (OSError, ValueError, KeyError, TypeError) as error:

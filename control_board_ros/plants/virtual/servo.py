@@ -51,13 +51,13 @@ class Framer:
         """The packets that these bytes complete."""
         self._bytes += data
         while (start := self._bytes.find(self._header)) >= 0:
-            found = self._bytes[start:]
-            if len(found) < self._head or len(found) < (end := self._length(found)):
-                self._bytes = found if len(found) < LONGEST else b""
+            pending = self._bytes[start:]
+            if len(pending) < self._head or len(pending) < (end := self._length(pending)):
+                self._bytes = pending if len(pending) < LONGEST else b""
                 return
-            if packet := self._read(found[:end]):
+            if packet := self._read(pending[:end]):
                 yield packet
-            self._bytes = found[end:] if packet else found[1:]
+            self._bytes = pending[end:] if packet else pending[1:]
         self._bytes = self._bytes[1 - len(self._header) :]
 
 
