@@ -178,7 +178,7 @@ def _connect_over_ros(board: str, **options: Any) -> ControlBoardClient:
 
     context = Context()  # independent of the program's rclpy.init()
     try:
-        context.init()
+        context.init(initialize_logging=False)  # no log file, nor a folder for it
         node = Node("control_board_client", context=context, enable_rosout=False)
         client = ControlBoardClient(node, board, **options)
     except Exception as error:

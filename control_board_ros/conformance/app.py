@@ -208,7 +208,7 @@ def connected(options: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardCl
     from ..client import ControlBoardClient
 
     context = Context()
-    context.init(args=[], domain_id=options.domain)
+    context.init(args=[], initialize_logging=False, domain_id=options.domain)
     node: Any = Node("control_board_conformance", context=context, use_global_arguments=False)
     limit = options.timeout
     client = ControlBoardClient(node, options.board, find_timeout=limit, answer_timeout=limit)

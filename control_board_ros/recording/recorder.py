@@ -168,7 +168,7 @@ class Recorder:
             return
         self._thread.close()
         context = Context()
-        context.init(args=[], domain_id=self._context.get_domain_id())
+        context.init(args=[], initialize_logging=False, domain_id=self._context.get_domain_id())
         self._release()
         self._context, self._own_context = context, True
         self._node = hidden_node(f"_recorder_{next(_numbers)}", context)

@@ -309,6 +309,14 @@ def test_faults_and_clear(cbctl: Any, ask: Any) -> None:
     assert ask("faults", "--all")[FIRST]["active"] is False
 
 
+def test_no_log_folder_is_needed(cbctl: Any, ask: Any) -> None:
+    """Where no log can be written, as in a read-only home, a stop is sent all the same."""
+    nowhere = dict.fromkeys(("HOME", "ROS_LOG_DIR"), "/proc/nowhere")
+    ended(*cbctl.command("estop"), env=cbctl.environment | nowhere)
+    assert cbctl("estop", "release").code == 0
+    assert ask("recover")["success"] is True
+
+
 def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
     """E1 to E3: one line each, with what to type next; the fault as a picture and as numbers."""
     stopped = cbctl("estop")

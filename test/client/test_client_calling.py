@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import rclpy
+from processes import python
 from rclpy.executors import SingleThreadedExecutor
 from talk import patient
 from waiting import GUARD
@@ -240,3 +241,11 @@ def test_refusals_of_ros_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "47")
     with pytest.raises(TypeError, match="patience"):
         connect(patience=1.0)
+
+
+def test_a_client_needs_no_log_folder(board: BoardProcess) -> None:
+    """A home that cannot be written, as of a service: a stop is sent all the same."""
+    program = "from control_board_ros.client import connect as c; print(c().emergency_stop(False))"
+    nowhere = dict.fromkeys(("HOME", "ROS_LOG_DIR"), "/proc/nowhere")
+    done = python(program, env=board.environment | nowhere)
+    assert (done.stdout, done.stderr) == ("accepted\n", "")

@@ -154,7 +154,11 @@ class Session:
         options = self.options
         context = Context()  # of its own: without rclpy's signal handlers, Ctrl-C is ours
         try:
-            context.init(args=options.ros_arguments or None, domain_id=options.domain)
+            context.init(
+                args=options.ros_arguments or None,
+                initialize_logging=bool(options.ros_arguments),  # it wants a folder for a file
+                domain_id=options.domain,
+            )
             self._stack.callback(context.try_shutdown)
             node = Node(
                 "cbctl",
