@@ -18,8 +18,6 @@ from control_board_ros.node.wiring import prepared
 from control_board_ros.node.wiring.prepared import (
     PreparedMessage,
     UnknownLayout,
-    changing,
-    of_byte,
     prepared_state,
 )
 from control_board_ros.node.wiring.publishing import BOARD_STATE, JOINT_STATE
@@ -51,7 +49,7 @@ def test_a_message_of_bytes_is_the_message(
 ) -> None:
     """Every field, NaN too; and the same where the layout is not known, without an end."""
     if not known:
-        monkeypatch.setattr(prepared, "changing", unknown)
+        monkeypatch.setattr(PreparedMessage, "_cut", unknown)
     template = prepared_state(message, sources, 3)
     assert bool(template.fallback) is not known
     shown = read(template, type(message), snapshot)
@@ -67,7 +65,13 @@ def unknown(*_arguments: Any) -> Any:
 
 def test_bytes_that_read_otherwise_are_not_used(snapshot: Snapshot, monkeypatch: Any) -> None:
     """A place found wrongly is noticed at the start."""
-    monkeypatch.setattr(prepared, "changing", lambda *looks: changing(*looks) + 8)
+    cut = PreparedMessage._cut
+
+    def shifted(self: PreparedMessage, trial: Any) -> list[bytes]:
+        first, stamp, *rest = cut(self, trial)
+        return [first[:-8], stamp, first[-8:] + rest[0], *rest[1:]]
+
+    monkeypatch.setattr(PreparedMessage, "_cut", shifted)
     template = prepared_state(BoardState(names=list(NAMES)), BOARD_STATE, 3)
     assert template.fallback
     np.testing.assert_array_equal(read(template, BoardState, snapshot).position, snapshot.position)
@@ -129,7 +133,8 @@ def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
     message = BoardState(names=["a", "bc", "def"])
     for field, kind in message.get_fields_and_field_types().items():
         if field in BOARD_STATE:
-            setattr(message, field, prepared.field_of(kind, of_byte(kind, 0, 3)))
+            zeros = np.zeros(3, bool if "bool" in kind else float)
+            setattr(message, field, prepared.field_of(kind, zeros))
     unused = padding(message)
     assert len(unused) > 4
 
@@ -144,16 +149,8 @@ def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
         assert prepared_state(message, BOARD_STATE, 3).fallback == ""
 
 
-def test_a_mark_in_a_name_is_no_place() -> None:
-    """A joint called AAAAAAAA... holds the mark's bytes, too."""
-    names = ["A" * 64, "B", "AAAAAAAAAAAAAAAAAAAAAAAA"]
-    assert prepared_state(BoardState(names=names), BOARD_STATE, 3).fallback == ""
-
-
-def test_places_of_numbers_are_those_that_all_messages_agree_on() -> None:
-    """Zero without the numbers, and the same mark with them."""
-    blank = [b"\0\0\0\0z", b"\0\0\0\1z"]
-    marked = [b"\0AAAz", b"\0ABAz"]
-    assert changing(blank, marked).tolist() == [1]
-    with pytest.raises(UnknownLayout, match="size"):
-        changing(blank, [b"A"])
+@pytest.mark.parametrize("count", [1, 2, 3, 8])
+def test_few_flags_are_found(count: int) -> None:
+    """Of a single joint they are one byte, which is in many places."""
+    names = ["\1" * k for k in range(count)]
+    assert prepared_state(BoardState(names=names), BOARD_STATE, count).fallback == ""

@@ -18,7 +18,7 @@ from ...settings.loading import Settings
 from ...urdf_xml import joints_in
 from ..loop.loop import ControlLoop
 from .messages import split_time, stamp
-from .prepared import MARK, STAMP, PreparedMessage
+from .prepared import STAMP, PreparedMessage
 from .publishing import StatePublisher, publisher
 
 
@@ -63,7 +63,6 @@ def prepared_frames(edges: Sequence[Edge], prefix: str = "") -> PreparedMessage:
     return PreparedMessage(
         lambda poses, nanoseconds: tf_message(edges, poses, stamp(nanoseconds), prefix),
         pieces,
-        blank=np.zeros_like(numbers),
-        marked=np.full_like(numbers, np.frombuffer(bytes([MARK]) * 8)),
         trial=numbers - 3.25,
+        other=numbers + 0.75,
     )
