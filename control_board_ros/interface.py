@@ -106,9 +106,13 @@ class Endpoint:
         return getattr(importlib.import_module(f"{package}.{kind}"), name)
 
 
-def full(kind: str, name: str) -> str:
-    """The full name of a type; one without a package is of control_board_msgs."""
-    return name if "/" in name else f"control_board_msgs/{kind}/{name}"
+def full(kind: str, type_: str, name: str = "") -> str:
+    """The full name of a type; empty: that of the endpoint's name, ``GetBrake`` of ``get_brake``.
+
+    One without a package is of control_board_msgs.
+    """
+    type_ = type_ or "".join(map(str.capitalize, name.rpartition("/")[2].split("_")))
+    return type_ if "/" in type_ else f"control_board_msgs/{kind}/{type_}"
 
 
 def topic(name: str, type_: str, qos: QoS, meaning: str = "") -> Endpoint:
@@ -116,20 +120,23 @@ def topic(name: str, type_: str, qos: QoS, meaning: str = "") -> Endpoint:
     return Endpoint("topic", name, full("msg", type_), qos, meaning)
 
 
-def command(name: str, type_: str, meaning: str = "", reference: K | None = None) -> Endpoint:
+def command(
+    name: str, meaning: str = "", reference: K | None = None, *, type_: str = ""
+) -> Endpoint:
     """A topic that the board subscribes to; ``qos_overrides`` parameters change its QoS."""
-    return Endpoint("command", name, full("msg", type_), STREAM, meaning, reference)
+    type_ = full("msg", type_, f"{name}_command")
+    return Endpoint("command", name, type_, STREAM, meaning, reference)
 
 
-def service(name: str, type_: str, meaning: str = "", **reads: str) -> Endpoint:
+def service(name: str, meaning: str = "", *, type_: str = "", **reads: str) -> Endpoint:
     """A service; ``reads``: methods of the board by the fields of the response."""
-    fields = tuple(reads.items())
-    return Endpoint("service", name, full("srv", type_), REQUESTS, meaning, reads=fields)
+    type_, fields = full("srv", type_, name), tuple(reads.items())
+    return Endpoint("service", name, type_, REQUESTS, meaning, reads=fields)
 
 
-def action(name: str, type_: str, meaning: str) -> Endpoint:
+def action(name: str, meaning: str, *, type_: str = "") -> Endpoint:
     """An action: a goal, feedback, a result."""
-    return Endpoint("action", name, full("action", type_), REQUESTS, meaning)
+    return Endpoint("action", name, full("action", type_, name), REQUESTS, meaning)
 
 
 # -- published --------------------------------------------------------------------------------
@@ -201,57 +208,50 @@ TF_STATIC = topic(
 
 # -- commands ---------------------------------------------------------------------------------
 
-POSITION_COMMAND = command(
-    "~/command/position", "PositionCommand", "Moves along minimum-jerk profiles.", K.POSITION
-)
+POSITION_COMMAND = command("~/command/position", "Moves along minimum-jerk profiles.", K.POSITION)
 POSITION_DIRECT_COMMAND = command(
-    "~/command/position_direct", "PositionDirectCommand", "Position steps.", K.POSITION_DIRECT
+    "~/command/position_direct", "Position steps.", K.POSITION_DIRECT
 )
 VELOCITY_COMMAND = command(
-    "~/command/velocity",
-    "VelocityCommand",
-    "Velocities; they expire after `timeouts.velocity`.",
-    K.VELOCITY,
+    "~/command/velocity", "Velocities; they expire after `timeouts.velocity`.", K.VELOCITY
 )
-TORQUE_COMMAND = command("~/command/torque", "TorqueCommand", "Torques.", K.TORQUE)
-OUTPUT_COMMAND = command("~/command/output", "OutputCommand", "PWM in percent.", K.OUTPUT)
+TORQUE_COMMAND = command("~/command/torque", "Torques.", K.TORQUE)
+OUTPUT_COMMAND = command("~/command/output", "PWM in percent.", K.OUTPUT)
 VELOCITY_DIRECT_COMMAND = command(
     "~/command/velocity_direct",
-    "VelocityDirectCommand",
     "Velocities without a ramp; they expire after `timeouts.velocity`.",
     K.VELOCITY_DIRECT,
 )
-CURRENT_COMMAND = command("~/command/current", "CurrentCommand", "Motor currents in A.", K.CURRENT)
+CURRENT_COMMAND = command("~/command/current", "Motor currents in A.", K.CURRENT)
 FEEDFORWARD_COMMAND = command(
     "~/command/feedforward",
-    "FeedforwardCommand",
     "Terms added to the output, or to the impedance torque. Accepted in every mode.",
 )
 JOINT_TRAJECTORY = command(
     "~/joint_trajectory",
-    "trajectory_msgs/msg/JointTrajectory",
     "Points to follow, interpolated; see [Trajectories](#trajectories).",
     K.POSITION_DIRECT,
+    type_="trajectory_msgs/msg/JointTrajectory",
 )
 JOINT_COMMANDS = command(
     "~/joint_commands",
-    "sensor_msgs/msg/JointState",
     "References that the mode of each joint accepts: its position, velocity or effort, by its "
     "control mode; NaN is no command. See [Joint commands](#joint-commands).",
+    type_="sensor_msgs/msg/JointState",
 )
 EXTERNAL_TORQUE = command(
     "~/external_torque",
-    "TorqueCommand",
     "Simulation only, with `allow_fault_injection`: external torques on the joints, N·m, until "
     "the next message.",
+    type_="TorqueCommand",
 )
 
 EXTERNAL_TORQUE_SENSOR = command(
     "~/external_torque_sensor",
-    "JointTorques",
     "Joint torques that another program measures or computes, N·m, for joints whose "
     "`torque_sensor` is `external`; without them for `timeouts.torque_sensor` such a joint is in "
     "HW_FAULT where it needs them.",
+    type_="JointTorques",
 )
 HEARTBEAT = Endpoint(
     "command",
@@ -264,56 +264,41 @@ HEARTBEAT = Endpoint(
 
 # -- services ---------------------------------------------------------------------------------
 
-SET_CONTROL_MODE = service(
-    "~/set_control_mode", "SetControlMode", "Set the control modes of joints."
-)
-GET_CONTROL_MODE = service(
-    "~/get_control_mode", "GetControlMode", "Read the control modes of joints."
-)
-SET_INTERACTION_MODE = service(
-    "~/set_interaction_mode", "SetInteractionMode", "Set the interaction modes of joints."
-)
-GET_INTERACTION_MODE = service(
-    "~/get_interaction_mode", "GetInteractionMode", "Read the interaction modes of joints."
-)
+SET_CONTROL_MODE = service("~/set_control_mode", "Set the control modes of joints.")
+GET_CONTROL_MODE = service("~/get_control_mode", "Read the control modes of joints.")
+SET_INTERACTION_MODE = service("~/set_interaction_mode", "Set the interaction modes of joints.")
+GET_INTERACTION_MODE = service("~/get_interaction_mode", "Read the interaction modes of joints.")
 GET_AVAILABLE_MODES = service(
-    "~/get_available_modes", "GetAvailableModes", "Read the modes that each joint implements."
+    "~/get_available_modes", "Read the modes that each joint implements."
 )
 GET_LIMITS = service(
     "~/get_limits",
-    "GetLimits",
     "Read the limits in force of joints: those of the board, or of the drive where they are "
     "narrower.",
 )
 GET_DRIVES = service(
     "~/get_drives",
-    "GetDrives",
     "Read the set-points that the drives of joints accept, where each loop runs, and what drives "
     "report.",
 )
 SEND_REFERENCE = service(
     "~/send_reference",
-    "SendReference",
     "Send references of one kind, as its command topic does, and answer for each joint: for "
     "single commands. Topics are for streams.",
 )
 SET_IMPEDANCE = service(
-    "~/set_impedance", "SetImpedance", "Set the virtual spring and damper of joints, at any time."
+    "~/set_impedance", "Set the virtual spring and damper of joints, at any time."
 )
 GET_IMPEDANCE = service(
-    "~/get_impedance",
-    "GetImpedance",
-    "Read the virtual spring and damper of joints, and their limits.",
+    "~/get_impedance", "Read the virtual spring and damper of joints, and their limits."
 )
 SET_REFERENCE_SPEED = service(
     "~/set_reference_speed",
-    "SetReferenceSpeed",
     "Set the speeds of position moves and the accelerations of velocity ramps, for commands "
     "that give none.",
 )
 GET_REFERENCES = service(
     "~/get_references",
-    "GetReferences",
     "Read the last accepted reference of every kind.",
     positions="get_target_position",
     direct_positions="get_ref_position",
@@ -326,120 +311,103 @@ GET_REFERENCES = service(
     currents="get_ref_current",
     ref_velocities="get_ref_velocity",
 )
-SET_BRAKE = service("~/set_brake", "SetBrake", "Set the brake modes of joints.")
+SET_BRAKE = service("~/set_brake", "Set the brake modes of joints.")
 GET_BRAKE = service(
     "~/get_brake",
-    "GetBrake",
     "Read the brake modes of joints, and whether their brakes are closed.",
     modes="get_brake",
     closed="is_joint_braked",
 )
 GET_COUPLING = service(
-    "~/get_coupling",
-    "GetCoupling",
-    "Read the coupling of the board's axes with the physical joints.",
+    "~/get_coupling", "Read the coupling of the board's axes with the physical joints."
 )
 STOP = service(
-    "~/stop",
-    "Stop",
-    "Stop the motion of joints: they brake, and are held where they come to rest.",
+    "~/stop", "Stop the motion of joints: they brake, and are held where they come to rest."
 )
-GET_FAULTS = service(
-    "~/get_faults", "GetFaults", "Read the last fault of joints, also after it was cleared."
-)
+GET_FAULTS = service("~/get_faults", "Read the last fault of joints, also after it was cleared.")
 RECOVER = service(
     "~/recover",
-    "Recover",
     "Clear the faults of joints and restore the modes before them, in one control cycle.",
 )
 GET_FREEZE_FRAME = service(
     "~/get_freeze_frame",
-    "GetFreezeFrame",
     "Read the readings and references around a joint's last fault, also after it was cleared: "
     "1.5 s before and 0.5 s after it, every control cycle.",
 )
 EMERGENCY_STOP = service(
     "~/emergency_stop",
-    "std_srvs/srv/SetBool",
     "`data: true` puts every joint of the robot into HW_FAULT, without power, in the next cycle; "
     "`data: false` releases it, and the joints stay in HW_FAULT until FORCE_IDLE or `~/recover`.",
+    type_="std_srvs/srv/SetBool",
 )
 LIST_POSES = service(
-    "~/list_poses", "ListPoses", "Read the names of the poses, and the positions of one of them."
+    "~/list_poses", "Read the names of the poses, and the positions of one of them."
 )
-SAVE_POSE = service("~/save_pose", "SavePose", "Save or replace a pose in the user's own file.")
+SAVE_POSE = service("~/save_pose", "Save or replace a pose in the user's own file.")
 GET_MOTORS = service(
     "~/get_motors",
-    "GetMotors",
     "Read the state and the limits of the motors of joints and of their amplifiers.",
 )
 SET_MOTORS = service(
-    "~/set_motors",
-    "SetMotors",
-    "Set the limits of the amplifiers of joints, within the configured ones.",
+    "~/set_motors", "Set the limits of the amplifiers of joints, within the configured ones."
 )
-GET_PIDS = service("~/get_pids", "GetPids", "Read the state of one control loop of joints.")
+GET_PIDS = service("~/get_pids", "Read the state of one control loop of joints.")
 SET_PIDS = service(
-    "~/set_pids", "SetPids", "Reset one control loop of joints, or set the offset of its output."
+    "~/set_pids", "Reset one control loop of joints, or set the offset of its output."
 )
 SET_ENCODERS = service(
-    "~/set_encoders",
-    "SetEncoders",
-    "Set the readings of the encoders of joints at their present positions.",
+    "~/set_encoders", "Set the readings of the encoders of joints at their present positions."
 )
 CONFIGURE = service(
     "~/configure",
-    "std_srvs/srv/Trigger",
     "The configuration is complete: joints leave NOT_CONFIGURED. Needed only with "
     "`autoconfigure: false`.",
+    type_="std_srvs/srv/Trigger",
 )
-POWER_CYCLE = service("~/power_cycle", "std_srvs/srv/Trigger", "Back to power-on.")
+POWER_CYCLE = service("~/power_cycle", "Back to power-on.", type_="std_srvs/srv/Trigger")
 INJECT_FAULT = service(
-    "~/inject_fault",
-    "InjectFault",
-    "Inject a fault into simulated joints, for the board to detect.",
+    "~/inject_fault", "Inject a fault into simulated joints, for the board to detect."
 )
 CLEAR_INJECTED_FAULTS = service(
     "~/clear_injected_faults",
-    "std_srvs/srv/Trigger",
     "Simulation only: remove injected causes. The joints stay in HW_FAULT until FORCE_IDLE.",
+    type_="std_srvs/srv/Trigger",
 )
 PAUSE = service(
     "~/pause",
-    "std_srvs/srv/SetBool",
     "Simulation only: `data: true` stops simulated time, `data: false` resumes it.",
+    type_="std_srvs/srv/SetBool",
 )
-STEP = service("~/step", "Step", "Advance a paused simulation.")
+STEP = service("~/step", "Advance a paused simulation.")
 RESET = service(
     "~/reset",
-    "std_srvs/srv/Trigger",
     "Simulation only: back to the initial pose and power-on, without external torques and "
     "injected faults.",
+    type_="std_srvs/srv/Trigger",
 )
 
 # -- actions ----------------------------------------------------------------------------------
 
-CALIBRATE = action("~/calibrate", "Calibrate", "Calibrate joints.")
-MOVE = action("~/move", "Move", "Move joints along minimum-jerk profiles and wait for the end.")
+CALIBRATE = action("~/calibrate", "Calibrate joints.")
+MOVE = action("~/move", "Move joints along minimum-jerk profiles and wait for the end.")
 GO_TO_POSE = action(
     "~/go_to_pose",
-    "GoToPose",
     "Move joints to a named pose, all of them arriving together, and wait for the end.",
 )
 FOLLOW_JOINT_TRAJECTORY = action(
     "~/follow_joint_trajectory",
-    "control_msgs/action/FollowJointTrajectory",
     "Follow a trajectory to its end within tolerances, as requested by MoveIt; see "
     "[Trajectories](#trajectories).",
+    type_="control_msgs/action/FollowJointTrajectory",
 )
 
 #: Additional services of a managed node (``lifecycle``), by rclpy's own means.
 LIFECYCLE = (
-    service("~/change_state", "lifecycle_msgs/srv/ChangeState"),
-    service("~/get_state", "lifecycle_msgs/srv/GetState"),
-    service("~/get_available_states", "lifecycle_msgs/srv/GetAvailableStates"),
-    service("~/get_available_transitions", "lifecycle_msgs/srv/GetAvailableTransitions"),
-    service("~/get_transition_graph", "lifecycle_msgs/srv/GetAvailableTransitions"),
+    service("~/change_state", type_="lifecycle_msgs/srv/ChangeState"),
+    service("~/get_state", type_="lifecycle_msgs/srv/GetState"),
+    service("~/get_available_states", type_="lifecycle_msgs/srv/GetAvailableStates"),
+    service("~/get_available_transitions", type_="lifecycle_msgs/srv/GetAvailableTransitions"),
+    service("~/get_transition_graph", type_="lifecycle_msgs/srv/GetAvailableTransitions"),
     topic("~/transition_event", "lifecycle_msgs/msg/TransitionEvent", STREAM),
 )
 
@@ -449,17 +417,19 @@ LIFECYCLE = (
 YARP: tuple[Endpoint, ...] = (
     topic("joint_states/controlModes", "std_msgs/msg/Int8MultiArray", STREAM),
     topic("joint_states/controlModeVocabs", "std_msgs/msg/Int32MultiArray", STREAM),
-    command("~/position", "yarp_control_msgs/msg/Position", reference=K.POSITION),
+    command("~/position", type_="yarp_control_msgs/msg/Position", reference=K.POSITION),
     command(
-        "~/position_direct", "yarp_control_msgs/msg/PositionDirect", reference=K.POSITION_DIRECT
+        "~/position_direct",
+        type_="yarp_control_msgs/msg/PositionDirect",
+        reference=K.POSITION_DIRECT,
     ),
-    command("~/velocity", "yarp_control_msgs/msg/Velocity", reference=K.VELOCITY),
-    service("~/get_modes", "yarp_control_msgs/srv/GetControlModes"),
-    service("~/set_modes", "yarp_control_msgs/srv/SetControlModes"),
-    service("~/get_position", "yarp_control_msgs/srv/GetPosition"),
-    service("~/get_velocity", "yarp_control_msgs/srv/GetVelocity"),
-    service("~/get_available_modes", "yarp_control_msgs/srv/GetAvailableControlModes"),
-    service("~/get_joints_names", "yarp_control_msgs/srv/GetJointsNames"),
+    command("~/velocity", type_="yarp_control_msgs/msg/Velocity", reference=K.VELOCITY),
+    service("~/get_modes", type_="yarp_control_msgs/srv/GetControlModes"),
+    service("~/set_modes", type_="yarp_control_msgs/srv/SetControlModes"),
+    service("~/get_position", type_="yarp_control_msgs/srv/GetPosition"),
+    service("~/get_velocity", type_="yarp_control_msgs/srv/GetVelocity"),
+    service("~/get_available_modes", type_="yarp_control_msgs/srv/GetAvailableControlModes"),
+    service("~/get_joints_names", type_="yarp_control_msgs/srv/GetJointsNames"),
 )
 
 #: A part of a robot has its readings below its own name; the robot's are in its namespace.

@@ -51,10 +51,10 @@ STOPS = (EMERGENCY_STOP, STOP)
 REPORT_EVERY = 5.0
 
 # Standard services of every node.
-LIST_PARAMETERS = service("~/list_parameters", "rcl_interfaces/srv/ListParameters")
-GET_PARAMETERS = service("~/get_parameters", "rcl_interfaces/srv/GetParameters")
+LIST_PARAMETERS = service("~/list_parameters", type_="rcl_interfaces/srv/ListParameters")
+GET_PARAMETERS = service("~/get_parameters", type_="rcl_interfaces/srv/GetParameters")
 SET_PARAMETERS = service(
-    "~/set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically"
+    "~/set_parameters_atomically", type_="rcl_interfaces/srv/SetParametersAtomically"
 )
 
 _numbers = itertools.count(1)
