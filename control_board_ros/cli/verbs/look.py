@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -85,17 +85,18 @@ def show_frame(session: Session, name: str) -> None:
 #: Smaller stamps are simulated time, not dates, s.
 DATES_FROM = 1e9
 
-REFERENCES = (
-    "position",
-    "direct",
-    "velocity",
-    "vel. dir.",
-    "torque",
-    "current",
-    "output",
-    "speed",
-    "accel.",
-)
+#: Columns of references: their cells, of a joint's kind and row.
+REFERENCES: dict[str, Callable[[JointKind, dict[str, Any]], str]] = {
+    "position": lambda kind, row: kind.position(row["position"]),
+    "direct": lambda kind, row: kind.position(row["direct_position"]),
+    "velocity": lambda kind, row: kind.velocity(row["velocity"]),
+    "vel. dir.": lambda kind, row: kind.velocity(row["direct_velocity"]),
+    "torque": lambda kind, row: kind.force(row["torque"]),
+    "current": lambda _, row: f"{row['current']:.2f} A",
+    "output": lambda _, row: f"{row['output']:.1f} %",
+    "speed": lambda kind, row: kind.velocity(row["speed"]),
+    "accel.": lambda kind, row: kind.acceleration(row["acceleration"]),
+}
 #: References of rare modes, by title: left out where all are zero.
 RARE = {"vel. dir.": "direct_velocity", "current": "current"}
 
@@ -110,18 +111,15 @@ def modes(session: Session, joints: list[str]) -> None:
 
 
 def modes_table(session: Session, rows: Rows) -> Any:
-    columns: dict[str, list[Any]] = {
-        "joint": list(rows),
-        "control mode": [],
-        "interaction mode": [],
+    def cell(row: dict[str, Any], kind: str) -> Any:
+        uncalibrated = kind == "control_mode" and lacks_calibration(row)
+        note = f" ({UNCALIBRATED})" if uncalibrated else ""
+        return mode_text(row[kind], f"{row[kind]:5}{row[f'{kind}_name']}{note}")
+
+    columns: dict[str, list[Any]] = {"joint": list(rows)} | {
+        kind.replace("_", " "): [cell(row, kind) for row in rows.values()]
+        for kind in ("control_mode", "interaction_mode")
     }
-    for row in rows.values():
-        control, interaction = row["control_mode"], row["interaction_mode"]
-        note = f" ({UNCALIBRATED})" if lacks_calibration(row) else ""
-        text = f"{control:5}{row['control_mode_name']}{note}"
-        columns["control mode"].append(mode_text(control, text))
-        text = f"{interaction:5}{row['interaction_mode_name']}"
-        columns["interaction mode"].append(mode_text(interaction, text))
     return grid(columns, names=session.names)
 
 
@@ -177,26 +175,12 @@ def references(session: Session, joints: list[str]) -> None:
 
 
 def references_table(session: Session, rows: Rows) -> Any:
-    columns: dict[str, list[str]] = {"joint": list(rows)} | {title: [] for title in REFERENCES}
-    for name, row in rows.items():
-        kind = session.kind(name)
-        cells = (
-            kind.position(row["position"]),
-            kind.position(row["direct_position"]),
-            kind.velocity(row["velocity"]),
-            kind.velocity(row["direct_velocity"]),
-            kind.force(row["torque"]),
-            f"{row['current']:.2f} A",
-            f"{row['output']:.1f} %",
-            kind.velocity(row["speed"]),
-            kind.acceleration(row["acceleration"]),
-        )
-        for title, cell in zip(REFERENCES, cells, strict=True):
-            columns[title].append(cell)
-    for title, field in RARE.items():
-        if not any(row[field] for row in rows.values()):
-            del columns[title]
-    return grid(columns, names=session.names, right=REFERENCES)
+    columns = {"joint": list(rows)} | {
+        title: [cell(session.kind(name), row) for name, row in rows.items()]
+        for title, cell in REFERENCES.items()
+        if title not in RARE or any(row[RARE[title]] for row in rows.values())
+    }
+    return grid(columns, names=session.names, right=list(REFERENCES))
 
 
 @several

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -28,18 +29,6 @@ BESIDE, HEAD = 3, 2
 #: The limits in force of each joint, where known.
 Limits = dict[str, JointLimits | None]
 
-TITLES = (
-    "joint",
-    "mode",
-    "int.",
-    "position",
-    "its limits",
-    "reference",
-    "torque",
-    "external",
-    "output",
-    "fault",
-)
 RIGHT = ("position", "reference", "torque", "external", "output")
 #: Columns dropped on a narrow terminal, in this order.
 DISPENSABLE = ("external", "output", "reference", "its limits", "torque", "int.")
@@ -233,13 +222,13 @@ def on_screen(views: Sequence[View], width: int, height: int) -> Any:
     from rich.console import Group
     from rich.text import Text
 
-    columns: dict[str, list[Text]] = {title: [] for title in TITLES if title != "fault"}
+    columns = defaultdict[str, list[Text]](list)
     for view in views:
-        by_title = view.columns()
-        for title, cells in columns.items():
+        for title, cells in view.columns().items():
             if len(views) > 1:
-                cells.append(Text(view.board if title == "joint" else "", style="bold"))
-            cells.extend(by_title[title])
+                columns[title].append(Text(view.board if title == "joint" else "", style="bold"))
+            columns[title] += cells
+    del columns["fault"]
     troubles = [trouble for view in views for trouble in view.faults()]
     notes = [
         Text(f"{name}: {fault}", style="red", no_wrap=True, overflow="ellipsis")
@@ -260,26 +249,25 @@ def columns_of(session: Session, rows: Rows, limits: Limits) -> dict[str, list[T
     """All columns by title, in their order."""
     from rich.text import Text
 
-    columns: dict[str, list[Text]] = {title: [] for title in TITLES}
-    for name, row in rows.items():
+    def cells(name: str, row: dict[str, Any]) -> dict[str, Text]:
         kind, known = session.kind(name), limits[name]
         scale = "" if known is None else bar(row["position"], known.lower, known.upper)
         trouble = row["fault"] or (UNCALIBRATED if lacks_calibration(row) else "")
-        cells = (
-            Text(name),
-            mode_text(row["control_mode"]),
-            mode_text(row["interaction_mode"]),
-            Text(kind.position(row["position"])),
-            Text(scale),
-            Text(kind.position(row["position_reference"])),
-            Text(kind.force(row["torque"])),
-            Text(kind.force(row["external_torque"])),
-            Text(f"{row['output']:z.0f} %"),
-            Text(trouble, style="red"),
-        )
-        for title, cell in zip(TITLES, cells, strict=True):
-            columns[title].append(cell)
-    return columns
+        return {
+            "joint": Text(name),
+            "mode": mode_text(row["control_mode"]),
+            "int.": mode_text(row["interaction_mode"]),
+            "position": Text(kind.position(row["position"])),
+            "its limits": Text(scale),
+            "reference": Text(kind.position(row["position_reference"])),
+            "torque": Text(kind.force(row["torque"])),
+            "external": Text(kind.force(row["external_torque"])),
+            "output": Text(f"{row['output']:z.0f} %"),
+            "fault": Text(trouble, style="red"),
+        }
+
+    joints = [cells(name, row) for name, row in rows.items()]
+    return {title: [joint[title] for joint in joints] for title in joints[0]}
 
 
 def fitted(
