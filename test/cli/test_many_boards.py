@@ -21,6 +21,7 @@ from control_board_ros.cli.board.only_board import alone_among
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options, read_options
 from control_board_ros.cli.verbs import load
+from control_board_ros.core.terms.reply import Reply, accepted
 from control_board_ros.testing import board_process
 
 
@@ -65,6 +66,27 @@ def test_boards_that_are_discovered_one_after_the_other(
     assert clock.now <= 5.0 + only_board.POLL
 
 
+def test_an_emergency_stop_waits_for_no_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """E2: without a default board, 1 s went by before the only one heard of it."""
+    clock = discovered(monkeypatch, {0.5: ["/icub/head"], 1.2: ["/icub/head", "/icub/torso"]})
+    stopped: list[bool] = []
+
+    def client(_node: object, name: str, **_: Any) -> Any:
+        assert name == "/icub/head"
+
+        def stop(on: bool) -> Reply:
+            stopped.append(on)
+            return accepted(("neck",))
+
+        return SimpleNamespace(emergency_stop=stop, close=lambda: None)
+
+    monkeypatch.setattr("control_board_ros.client.ControlBoardClient", client)
+    session = Alone(read_options([], [])[0])
+    assert load("estop")(session, None) == 0
+    assert stopped == [True]
+    assert clock.now < 0.9
+
+
 NODE: Any = SimpleNamespace(resolve_topic_name=lambda name: f"/{name}")
 
 
@@ -84,6 +106,10 @@ def discovered(monkeypatch: pytest.MonkeyPatch, seen: dict[float, list[str]]) ->
         )
     monkeypatch.setattr("control_board_ros.client.ros_link.boards_on", boards_on)
     return clock
+
+
+class Alone(Session):
+    node = NODE
 
 
 class Found(Session):

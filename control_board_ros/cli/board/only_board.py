@@ -12,8 +12,8 @@ from ..line.options import DEFAULT
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-#: s to wait for further boards after the last one.
-GATHERING = 1.0
+#: s to wait for further boards after the last one, and where an emergency stop waits.
+GATHERING, HASTE = 1.0, 0.3
 #: The same where the boards so far are several, and none is that of a robot: it may still come.
 SEVERAL = 3.0
 POLL = 0.05
@@ -21,12 +21,13 @@ POLL = 0.05
 ROBOT = "robot"
 
 
-def only_board(node: Node, timeout: float) -> str:
+def only_board(node: Node, timeout: float, gathering: float = GATHERING) -> str:
     """The board of a line that names none: the default, else the only one, or the only robot.
 
     Args:
         node: of cbctl.
         timeout: s to find a board.
+        gathering: s to wait for further ones, where there is only one, or only one robot.
     """
     from control_board_ros.client.ros_link import boards_on
 
@@ -40,7 +41,7 @@ def only_board(node: Node, timeout: float) -> str:
         if present != boards:
             boards, since = present, now
         alone = alone_among(boards)
-        if boards and now - since >= (GATHERING if alone else SEVERAL):
+        if boards and now - since >= (gathering if alone else SEVERAL):
             return alone or DEFAULT
         time.sleep(POLL)
     return DEFAULT

@@ -18,7 +18,7 @@ from ..line.offers import Typed
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, assignments, find_joints
 from ..text.output import load_drawing
-from .only_board import only_board
+from .only_board import GATHERING, only_board
 
 #: Suffix of the unit of a position, by quantity.
 RATES = {"position": "", "speed": "/s", "acceleration": "/s²"}
@@ -87,9 +87,11 @@ class Session:
 
     Attributes: options, shared (whether several lines use it: the shell), run_line (runs another
     line in this session and returns its exit code; set by ``invoke``), answers (results of a board
-    where several boards answer in one JSON; else None).
+    where several boards answer in one JSON; else None), gathering (s to wait for further boards
+    where the line names none).
     """
 
+    gathering = GATHERING
     run_line: Callable[[Sequence[str]], int]
 
     def __init__(self, options: Options) -> None:
@@ -129,14 +131,14 @@ class Session:
         The node comes first: from then on the middleware looks for the board in threads of its
         own, while this one loads the rest.
         """
-        node = self.node
+        node, timeout = self.node, self.options.timeout
         from control_board_ros.client import ControlBoardClient
 
         client = ControlBoardClient(
             node,
-            only_board(node, self.options.timeout) if self.options.only else self.options.board,
-            find_timeout=self.options.timeout,
-            answer_timeout=max(self.options.timeout, 1.0),
+            only_board(node, timeout, self.gathering) if self.options.only else self.options.board,
+            find_timeout=timeout,
+            answer_timeout=max(timeout, 1.0),
         )
         self._stack.callback(client.close)
         load_drawing()

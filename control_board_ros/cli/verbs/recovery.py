@@ -7,6 +7,7 @@ from typing import Any
 
 from control_board_ros.core.terms.reply import Answer, Reply
 
+from ..board.only_board import HASTE
 from ..board.reading import Rows, read_faults
 from ..board.session import Session
 from ..board.status import warn_without_power
@@ -64,6 +65,7 @@ def estop(session: Session, word: str | None) -> int:
     """Disable all joints of the robot immediately; estop release ends the stop."""
     if word not in (None, "release"):
         raise Refused(f"{word[:40]!r} is not valid; cbctl estop, or cbctl estop release")
+    session.gathering = HASTE  # of a robot that is discovered in parts, each one stops it whole
     reply = session.client.emergency_stop(word is None)
     recover_with = f"recover with: {session.line('recover')}"
     text = f"released; the joints are still in HW_FAULT; {recover_with}"
