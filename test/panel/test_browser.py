@@ -58,7 +58,7 @@ def send(page: Any, joint: str, value: float) -> None:
     go = page.get_by_label("Go: yes")
 
     def sent() -> bool:
-        box.fill(str(value))
+        box.fill(f"{value} deg")
         box.press("Enter")
         if far:
             page.wait_for_timeout(500)
@@ -124,25 +124,35 @@ def test_positions(page: Any, client: ControlBoardClient) -> None:
     choose(page, client, "joint_3", "pos")
 
 
+def step(page: Any, client: ControlBoardClient, text: str, start: float, end: float) -> None:
+    """Press a step of joint_1 until its target has gone from start to end, degrees."""
+
+    def pressed() -> None:
+        if abs(target(client, "joint_1") - start) > 0.01:  # a press that came late after all
+            send(page, "joint_1", start)
+        else:
+            page.get_by_label(f"joint_1 {text}", exact=True).click()
+            press_if_there(page.get_by_label("Go: yes"))  # it is still far away
+
+    insist(pressed, lambda: abs(target(client, "joint_1") - end) < 0.01)
+
+
 def test_steps_lead_from_the_target(page: Any, client: ControlBoardClient) -> None:
     """Presses add up, also while the joint moves, and end at a limit."""
     choose(page, client, "joint_1", "pos")
-    send(page, "joint_1", 0.0)
-    until(lambda: abs(target(client, "joint_1")) < 0.01)
-    for text, expected in (("+5°", 5.0), ("+1°", 6.0), ("−1°", 5.0), ("−5°", 0.0)):
-        page.get_by_label(f"joint_1 {text}", exact=True).click()
-        until(lambda end=expected: abs(target(client, "joint_1") - end) < 0.01)
-    page.get_by_label("Angles in: rad").click()
-    for text, expected in (("+0.05", 0.05), ("+0.01", 0.06), ("−0.01", 0.05), ("−0.05", 0.0)):
-        page.get_by_label(f"joint_1 {text} rad", exact=True).click()
-        until(lambda end=expected: abs(math.radians(target(client, "joint_1")) - end) < 1e-3)
+    for unit, steps in (("°", (5, 1, -1, -5)), (" rad", (0.05, 0.01, -0.01, -0.05))):
+        page.get_by_label(f"Angles in: {'deg' if unit == '°' else 'rad'}").click()
+        at = 0.0
+        insist(lambda: send(page, "joint_1", 0.0), lambda: abs(target(client, "joint_1")) < 0.01)
+        for way in steps:
+            end = at + (way if unit == "°" else math.degrees(way))
+            step(page, client, f"{'−' if way < 0 else '+'}{abs(way)}{unit}", at, end)
+            at = end
     page.get_by_label("Angles in: deg").click()
-    send(page, "joint_1", 168.0)
-    until(lambda: abs(target(client, "joint_1") - 168.0) < 0.01)
-    page.get_by_label("joint_1 +5°", exact=True).click()
-    page.get_by_label("Go: yes").click()  # it is still far away
+    near = lambda: abs(target(client, "joint_1") - 168.0) < 0.01  # noqa: E731
+    insist(lambda: send(page, "joint_1", 168.0), near)
     limit = math.degrees(client.get_limits("lbr_iiwa_joint_1")[1][0])
-    until(lambda: abs(target(client, "joint_1") - limit) < 0.01)
+    step(page, client, "+5°", 168.0, limit)
     client.stop()
 
 

@@ -26,7 +26,7 @@ MAKES: dict[str, tuple[str, dict[str, str]]] = {
     "dynamixel": ("dynamixel", {}),
     "feetech": ("feetech", {"unwatched": "1"}),
 }
-#: One fault of so many is tried, all day and in make test-long.
+#: One fault of so many is tried, all day and in the soak.
 SELDOM, OFTEN = 421, 151
 #: Pairs of faults of a make.
 PAIRS = 200
@@ -34,7 +34,7 @@ PAIRS = 200
 
 @pytest.mark.parametrize("make", MAKES)
 @pytest.mark.parametrize(
-    "stride", [SELDOM, pytest.param(OFTEN, marks=pytest.mark.slow)], ids=["few", "many"]
+    "stride", [SELDOM, pytest.param(OFTEN, marks=pytest.mark.soak)], ids=["few", "many"]
 )
 def test_no_single_fault_makes_a_drive_act_otherwise_than_shown(make: str, stride: int) -> None:
     """S8, S11: or move, or keep its power."""

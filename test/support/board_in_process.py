@@ -275,16 +275,20 @@ class Client:
         return self.names
 
 
-def session_of(robot: str = "", plant: Any = None, **options: Any) -> Session:
+def session_of(robot: str | settings.Settings = "", plant: Any = None, **options: Any) -> Session:
     """A session with a new board, of a robot, or of a plant with settings, or of the arm."""
-    made = settings.load(robot) if robot else getattr(plant, "settings", None)
+    made = settings.load(robot) if isinstance(robot, str) and robot else robot or None
+    made = made or getattr(plant, "settings", None)
     channel: Any = InProcess(made, plant)
     client: Any = Client(channel)
     return Session(channel, client, **options)
 
 
 def tried(
-    names: Sequence[str] = (), robot: str = "", joint: str = "left", **options: Any
+    names: Sequence[str] = (),
+    robot: str | settings.Settings = "",
+    joint: str = "left",
+    **options: Any,
 ) -> dict[str, tuple[str, str]]:
     """Outcome and evidence by rule, of all or of some, on a new board."""
     rules = [rule for rule in in_order() if not names or rule.name in names]
