@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from documents import ROOT, RUN, Block, Reader, blocks, pattern, reader
 
+from control_board_ros.settings.loading import load
+
 __all__ = ["reader"]
 
 PAGES = [
@@ -46,6 +48,15 @@ def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:
     if page.stem in NEEDED:
         pytest.importorskip(NEEDED[page.stem], reason="an extra")
     reader.follow(page)
+    if page.stem == "identify":
+        is_identified(reader.folder, "lbr_iiwa_joint_6.motor.torque_constant")
+
+
+def is_identified(folder: Path, name: str) -> None:
+    """G3: what a board's own recording says is what its file has."""
+    found = load(folder / "found.yaml").values[name]
+    assert found == pytest.approx(load("iiwa").values[name], rel=0.05)
+    assert "<html" in (folder / "found.html").read_text("utf-8")
 
 
 def test_there_are_pages_to_follow() -> None:
