@@ -142,7 +142,7 @@ def panel_server(domain: int, _: Path) -> None:
     assert len(err) < 20_000
 
 
-VERBS = ("modes --json", "faults --json", "mode __proto__ pos", "watch --once")
+VERBS = ("faults --json", "mode __proto__ pos", "watch --once")
 #: What listens to boards, each in a process of its own.
 LISTENERS: list[Callable[[int, Path], None]] = [
     recorder_and_report,
@@ -150,7 +150,15 @@ LISTENERS: list[Callable[[int, Path], None]] = [
     panel_server,
     *(partial(cbctl, verb) for verb in VERBS),
 ]
-OTHER_VERBS = ("modes", "faults", "poses", "impedance", "clear", "move constructor=0.1")
+OTHER_VERBS = (
+    "modes",
+    "modes --json",
+    "faults",
+    "poses",
+    "impedance",
+    "clear",
+    "move constructor=0.1",
+)
 
 
 def test_whatever_listens_ends_well(domain: int, tmp_path: Path) -> None:

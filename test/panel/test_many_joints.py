@@ -109,32 +109,38 @@ def test_32_joints_fit(page: Any) -> None:
     until(lambda: page.locator("#cards.as-cards article").count() == 32)
 
 
+#: Gives all joints a name, or their own again.
+NAMED = """(name) => document.querySelectorAll("h3").forEach((e) => {
+  e.dataset.name ??= e.textContent;
+  e.replaceChildren(name ?? e.dataset.name);
+})"""
+
+
 @pytest.mark.parametrize(
-    "size", [(1280, 800), (1440, 900), (1920, 1080), (2560, 1440), (390, 844)]
+    ("how", "sizes"),
+    [({}, [(1280, 800), (1440, 900), (1920, 1080), (2560, 1440)]), (PHONE, [(390, 844)])],
+    ids=["desk", "phone"],
 )
-def test_cards_hold_what_is_theirs(browser: Any, address: str, size: tuple[int, int]) -> None:
+def test_cards_hold_what_is_theirs(
+    browser: Any, address: str, how: dict[str, Any], sizes: list[tuple[int, int]]
+) -> None:
     """At every width, with the robot's names and with names of 30 characters."""
-    width, height = size
-    how: dict[str, Any] = dict(PHONE) if width < 700 else {}
-    how |= {"viewport": {"width": width, "height": height}}
     with context_of(browser, **how) as context:
         page = context.new_page()
         page.goto(address)
         until(lambda: page.evaluate("panel.cards.length === 32"))
         until(lambda: page.evaluate("panel.cards.every((card) => card.joint.state)"))
-        if width >= 700:
-            page.get_by_label("Joints as: Cards").click()
-        for tab in ("All joints", "left_arm"):
-            page.get_by_role("tab", name=tab).click()
-            if width >= 700:
-                page.get_by_label("Joints as: Cards").click()
-            assert page.evaluate(OUTSIDE) == []
-            assert page.evaluate(CUT) == []
-            page.evaluate(
-                "name => document.querySelectorAll('h3').forEach((e) => e.replaceChildren(name))",
-                LONG,
-            )
-            assert page.evaluate(OUTSIDE) == []
+        for width, height in sizes:
+            page.set_viewport_size({"width": width, "height": height})
+            for tab in ("All joints", "left_arm"):
+                page.get_by_role("tab", name=tab).click()
+                if how is not PHONE:
+                    page.get_by_label("Joints as: Cards").click()
+                page.evaluate(NAMED, None)
+                until(lambda: not page.evaluate(OUTSIDE), lambda: page.evaluate(OUTSIDE))
+                assert page.evaluate(CUT) == []
+                page.evaluate(NAMED, LONG)
+                assert page.evaluate(OUTSIDE) == []
         words = page.locator("#estop small")
         assert words.inner_text() == "arms without brakes fall"
         assert words.is_visible()

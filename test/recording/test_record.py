@@ -152,15 +152,6 @@ def test_a_step_is_measured(cbctl: Cbctl, tmp_path: Path) -> None:
     assert cbctl("param", "show", "state_rate", "--json").json == {"state_rate": 100.0}
 
 
-def test_a_sweep_is_measured(cbctl: Cbctl) -> None:
-    """Up to 5 Hz the joint follows: gain near 1, and the input explains the output."""
-    done = cbctl("chirp", "1", "--from", "0.5", "--to", "5", "--for", "8s", "--json").json
-    gain, coherence = np.array(done["gain"]), np.array(done["coherence"])
-    assert len(gain) > 5
-    assert np.all(np.abs(20.0 * np.log10(gain[:5])) < 1.0)
-    assert np.all(coherence > 0.9)
-
-
 def test_unmeasured_figures(cbctl: Cbctl) -> None:
     """Nothing moves that would leave its limits, does not hold, or has no size."""
     assert "outside its limits, -118.0° to 118.0°" in cbctl("step", "1", "--size", "200deg").err

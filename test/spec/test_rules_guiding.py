@@ -109,6 +109,7 @@ def test_an_arm_stays_where_it_is_put(arm: Guided) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("physics", ["mujoco"], indirect=True)
 def test_an_arm_is_pushed_away_and_stays_there(arm: Guided) -> None:
     """G1: a tenth of the torque limit moves a joint; left alone it rests within half a second."""
     arm.go(2)
