@@ -158,7 +158,8 @@ class Build(build_ext):
                 store.keep(ext.name, key, made)
             else:
                 built.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(kept / built.name, built)
+                # made now: over a newer one in the sources setuptools copies no older one
+                shutil.copy(kept / built.name, built)
         except Exception as error:  # noqa: BLE001 - whatever is wrong, the module runs as it is
             say_uncompiled(ext.name, error)
 
