@@ -141,14 +141,11 @@ def begun_anywhere(rate: float, seed: int, lost: float) -> tuple[Due, float]:
 
 
 @pytest.mark.parametrize(("rate", "lost", "often", "most", "jolts"), [
-    (20.0, 0.0, 0.05, 0.07, 0), (20.0, 0.03, 0.06, 0.08, 1), (30.0, 0.0, 0.03, 0.03, 0),
+    (20.0, 0.0, 0.05, 0.07, 0), (20.0, 0.03, 0.06, 0.08, 0), (30.0, 0.0, 0.03, 0.03, 0),
     (30.0, 0.03, 0.03, 0.03, 0), (50.0, 0.03, 0.02, 0.03, 0),
 ])  # fmt: skip
 def test_many_timings(rate: float, lost: float, often: float, most: float, jolts: int) -> None:
-    """P4: from the third second on, of 40 timings: nine tenths of them, and all but the jolts.
-
-    At 20 Hz a stream that loses several of its first ten samples is understood too late.
-    """
+    """P4: from the third second on, of 40 timings: nine tenths of them, and all but the jolts."""
     found = []
     for seed in range(40):
         due, phase = begun_anywhere(rate, seed, lost)
@@ -157,6 +154,18 @@ def test_many_timings(rate: float, lost: float, often: float, most: float, jolts
     position, speed = np.array(found).T
     assert np.quantile(position, 0.9) < often
     assert np.sum((position > most) | (speed > 0.2)) <= jolts
+
+
+@pytest.mark.parametrize(("rate", "seed"), [
+    (20.0, 44), (20.0, 179), (20.0, 185), (20.0, 348), (30.0, 159), (30.0, 200), (30.0, 546),
+    (50.0, 567),
+])  # fmt: skip
+def test_losses_among_the_first_samples_are_understood(rate: float, seed: int) -> None:
+    """P4: several at once, or one seen where none is: the worst of 600 timings, once 9 to 32 %."""
+    due, phase = begun_anywhere(rate, seed, 0.03)
+    position, speed = errors(fed(due, 5.0, lambda t: path(t, phase)), phase)
+    assert position[2000:].max() < 0.05
+    assert speed[2000:].max() < 0.2
 
 
 def stalled(rate: float, seconds: float, seed: int) -> Due:

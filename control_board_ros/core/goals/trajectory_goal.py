@@ -55,8 +55,6 @@ REPLACED_BY_PATH = "replaced by another trajectory"
 
 #: One turn of a continuous joint, rad.
 TURN = 2.0 * math.pi
-#: rad or m from the last point, without a tolerance: nearer, or at rest for as many s, is its end.
-NEAR, REST = 0.001, 0.1
 #: Paths that wait for their start at most; of more, the one that would begin first is left out.
 MAX_WAITING = 100
 
@@ -495,7 +493,6 @@ class TrajectoryGoal:
         self.notes = list(cuts(board, self._run).values())
         self._before: list[Run] = []  # of the goals before it: followed until it begins (T5)
         self._begun = False
-        self._moved = path.duration  # when the joints last were not as at the end, s
         self.names = [board.names[j] for j in joints]
         self.outcome: End | None = None
         self.cancelled = False
@@ -560,20 +557,11 @@ class TrajectoryGoal:
         elif late >= 0.0:
             miss = excess(errors, limits.goal) or self._astray(errors)
             if miss is None:
-                if self.elapsed - self._moved >= REST or not self._is_far(errors):
-                    self._end(Code.SUCCESSFUL, summary([REACHED, *self.notes]), NOBODY)
-                    self._follower.leave(self._run)
-                return
-            self._moved = self.elapsed
-            if 0.0 < limits.goal_time < late:
+                self._end(Code.SUCCESSFUL, summary([REACHED, *self.notes]), NOBODY)
+                self._follower.leave(self._run)
+            elif 0.0 < limits.goal_time < late:
                 text = f"{self._explain(miss, 'goal')}, {late:.3g} s after the last point"
                 self._miss(Code.GOAL_TOLERANCE_VIOLATED, text, errors, limits.goal)
-
-    def _is_far(self, errors: Array) -> bool:
-        """Whether a joint that shall be at rest is away from its last point, e.g. not yet off."""
-        position, velocity = self._tolerances.goal
-        waits = (position <= 0.0) & (velocity > 0.0) & (np.abs(errors[0]) > NEAR)
-        return bool(waits.any())
 
     def _astray(self, errors: Array) -> Excess | None:
         """The continuous joint that is on another turn than the goal's last point (T4)."""

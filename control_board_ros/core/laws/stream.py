@@ -6,7 +6,7 @@ Decision 25 says what was measured, and what was not taken.
 
 from __future__ import annotations
 
-from math import fabs
+from math import exp, fabs, log
 
 from ... import nocython as cython
 from .formulas import INFINITE, clamp, row
@@ -37,8 +37,10 @@ ARRIVALS = cython.declare(cython.int, 32)
 CHECKED = cython.declare(cython.int, 16)
 #: Error of a prediction, squared, in those of one interval, that makes numbers doubtful.
 DOUBTFUL = cython.declare(cython.double, 0.05)
-#: What another numbering of the arrivals must improve, in mean squares of what it leaves.
-RENUMBER = cython.declare(cython.double, 35.0)
+#: What another numbering must improve, in twice the logarithm of a likelihood; mean square of
+#: predictions then, at most, in those of third differences.
+RENUMBER = cython.declare(cython.double, 15.0)
+ANEW = cython.declare(cython.double, 4.0)
 #: Cost of a sample taken for lost, with that of the first ones over their number; maximum costs
 #: of the arrival and of the value; all in squares of standard deviations.
 LOSS = cython.declare(cython.double, 3.0)
@@ -240,6 +242,8 @@ class Stream:
     values: cython.double[::1]
     numbers: cython.double[::1]  # intervals before the last sample
     arrivals: cython.double[::1]  # since the last sample, s
+    samples: cython.double[::1]  # their values
+    bends: cython.double[::1]  # ln(1 + D²/s²) from each of them on
     places: cython.double[::1]  # intervals before the last sample, of arrivals
     heard = cython.declare(cython.int, visibility="public")  # arrivals
     grid = cython.declare(TimeBase, visibility="public")
@@ -269,6 +273,8 @@ class Stream:
         self.values = row(KNOTS)
         self.numbers = row(KNOTS)
         self.arrivals = row(ARRIVALS)
+        self.samples = row(ARRIVALS)
+        self.bends = row(ARRIVALS)
         self.places = row(ARRIVALS)
         self.grid, self.sent = TimeBase(), TimeBase()
         self.count = 0.0
@@ -329,7 +335,7 @@ class Stream:
     ) -> cython.void:
         """Start with one sample."""
         self.count, self.knots, self.pushed, self.weight = 1.0, 1, 0.0, 1.0
-        self.values[0], self.numbers[0] = x, 0.0
+        self.values[0], self.numbers[0], self.samples[0] = x, 0.0, x
         self.grid.clear(x, velocity)
         self.sent.clear(x, velocity)
         self.last, self.last_velocity = x, velocity
@@ -366,7 +372,7 @@ class Stream:
         self.gap = max(d, 0.99 * self.gap)
         share = n - 1.0 if n < 21.0 else 20.0
         self.uneven += (fabs(d - m * self.interval) - self.uneven) / share
-        self.settle_phase(d, m, period)
+        self.settle_phase(x, d, m, period)
         error = x - self.grid.at(m * self.interval)
         self.pace += (self.grid.v * self.grid.v - self.pace) / (n if n < 12.0 else 12.0)
         self.surprise *= 1.0 - 2.0 / ARRIVALS
@@ -385,7 +391,7 @@ class Stream:
 
     @cython.cfunc
     def settle_phase(
-        self, d: cython.double, m: cython.double, period: cython.double
+        self, x: cython.double, d: cython.double, m: cython.double, period: cython.double
     ) -> cython.void:
         """Lateness of the last sample; the earliest of the last ARRIVALS is in time."""
         latest = 0.0
@@ -393,9 +399,13 @@ class Stream:
             self.heard += 1
         for k in range(self.heard - 1, 0, -1):
             self.arrivals[k] = self.arrivals[k - 1] - d
+            self.samples[k] = self.samples[k - 1]
             self.places[k] = self.places[k - 1] + m
+        self.samples[0] = x
         if self.heard >= CHECKED and self.surprise > DOUBTFUL:
-            self.renumber(d, period)
+            for _ in range(4):  # several may be wrong
+                if not self.renumber(d, period):
+                    break
         self.early = 0.0
         for k in range(1, self.heard):
             late = self.arrivals[k] + self.places[k] * self.interval
@@ -406,11 +416,13 @@ class Stream:
         self.latest = min(self.latest, 0.8 * self.interval)
 
     @cython.cfunc
-    def renumber(self, d: cython.double, period: cython.double) -> cython.void:
+    def renumber(self, d: cython.double, period: cython.double) -> cython.bint:
         """Find a loss that was not seen, or seen where none was, in the last arrivals.
 
-        Their regression over the numbers is compared with those where a gap is longer or shorter
-        by one interval.
+        The cost of a numbering is n ln(Σ e²) of the arrivals, e: what their regression over the
+        numbers leaves, and Σ ln(1 + D²/s²) of the values, D: their third differences, s²: the
+        geometric mean of D². It is compared with those where a gap is longer or shorter by one
+        interval.
         """
         n = self.heard
         sum_x = 0.0
@@ -426,9 +438,10 @@ class Stream:
             xy += x * self.arrivals[k]
             yy += self.arrivals[k] * self.arrivals[k]
         yy -= sum_y * sum_y / n
-        least = self.left_over(n, sum_x, sum_y, xx, xy, yy)
-        before = least
-        best = 0
+        steps = 0.1 * n * period * period
+        scale = self.weigh_bends()
+        least = n * log(self.left_over(n, sum_x, sum_y, xx, xy, yy) + steps) - RENUMBER
+        first = 0
         change = 0.0
         tail_n = 0.0
         tail_x = 0.0
@@ -437,35 +450,91 @@ class Stream:
             tail_n += 1.0
             tail_x -= self.places[k]
             tail_y += self.arrivals[k]
-            left = self.left_over(
-                n, sum_x - tail_n, sum_y, xx - 2.0 * tail_x + tail_n, xy - tail_y, yy
-            )
-            if left < least:
-                least, best, change = left, k, 1.0
-            if self.places[k] - self.places[k - 1] < 1.5:
-                continue
-            left = self.left_over(
-                n, sum_x + tail_n, sum_y, xx + 2.0 * tail_x + tail_n, xy + tail_y, yy
-            )
-            if left < least:
-                least, best, change = left, k, -1.0
-        if best == 0 or n * (before - least) <= RENUMBER * (least + 0.1 * n * period * period):
-            return
-        for k in range(self.knots):
-            if self.sent.times[k] - d <= self.arrivals[best]:
-                self.numbers[k] -= change
+            for sign in range(-1, 2, 2):
+                if sign < 0 and self.places[k] - self.places[k - 1] < 1.5:
+                    continue
+                left = self.left_over(
+                    n,
+                    sum_x - sign * tail_n,
+                    sum_y,
+                    xx - 2.0 * sign * tail_x + tail_n,
+                    xy - sign * tail_y,
+                    yy,
+                )
+                left = n * log(left + steps)
+                left += self.bend_more(k, sign, scale, least - left)
+                if left < least:
+                    least, first, change = left, k, sign
+        if first == 0:
+            return False
         self.missing += 0.05 * change
-        self.surprise = 0.0
+        self.surprise, self.grid.residual = 0.0, min(self.grid.residual, ANEW * scale)
+        for k in range(self.knots):
+            if self.sent.times[k] - d <= self.arrivals[first]:
+                self.numbers[k] -= change
+        for k in range(first, n):
+            self.places[k] += change
+        self.regress()
+        self.find_interval(period)
+        return True
+
+    @cython.cfunc
+    def regress(self) -> cython.void:
+        """The sums of the regression, of the last arrivals alone."""
         self.weight = self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = 0.0
-        for k in range(n):
-            if k >= best:
-                self.places[k] += change
+        for k in range(self.heard):
             self.weight += 1.0
             self.sum_k -= self.places[k]
             self.sum_t += self.arrivals[k]
             self.sum_kk += self.places[k] * self.places[k]
             self.sum_kt -= self.places[k] * self.arrivals[k]
-        self.find_interval(period)
+
+    @cython.cfunc
+    def weigh_bends(self) -> cython.double:
+        """s², rad²; ln(1 + D²/s²) of each sample goes into ``bends``."""
+        scale = 0.0
+        n = self.heard - 3
+        least = 1e-9 * self.interval * self.interval * self.pace
+        for k in range(n):
+            self.bends[k] = self.bend(k, 0, 0.0)
+            scale += log(self.bends[k] + least)
+        scale = exp(scale / n)
+        for k in range(n):
+            self.bends[k] = log(1.0 + self.bends[k] / scale)
+        return scale
+
+    @cython.cfunc
+    def bend_more(
+        self, first: cython.int, change: cython.double, scale: cython.double, limit: cython.double
+    ) -> cython.double:
+        """What Σ ln(1 + D²/s²) grows by where samples are earlier; too much if > ``limit``."""
+        begin = max(first - 3, 0)
+        end = min(first, self.heard - 3)
+        more = 0.0
+        for k in range(begin, end):
+            more -= self.bends[k]
+        if more < limit:
+            for k in range(begin, end):
+                more += log(1.0 + self.bend(k, first, change) / scale)
+        return more
+
+    @cython.cfunc
+    def bend(self, k: cython.int, first: cython.int, change: cython.double) -> cython.double:
+        """D², D: three intervals' difference of the values of the samples k to k + 3, rad.
+
+        Sample ``first`` and those before it (0: none) are ``change`` intervals earlier.
+        """
+        p0 = self.places[k] + (change if k >= first > 0 else 0.0)
+        p1 = self.places[k + 1] + (change if k + 1 >= first > 0 else 0.0)
+        p2 = self.places[k + 2] + (change if k + 2 >= first > 0 else 0.0)
+        p3 = self.places[k + 3] + (change if k + 3 >= first > 0 else 0.0)
+        a = (self.samples[k] - self.samples[k + 1]) / (p1 - p0)
+        b = (self.samples[k + 1] - self.samples[k + 2]) / (p2 - p1)
+        c = (self.samples[k + 2] - self.samples[k + 3]) / (p3 - p2)
+        a = (a - b) / (p2 - p0)
+        b = (b - c) / (p3 - p1)
+        a = 6.0 * (a - b) / (p3 - p0)
+        return a * a
 
     @cython.cfunc
     def left_over(
