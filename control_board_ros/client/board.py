@@ -183,8 +183,8 @@ def _connect_over_ros(board: str, **options: Any) -> ControlBoardClient:
         client = ControlBoardClient(node, board, **options)
     except Exception as error:
         context.try_shutdown()
-        if isinstance(error, TypeError):
-            raise  # an unknown option
+        if isinstance(error, TypeError | BoardError):
+            raise  # an unknown option, or a board's name
         raise BoardError(f"cannot start a ROS node: {str(error).splitlines()[0]}") from error
     client._close = weakref.finalize(client, _end, client._close, node, context)
     return client

@@ -23,6 +23,7 @@ from rcl_interfaces.msg import Parameter
 from rclpy.action.client import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter as TypedParameter
 from rclpy.parameter import parameter_value_to_python
@@ -78,7 +79,11 @@ class RosLink:
     def __init__(self, node: Node, board: str, find_timeout: float, answer_timeout: float) -> None:
         self.user = node
         self._board = board.rstrip("/")
-        self.name = node.resolve_topic_name(self._board)
+        try:
+            self.name = node.resolve_topic_name(self._board)
+        except rclpy_implementation.RCLError as error:
+            cause = str(error).removeprefix("failed to resolve name: ").partition(", at ")[0]
+            raise BoardError(f"board name {board!r} is not valid; {cause}") from error
         self.domain = node.context.get_domain_id()
         self.find_timeout, self.answer_timeout = find_timeout, answer_timeout
         name = f"_{node.get_name()}_board_client_{next(_numbers)}"
