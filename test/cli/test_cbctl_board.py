@@ -309,6 +309,13 @@ def test_faults_and_clear(cbctl: Any, ask: Any) -> None:
     assert ask("faults", "--all")[FIRST]["active"] is False
 
 
+def test_a_terminal_that_cannot_show_a_sign_gets_another(cbctl: Any, ask: Any) -> None:
+    """The degree sign on an ASCII terminal."""
+    ascii_only = cbctl.environment | {"PYTHONIOENCODING": "ascii"}
+    shown = ended(*cbctl.command("watch", "--once"), env=ascii_only)
+    assert "28.6?" in shown.stdout
+
+
 def test_no_log_folder_is_needed(cbctl: Any, ask: Any) -> None:
     """Where no log can be written, as in a read-only home, a stop is sent all the same."""
     nowhere = dict.fromkeys(("HOME", "ROS_LOG_DIR"), "/proc/nowhere")

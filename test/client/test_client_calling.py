@@ -239,7 +239,7 @@ def test_refusals_of_ros_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BoardError, match=r"^cannot start a ROS node: .+$"):
         connect()
     monkeypatch.setenv("ROS_DOMAIN_ID", "47")
-    with pytest.raises(BoardError, match="^board name 'my board' is not valid; topic "):
+    with pytest.raises(BoardError, match=r"^board name 'my board' is not valid; topic "):
         connect("my board")
     with pytest.raises(TypeError, match="patience"):
         connect(patience=1.0)
