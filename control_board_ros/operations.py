@@ -26,7 +26,7 @@ from .core.goals.pose import Pose
 from .core.goals.tasks import CalibrationTask, MoveTask, PoseTask, made_pose, pose_now
 from .core.selection import RequestError
 from .core.state import Reference
-from .core.terms.drives import DriveUse
+from .core.terms.drives import LAWS, DriveUse
 from .core.terms.measurement import Row
 from .core.terms.motors import TERMS
 from .core.terms.reply import Reply
@@ -185,11 +185,10 @@ def array_fields(arrays: Any) -> Fields:
 
 
 def drive_fields(drives: Sequence[DriveUse]) -> Fields:
-    laws = ("position", "impedance", "torque", "current", "output")
     reports = [drive.reported for drive in drives]
     return {
         "set_points": [",".join(drive.set_points) for drive in drives],
-        **{law: [getattr(drive, law) or "" for drive in drives] for law in laws},
+        **{law: [getattr(drive, law) or "" for drive in drives] for law in LAWS},
         "on_silence": [drive.on_silence for drive in drives],
         "zero": [report.zero or "" for report in reports],
         "power": [POWER[report.power] for report in reports],

@@ -10,7 +10,7 @@ from typing import Any
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
 from control_board_ros.core.selection import listed
-from control_board_ros.core.terms.drives import DriveReport, DriveUse
+from control_board_ros.core.terms.drives import LAWS, DriveReport, DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
@@ -138,11 +138,7 @@ class ModeRequests(Interface):
         return [
             DriveUse(
                 set_points=tuple(response.set_points[k].split(",")),
-                position=response.position[k] or None,
-                impedance=response.impedance[k] or None,
-                torque=response.torque[k] or None,
-                current=response.current[k] or None,
-                output=response.output[k] or None,
+                **{law: getattr(response, law)[k] or None for law in LAWS},
                 on_silence=response.on_silence[k],
                 reported=DriveReport(
                     zero=response.zero[k] or None,
@@ -193,10 +189,10 @@ class ModeRequests(Interface):
         settings = await self.get_impedance_settings(joints)
         return settings.max_stiffness, settings.max_damping
 
-    @operation
-    async def get_torque_offset(self, joints: Joints = None) -> Floats:
-        """τ_ff of the impedance law, N·m, shape (k,): as set, or the captured load."""
-        return (await self.get_impedance_settings(joints)).torque_offset
+    get_torque_offset = get_impedance_settings.field(
+        "torque_offset",
+        "τ_ff of the impedance law, N·m, shape (k,): as set, or the captured load.",
+    )
 
     # --- one method per mode; those of the old IControlMode are deprecated (D1) ------------------
 

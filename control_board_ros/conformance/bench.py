@@ -298,9 +298,9 @@ class Bench:
         Raises:
             BoardTimeout: it is not received.
         """
-        wanted = self.channel.states_received + count
+        last = self.channel.states_received + count
         channel = self.channel
-        if not channel.wait_for(lambda: channel.states_received >= wanted, channel.patience):
+        if not channel.wait_for(lambda: channel.states_received >= last, channel.patience):
             raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
         return self.channel.states[-1]
 

@@ -26,15 +26,15 @@ def takes_the_power(bench: Bench) -> str:
 @rule("F2", "only FORCE_IDLE leaves a fault")
 def only_force_idle(bench: Bench) -> str:
     bench.fault()
-    wanted = [mode for mode in SELECTABLE if mode in bench.modes]
-    for mode in wanted:
+    selectable = [mode for mode in SELECTABLE if mode in bench.modes]
+    for mode in selectable:
         reply = bench.ask(SET_CONTROL_MODE, modes=[mode.code])
         expect(not reply, f"{mode} was accepted in HW_FAULT")
         expect(bench.mode is M.HW_FAULT, f"{mode} was refused and left HW_FAULT")
     reply = bench.ask(SET_CONTROL_MODE, modes=[M.FORCE_IDLE.code])
     expect(reply, f"FORCE_IDLE is refused: {reply.message}")
     expect(bench.mode is M.IDLE, f"FORCE_IDLE led to {bench.mode}, not IDLE")
-    return f"{', '.join(mode.name for mode in wanted)} refused; FORCE_IDLE led to IDLE"
+    return f"{', '.join(mode.name for mode in selectable)} refused; FORCE_IDLE led to IDLE"
 
 
 @rule("F3", "a cause that persists")

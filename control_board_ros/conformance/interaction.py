@@ -28,10 +28,10 @@ def per_joint(bench: Bench) -> str:
     for interaction in (COMPLIANT, STIFF):
         reply = bench.ask(SET_INTERACTION_MODE, modes=[interaction.code])
         expect(reply, f"{interaction} is available and refused: {reply.message}")
-        wanted = [*before]
-        wanted[bench.j] = interaction
+        expected = [*before]
+        expected[bench.j] = interaction
         now = client.get_interaction_mode()
-        expect(now == wanted, f"{interaction} for {bench.joint} alone did not do that")
+        expect(now == expected, f"{interaction} for {bench.joint} alone did not do that")
     return f"{bench.joint} COMPLIANT and STIFF again; the others kept theirs"
 
 
@@ -172,12 +172,14 @@ def impedance(bench: Bench) -> str:
     tried = []
     for number, mode in enumerate(bench.modes):
         bench.enter(mode)
-        wanted = ((0.1 + 0.01 * number) * top, (0.2 + 0.01 * number) * hardest)
-        reply = client.set_impedance(joint, *wanted)
+        impedance = ((0.1 + 0.01 * number) * top, (0.2 + 0.01 * number) * hardest)
+        reply = client.set_impedance(joint, *impedance)
         expect(reply, f"refused in {mode}: {reply.message}")
         stored = tuple(float(values[0]) for values in client.get_impedance(joint))
-        near = all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(stored, wanted, strict=True))
-        expect(near, f"in {mode} {wanted} was set and {stored} is read")
+        near = all(
+            math.isclose(a, b, rel_tol=1e-6) for a, b in zip(stored, impedance, strict=True)
+        )
+        expect(near, f"in {mode} {impedance} was set and {stored} is read")
         expect(bench.mode is mode, f"{mode} became {bench.mode} with the impedance")
         tried.append(mode.name)
     for bad in (-1.0, math.nan, math.inf, 1.01 * top + 1.0):

@@ -58,17 +58,17 @@ EXTRAS = frozenset(
 def all_offered(bench: Bench) -> str:
     in_the_requested_order(bench)
     board, (services, topics) = bench.channel.board, bench.channel.graph()
-    wanted = [
+    offers = [
         *((topics, e, e.of(board), e.type) for e in (*PUBLISHED, *COMMAND_TOPICS)),
         *((services, e, e.of(board), e.type) for e in SERVICES),
         *((services, e, f"{e.of(board)}/_action/send_goal", "") for e in ACTIONS),
     ]
-    wanted = [row for row in wanted if row[1].short not in EXTRAS]
-    for there, endpoint, name, kind in wanted:
+    offers = [row for row in offers if row[1].short not in EXTRAS]
+    for there, endpoint, name, kind in offers:
         expect(name in there, f"{endpoint.kind} {endpoint.name} is not offered")
         types = there[name]
         expect(not kind or kind in types, f"{endpoint.name} is of {types[0]}, not {kind}")
-    return f"{len(wanted)} topics, services and actions; two joints in the requested order"
+    return f"{len(offers)} topics, services and actions; two joints in the requested order"
 
 
 def in_the_requested_order(bench: Bench) -> None:
@@ -104,9 +104,9 @@ def refused_in_the_requested_order(bench: Bench) -> None:
     assume(mode is M.POSITION, f"{bench.partner} is in {mode} then, see M1")
     for names in ([bench.joint, bench.partner], [bench.partner, bench.joint]):
         response = bench.channel.call(SET_CONTROL_MODE, names=names, modes=[M.POSITION.code])
-        wanted = [Answer.REFUSED if name == bench.joint else Answer.ACCEPTED for name in names]
+        expected = [Answer.REFUSED if name == bench.joint else Answer.ACCEPTED for name in names]
         expect(
-            list(response.answers) == wanted,
+            list(response.answers) == expected,
             f"{names}, of which {bench.joint} is in HW_FAULT, answered {list(response.answers)}",
         )
 

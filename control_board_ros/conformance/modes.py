@@ -43,17 +43,17 @@ inside("V2", "misprints of the source", "it is about the source's text")
 @rule("M1", "every joint has its own mode")
 def own_modes(bench: Bench) -> str:
     client, before = bench.client, bench.client.get_control_mode()
-    wanted = bench.other
-    offered(wanted, f"{bench.joint} has one active mode only")
-    assert wanted is not None
-    reply = bench.ask(SET_CONTROL_MODE, modes=[wanted.code])
-    expect(reply, f"{wanted} is available and refused: {reply.message}")
+    target = bench.other
+    offered(target, f"{bench.joint} has one active mode only")
+    assert target is not None
+    reply = bench.ask(SET_CONTROL_MODE, modes=[target.code])
+    expect(reply, f"{target} is available and refused: {reply.message}")
     modes = [*before]
-    modes[bench.j] = wanted
-    expect(client.get_control_mode() == modes, f"{wanted} for {bench.joint} alone did not do that")
+    modes[bench.j] = target
+    expect(client.get_control_mode() == modes, f"{target} for {bench.joint} alone did not do that")
     expect(
         bench.shows([mode.code for mode in modes]),
-        f"{TIMEOUT:g} s after {wanted} was set for {bench.joint}, ~/modes has "
+        f"{TIMEOUT:g} s after {target} was set for {bench.joint}, ~/modes has "
         f"{' '.join(bench.channel.modes[-1].control_modes)}",
     )
     if bench.partner is None:
@@ -67,7 +67,7 @@ def own_modes(bench: Bench) -> str:
     )
     expect(client.get_control_mode(pair) == [M.POSITION] * 2, "a subset is read wrongly")
     if set(modes) == {M.POSITION}:
-        bench.enter(wanted)
+        bench.enter(target)
         reply = client.set_control_mode(None, M.POSITION)
         expect(reply, f"POSITION for all is refused: {reply.message}")
         expect(client.get_control_mode() == modes, "POSITION for all did not do that")

@@ -217,11 +217,11 @@ def retargeted_in_mixed(bench: Bench) -> float:
         jump < 0.3 * velocity * ramp,
         f"a new move beside a velocity made the reference jump by {jump:.3g}",
     )
-    added, wanted = float(reference[-1]) - target, velocity * float(times[-1] - accepted)
+    added, expected = float(reference[-1]) - target, velocity * float(times[-1] - accepted)
     expect(
-        added > wanted - 0.25 * velocity * ramp,
+        added > expected - 0.25 * velocity * ramp,
         f"a new move dropped the velocity of {velocity:.3g} {bench.kind.unit}/s beside it: "
-        f"that added {added:.3g}, not {wanted:.3g}",
+        f"that added {added:.3g}, not {expected:.3g}",
     )
     return added
 

@@ -23,21 +23,21 @@ def reference_speeds(bench: Bench) -> str:
     client, joint = bench.client, bench.joint
     stored = float(client.get_ref_speed(joint)[0]), float(client.get_ref_acceleration(joint)[0])
     expect(min(stored) > 0.0, f"it starts with a speed and an acceleration of {stored}")
-    wanted = (0.7 * bench.range.speed, 0.9 * bench.range.acceleration)
-    speed, acceleration = wanted
+    rates = (0.7 * bench.range.speed, 0.9 * bench.range.acceleration)
+    speed, acceleration = rates
     reply = bench.ask(SET_REFERENCE_SPEED, speeds=[speed], accelerations=[acceleration])
-    expect(reply, f"{wanted} is refused: {reply.message}")
+    expect(reply, f"{rates} is refused: {reply.message}")
     for bad in (0.0, -0.5 * bench.range.speed, math.nan, math.inf):
         for field in ("speeds", "accelerations"):
             answer = bench.ask(SET_REFERENCE_SPEED, **{field: [bad]})
             expect(not answer, f"{field} of {bad:g} were accepted")
     now = float(client.get_ref_speed(joint)[0]), float(client.get_ref_acceleration(joint)[0])
     expect(
-        all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(now, wanted, strict=True)),
-        f"{wanted} was set and {now} is read",
+        all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(now, rates, strict=True)),
+        f"{rates} was set and {now} is read",
     )
     unit = bench.kind.unit
-    texts = f"{wanted[0]:.3g} {unit}/s and {wanted[1]:.3g} {unit}/s²"
+    texts = f"{rates[0]:.3g} {unit}/s and {rates[1]:.3g} {unit}/s²"
     return f"{texts} read back; 0, negative, NaN refused"
 
 
@@ -102,20 +102,20 @@ def direct_positions(bench: Bench) -> str:
 @rule("P8", "open loop gives the PWM to the motor")
 def open_loop(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
-    wanted = bench.another(K.OUTPUT)
-    bench.command(K.OUTPUT, wanted)
-    output = output_shown(bench, wanted)
-    expect(close(output, wanted), f"{wanted:.3g} % was sent, {output:.3g} % is shown")
-    return f"{wanted:.3g} % sent, {output:.3g} % shown"
+    percent = bench.another(K.OUTPUT)
+    bench.command(K.OUTPUT, percent)
+    output = output_shown(bench, percent)
+    expect(close(output, percent), f"{percent:.3g} % was sent, {output:.3g} % is shown")
+    return f"{percent:.3g} % sent, {output:.3g} % shown"
 
 
-def output_shown(bench: Bench, wanted: float) -> float:
-    """The output once as wanted, else the last one received."""
+def output_shown(bench: Bench, percent: float) -> float:
+    """The output once it is near ``percent``, else the last one received."""
 
     def output() -> float:
         return float(bench.latest().output[bench.j])
 
-    bench.channel.wait_for(lambda: close(output(), wanted), TIMEOUT)
+    bench.channel.wait_for(lambda: close(output(), percent), TIMEOUT)
     return output()
 
 
@@ -175,9 +175,9 @@ inside("P10", "PWM or current", "which of the two the drive gets is not shown")
 @rule("P11", "feed-forward on the output")
 def feedforward(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
-    wanted, more = bench.another(K.OUTPUT), 0.5 * bench.another(K.OUTPUT)
-    bench.command(K.OUTPUT, wanted)
-    without = output_shown(bench, wanted)
+    percent, more = bench.another(K.OUTPUT), 0.5 * bench.another(K.OUTPUT)
+    bench.command(K.OUTPUT, percent)
+    without = output_shown(bench, percent)
     bench.client.set_feedforward(bench.joint, outputs=more)
     output = output_shown(bench, without + more)
     bench.client.set_feedforward(bench.joint, outputs=0.0)

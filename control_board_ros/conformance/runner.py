@@ -144,7 +144,7 @@ def passed(results: Sequence[Result]) -> bool:
     return Outcome.NOT_HELD not in outcomes and outcomes.count(Outcome.NOT_TESTED) <= MAX_UNTESTED
 
 
-def choose(client: ControlBoardClient, initial: InitialState, wanted: str | None) -> str:
+def choose(client: ControlBoardClient, initial: InitialState, name: str | None) -> str:
     """The joint to test: the requested one, else the last with most modes and least load.
 
     A loaded joint falls while unpowered; the last ones move the least mass.
@@ -152,10 +152,10 @@ def choose(client: ControlBoardClient, initial: InitialState, wanted: str | None
     Raises:
         NotTestable: the requested one is not testable.
     """
-    if wanted is not None:
-        if wanted not in initial.names:
-            raise NotTestable(f"{wanted} cannot be tried; these can: {', '.join(initial.names)}")
-        return wanted
+    if name is not None:
+        if name not in initial.names:
+            raise NotTestable(f"{name} cannot be tried; these can: {', '.join(initial.names)}")
+        return name
     available = dict(zip(initial.names, client.get_available_modes(initial.names), strict=True))
     offers = {name: len(modes) + 2 * len(ways) for name, (modes, ways) in available.items()}
     candidates = [name for name in initial.names if offers[name] == max(offers.values())]

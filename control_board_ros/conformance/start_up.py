@@ -79,11 +79,11 @@ def afterwards(bench: Bench) -> str:
     begin(bench)
     finish(bench)
     mode, interaction = bench.mode, bench.client.get_interaction_mode(bench.joint)[0]
-    wanted = calibrators_modes(bench)
+    expected = calibrators_modes(bench)
     expect(
-        (mode.code, interaction.code) == wanted,
+        (mode.code, interaction.code) == expected,
         f"{bench.joint} is in {mode}, {interaction} after its calibration, not in "
-        f"{' and '.join(wanted)}, its calibrator's modes",
+        f"{' and '.join(expected)}, its calibrator's modes",
     )
     return f"{mode}, {interaction} after its calibration"
 

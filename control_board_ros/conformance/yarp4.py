@@ -29,30 +29,31 @@ def direct_velocity(bench: Bench) -> str:
     joint, j = bench.joint, bench.j
     bench.enter(M.VELOCITY_DIRECT)
     before = float(bench.client.get_ref_acceleration(joint)[0])
-    slow, wanted = 0.05 * bench.range.acceleration, 0.5 * bench.range.speed
+    slow, velocity = 0.05 * bench.range.acceleration, 0.5 * bench.range.speed
     reply = bench.client.set_ref_acceleration(joint, slow)
     assume(reply, f"a reference acceleration of {slow:.3g} is refused, see P2")
     begin = bench.state().stamp
     try:
-        bench.command(K.VELOCITY_DIRECT, wanted)
+        bench.command(K.VELOCITY_DIRECT, velocity)
         bench.until(lambda s: abs(float(s.velocity_reference[j])) < 1e-6, TIMEOUT)
     finally:
         bench.client.set_ref_acceleration(joint, before)
     stopped = bench.state()
     seen = [abs(float(s.velocity_reference[j])) for s in bench.since(begin)]
     first = next((k for k, speed in enumerate(seen) if speed > 1e-9), None)
-    text = f"{joint} shows no velocity reference after one of {wanted:.3g} was accepted"
+    text = f"{joint} shows no velocity reference after one of {velocity:.3g} was accepted"
     expect(first is not None, text)
     reached = seen[first or 0]
     expect(
-        reached > 0.99 * wanted, f"the reference of {wanted:.3g} is ramped: {reached:.3g} first"
+        reached > 0.99 * velocity,
+        f"the reference of {velocity:.3g} is ramped: {reached:.3g} first",
     )
     expect(
         abs(float(stopped.velocity_reference[j])) < 1e-6,
         f"the reference is still {stopped.velocity_reference[j]:.3g} {TIMEOUT:g} s after its last",
     )
     expect(bench.mode is M.VELOCITY_DIRECT, f"its expiry led to {bench.mode}")
-    at_once = f"{wanted:.3g} {bench.kind.unit}/s at once"
+    at_once = f"{velocity:.3g} {bench.kind.unit}/s at once"
     return f"{at_once}, at a reference acceleration of {slow:.3g}; then it stops"
 
 
@@ -134,10 +135,10 @@ def coupled(bench: Bench) -> str:
     expect(strayed < OFF * step, f"another axis moved {strayed:.3g} with {bench.joint}")
     matrix = 0.5 * (first + last)
     for i in rows:
-        moved_by, wanted = reached[joints[i]] - shown[joints[i]], float(matrix[i] @ moved)
+        moved_by, expected = reached[joints[i]] - shown[joints[i]], float(matrix[i] @ moved)
         expect(
-            abs(moved_by - wanted) < OFF * step * np.abs(matrix[:, j]).max(),
-            f"{joints[i]} moved {moved_by:.3g}, not {wanted:.3g}, as {bench.joint} moved "
+            abs(moved_by - expected) < OFF * step * np.abs(matrix[:, j]).max(),
+            f"{joints[i]} moved {moved_by:.3g}, not {expected:.3g}, as {bench.joint} moved "
             f"{moved[j]:.3g}",
         )
     return f"{text}, which moved as coupled while {bench.joint} moved {moved[j]:.3g}"

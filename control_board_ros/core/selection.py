@@ -275,14 +275,14 @@ def control_modes(modes: Any, count: int) -> list[ControlMode]:
     Raises:
         ValueError: an unknown mode, a status that cannot be set (M6), or too few or many.
     """
-    wanted = _parse_all(modes, count, parse_control_mode)
-    for mode in wanted:
+    parsed = _parse_all(modes, count, parse_control_mode)
+    for mode in parsed:
         if mode not in REQUESTS:
             allowed = ", ".join(m.code for m in REQUESTABLE)
             raise RequestError(
                 f"{mode.code} ({mode.name}) is a status that cannot be set; set one of {allowed}"
             )
-    return wanted
+    return parsed
 
 
 def interaction_modes(modes: Any, count: int) -> list[InteractionMode]:

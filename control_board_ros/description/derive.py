@@ -164,18 +164,18 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
         bearable = stable_damping(load) * velocity / torque
         share = min(share, bearable / (1.0 + bearable))
     emf = give("motor.torque_constant", share * supply / (velocity * gear)) * gear
-    wanted = torque / (emf * values["motor.efficiency"])
+    current = torque / (emf * values["motor.efficiency"])
     driving = max(supply - emf * velocity, 0.2 * supply)
     braked = 1.05 * (supply + emf * velocity)
     peak_current = values.get("limits.peak_current")
-    resistance = max(driving / wanted, 0.0 if peak_current is None else braked / peak_current)
+    resistance = max(driving / current, 0.0 if peak_current is None else braked / peak_current)
     give("motor.resistance", resistance)
     give("motor.inductance", ELECTRICAL_TIME * values["motor.resistance"])
     share = min(max(NOMINAL_SHARE, 1.2 * load.gravity / torque), 1.0)
-    peak = max(braked / values["motor.resistance"], 1.05 * share * wanted)
+    peak = max(braked / values["motor.resistance"], 1.05 * share * current)
     if peak_current is not None:
-        share = min(share, 0.9 * peak_current / wanted)
-    nominal = give("limits.nominal_current", share * wanted)
+        share = min(share, 0.9 * peak_current / current)
+    nominal = give("limits.nominal_current", share * current)
     give("limits.peak_current", max(peak, 1.05 * nominal))
 
 

@@ -203,11 +203,11 @@ def check_numbers(root: ET.Element, source: str) -> None:
                 low = -ROUNDING if positive else -high
                 if text is None or _are_numbers(text, count, low, high):
                     continue
-                wanted = "a number" if count == 1 else f"{count} numbers"
-                wanted += " of at least 0" if positive else ""
+                allowed = "a number" if count == 1 else f"{count} numbers"
+                allowed += " of at least 0" if positive else ""
                 raise UrdfError(
                     f"{source}: {owner.tag} {owner.get('name', '')!r}: <{element.tag} "
-                    f"{attribute}={text[:40]!r}> is not {wanted}; numbers are finite, up to "
+                    f"{attribute}={text[:40]!r}> is not {allowed}; numbers are finite, up to "
                     f"{MAX_NUMBER:g}, with spaces between"
                 )
 

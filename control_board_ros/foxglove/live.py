@@ -74,12 +74,12 @@ class Forwarded:
 
     def follow(self, *, always: bool = False) -> None:
         """Subscribe or unsubscribe, as clients do."""
-        wanted = always or self.channel.has_sinks()
-        if wanted and self._subscription is None:
+        has_reader = always or self.channel.has_sinks()
+        if has_reader and self._subscription is None:
             self._subscription = self._node.create_subscription(
                 self._kind, self.name, print, self._qos.profile(), raw=True
             )
-        elif not wanted and self._subscription is not None:
+        elif not has_reader and self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
 

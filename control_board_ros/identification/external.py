@@ -65,7 +65,7 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
     )
     dry, wet = robot.numbers("motor.coulomb"), robot.numbers("motor.viscous")
     slip = SLIP * robot.numbers("limits.velocity")
-    wanted = robot.numbers("contact.bandwidth")
+    limit = robot.numbers("contact.bandwidth")
     traces = []
     for record in records:
         velocity, torque = record.signals["velocity"], record.signals["torque"]
@@ -75,7 +75,7 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
         # M Δq̇/T + c + g, as the board has it at each reading
         rates = np.diff(velocity, axis=0) / np.diff(record.time)[:, None]
         left = torques(arm, record.signals["position"][1:], velocity[1:], rates) - sensed[1:]
-        rate = 2.0 * math.pi * np.minimum(wanted, bandwidth(record))
+        rate = 2.0 * math.pi * np.minimum(limit, bandwidth(record))
         share = -np.expm1(-rate * np.diff(record.time)[:, None])
         shown, now = np.empty_like(left), np.zeros(left.shape[1])
         for k, (value, part) in enumerate(zip(left, share, strict=True)):

@@ -108,14 +108,14 @@ def bounds_of(
     Raises:
         NoRoomError: the limits leave less than LEAST of the range.
     """
-    wanted = kind.choose(RANGE, RANGE_SLIDING) if reach is None else reach
+    requested = kind.choose(RANGE, RANGE_SLIDING) if reach is None else reach
     clear = kind.choose(CLEARANCE_RAD, CLEARANCE_M)
     low, high = limits.lower + clear, limits.upper - clear
-    travel = min(wanted, 0.5 * (high - low))
-    if not travel > MIN_RANGE_SHARE * wanted:
+    travel = min(requested, 0.5 * (high - low))
+    if not travel > MIN_RANGE_SHARE * requested:
         raise NoRoomError(
             f"{joint} has {kind.position(limits.upper - limits.lower)} between its limits, too "
-            f"little to move {kind.position(wanted)} to either side; make --range smaller"
+            f"little to move {kind.position(requested)} to either side; make --range smaller"
         )
     centre = min(max(position, low + travel), high - travel)
     fastest = speed * limits.velocity

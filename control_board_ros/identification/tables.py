@@ -252,13 +252,13 @@ def series_of_bag(path: Path, sources: Mapping[str, Source]) -> dict[str, list[S
     highlevel = library("rosbags.highlevel")
     typesys = library("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    wanted = {c for signal, source in sources.items() if signal != TIME for c in source.columns}
-    rows: dict[str, list[tuple[float, float]]] = {column: [] for column in wanted}
+    columns = {c for signal, source in sources.items() if signal != TIME for c in source.columns}
+    rows: dict[str, list[tuple[float, float]]] = {column: [] for column in columns}
     try:
         with highlevel.AnyReader([path], default_typestore=store) as reader:
             of_topic: dict[str, list[tuple[str, list[str]]]] = {}
             topics = sorted({c.topic for c in reader.connections}, key=len, reverse=True)
-            for column in wanted:
+            for column in columns:
                 topic = next((t for t in topics if column.startswith(f"{t}/")), None)
                 if topic is None:
                     raise IdentificationError(

@@ -55,11 +55,11 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
         for name in ("position", "velocity", "position_reference", "motor_position", "current")
     }
     kind, ratio = robot.kind(joint), robot.number(joint, "motor.gear_ratio")
-    wanted, moved = float(np.ptp(rows["position_reference"])), float(np.ptp(rows["position"]))
+    way, moved = float(np.ptp(rows["position_reference"])), float(np.ptp(rows["position"]))
     why = next((r.ended for r in records if r.ended and blamed(r, joint)), "")
     turned = float(np.ptp(rows["motor_position"])) / ratio
-    if moved < MIN_JOINT_TRAVEL * wanted:
-        if turned > MIN_MOTOR_TRAVEL * wanted:
+    if moved < MIN_JOINT_TRAVEL * way:
+        if turned > MIN_MOTOR_TRAVEL * way:
             return (
                 f"its motor turns and the joint does not follow: {kind.position(turned)} at the "
                 f"motor, {kind.position(moved)} at the joint; a torn or loose belt, or a joint "
@@ -67,13 +67,13 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
             )
         if moved < kind.choose(TRAVEL, TRAVEL_SLIDING) or not np.isfinite(turned):
             return (
-                f"does not move: {kind.position(moved)} of {kind.position(wanted)} requested; a "
+                f"does not move: {kind.position(moved)} of {kind.position(way)} requested; a "
                 f"closed brake, an obstacle, a hard stop, or a motor without power{after(why)}"
             )
     if (text := of_gearbox(rows, kind, ratio) or of_current(rows)) or not why:
         return text
-    if moved < MIN_JOINT_TRAVEL * wanted:
-        ways = f"{kind.position(moved)} of {kind.position(wanted)} requested"
+    if moved < MIN_JOINT_TRAVEL * way:
+        ways = f"{kind.position(moved)} of {kind.position(way)} requested"
         return f"does not move: {ways}{after(why)}"
     return f"was stopped: {why}"
 

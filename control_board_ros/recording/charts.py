@@ -115,16 +115,6 @@ def tracking_charts(
     bounds = [factor * recording.parameter(joint, f"limits.{side}") for side in ("lower", "upper")]
     torque = recording.parameter(joint, "limits.torque")
     output = recording.parameter(joint, "limits.output", 100.0)
-    torques = [Trace("measured", time, recording.signal("torque", joint))]
-    following = recording.during(controlling, ("torq",))
-    following |= recording.during(recording.interaction_modes(joint), ("comp",))
-    if following.any():
-        wanted = np.where(following, recording.signal("torque_reference", joint), np.nan)
-        torques.append(Trace("reference", time, wanted, "reference"))
-    outside = recording.signals.get("external_torque")
-    if outside is not None and np.isfinite(outside[:, recording.names.index(joint)]).any():
-        external = recording.signal("external_torque", joint)
-        torques.append(Trace("from outside", time, external, "error"))
     spans = [(begin, end, MODE_COLOURS.get(code, "#cccccc")) for begin, end, code in controlling]
     marks = [(fault.time, "fault") for fault in recording.faults if fault.joint == joint]
     return [
@@ -146,7 +136,7 @@ def tracking_charts(
         Chart(
             f"{kind.choose('Torque', 'Force')}{within(torque)}",
             kind.force_unit,
-            torques,
+            torque_traces(recording, joint),
             [-torque, torque] if math.isfinite(torque) else [],
             least=0.1,
         ),
@@ -158,6 +148,22 @@ def tracking_charts(
             least=10.0,
         ),
     ]
+
+
+def torque_traces(recording: BoardRecording, joint: str) -> list[Trace]:
+    """The measured torque; its reference where it is followed, and that from outside if known."""
+    time = recording.time
+    traces = [Trace("measured", time, recording.signal("torque", joint))]
+    following = recording.during(recording.control_modes(joint), ("torq",))
+    following |= recording.during(recording.interaction_modes(joint), ("comp",))
+    if following.any():
+        reference = np.where(following, recording.signal("torque_reference", joint), np.nan)
+        traces.append(Trace("reference", time, reference, "reference"))
+    outside = recording.signals.get("external_torque")
+    if outside is not None and np.isfinite(outside[:, recording.names.index(joint)]).any():
+        external = recording.signal("external_torque", joint)
+        traces.append(Trace("from outside", time, external, "error"))
+    return traces
 
 
 def within(limit: float) -> str:

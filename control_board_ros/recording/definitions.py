@@ -60,15 +60,15 @@ def type_hash(type_name: str) -> str:
 def whole_text(type_name: str, text: str) -> str:
     """A definition followed by those it refers to, each below a line of ``=``."""
     parts, known = [text], {type_name}
-    wanted = [*referred(type_name, text)]
-    while wanted:
-        name = wanted.pop(0)
+    pending = [*referred(type_name, text)]
+    while pending:
+        name = pending.pop(0)
         if name not in known:
             known.add(name)
             part = share_file(name, ".msg").read_text("utf-8")
             package, _, message = name.split("/")
             parts.append(f"{SEPARATOR}\nMSG: {package}/{message}\n{part}")
-            wanted += referred(name, part)
+            pending += referred(name, part)
     return "\n".join(part.rstrip("\n") for part in parts) + "\n"
 
 

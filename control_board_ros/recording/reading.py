@@ -259,9 +259,9 @@ def read_boards(reader: Any) -> Iterator[BoardRecording]:
 
 def messages(reader: Any, topic: str) -> Iterator[tuple[float, Any]]:
     """The messages of a topic, with their time of reception, s."""
-    wanted = [c for c in reader.connections if c.topic == topic]
-    if wanted:
-        for connection, stamp, raw in reader.messages(connections=wanted):
+    connections = [c for c in reader.connections if c.topic == topic]
+    if connections:
+        for connection, stamp, raw in reader.messages(connections=connections):
             yield 1e-9 * stamp, reader.deserialize(raw, connection.msgtype)
 
 

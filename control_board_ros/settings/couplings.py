@@ -231,14 +231,14 @@ def _function(key: str, entry: Entry, text: str) -> FourBar | None:
     if call is None or made is None:
         known = ", ".join(f"{name}({'=…, '.join(keys)}=…)" for name, keys in ARGUMENTS.items())
         raise _refused(key, entry, f"'' or {known}; {shown(text)} is none")
-    wanted = ARGUMENTS[call[1]]
+    keys = ARGUMENTS[call[1]]
     pairs = [item.partition("=") for item in call[2].split(",")]
     try:
         arguments = {left.strip(): float(right) for left, _, right in pairs}
     except ValueError:
         arguments = {}
-    if set(arguments) != set(wanted) or len(pairs) != len(wanted):
-        raise _refused(key, entry, f"{call[1]}({'=…, '.join(wanted)}=…), a number each")
+    if set(arguments) != set(keys) or len(pairs) != len(keys):
+        raise _refused(key, entry, f"{call[1]}({'=…, '.join(keys)}=…), a number each")
     if (
         not all(np.isfinite(list(arguments.values())))
         or min(value for name, value in arguments.items() if name != "zero") <= 0.0

@@ -268,12 +268,8 @@ def _settings(
     """Settings of the given entries, completed by defaults and derived values."""
     parts = check_parts(table, entries)
     where = {name: entry.where for name, entry in entries.items()}
-    values = _values(BOARD, entries)
+    values = _board_values(entries)
     rate = values["control_rate"]
-    values.setdefault("physics_rate", rate * math.ceil(LEAST_PHYSICS_RATE / rate))
-    values.setdefault("physics", DEFAULT_PHYSICS)
-    virtual = values["plant"].startswith(VIRTUAL)
-    values.setdefault("plant_timeout", VIRTUAL_TIMEOUT if virtual else PLANT_TIMEOUT)
     for part, joints_there in parts.items():
         joints_of(joints_there, urdf, table[part].where, f"parts.{part}")
     part_joints = [name for of_part in parts.values() for name in of_part]
@@ -284,16 +280,8 @@ def _settings(
         motors = build.couplings(urdf, names, coupled.motors).motors
         assumed = complete(joints, urdf, (x, y, z), rate, motors)
         for name, joint_values in joints.items():
-            if not joint_values["torque_sensor"]:  # I7
-                joint_values["control_modes"] = [
-                    m for m in joint_values["control_modes"] if m not in SENSING
-                ]
-                if joint_values["admittance.dead_band"]:
-                    joint_values["drive"] = joint_values["drive"] or [SetPoint.POSITION.code]
-                else:
-                    joint_values["interaction_modes"] = [
-                        m for m in joint_values["interaction_modes"] if m not in SENSING
-                    ]
+            if not joint_values["torque_sensor"]:
+                _leave_out_sensing(joint_values)
             values |= {f"{name}.{key}": value for key, value in joint_values.items()}
         if parts:
             values["calibration_groups"] = groups_of(
@@ -306,17 +294,16 @@ def _settings(
         simulation.check_board(board)
     except ConfigError as error:
         raise SettingsError(_explain(error, where)) from None
-    values["joints"] = list(names)
-    defaults = {name for name in entries if name.startswith(JOINT_DEFAULTS + ".")}
-    values |= {name: entries[name].value for name in defaults}
     poses, beyond = poses_of(entries, board, {name: values[f"{name}.home"] for name in names})
-    values |= values_of(poses)
-    values |= {f"{PARTS}.{part}": list(entry.value) for part, entry in table.items()}
-    values |= couplings_of(coupled.entries, names)
+    values |= {
+        "joints": list(names),
+        **{n: entry.value for n, entry in entries.items() if n.startswith(JOINT_DEFAULTS + ".")},
+        **values_of(poses),
+        **{f"{PARTS}.{part}": list(entry.value) for part, entry in table.items()},
+        **couplings_of(coupled.entries, names),
+    }
     warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
-    warnings += tuple(stability.warnings(board).values())
-    if values["plant"] and not virtual and (remark := remark_of(values["robot"])):
-        warnings += (f"{values['robot']}: {remark}",)
+    warnings += tuple(stability.warnings(board).values()) + _remarks(values)
     notes = () if values["robot"] in NAMES else assumed.notes
     return Settings(
         board, simulation, urdf, values, ros, warnings, notes, where, poses, parts, coupled
@@ -334,6 +321,37 @@ def _values(
         elif row.default is not None:
             values[row.name] = row.default
     return values
+
+
+def _board_values(entries: Mapping[str, Entry]) -> dict[str, Any]:
+    """Values of the whole board; defaults that depend on others, too."""
+    values = _values(BOARD, entries)
+    rate, virtual = values["control_rate"], values["plant"].startswith(VIRTUAL)
+    values.setdefault("physics_rate", rate * math.ceil(LEAST_PHYSICS_RATE / rate))
+    values.setdefault("physics", DEFAULT_PHYSICS)
+    values.setdefault("plant_timeout", VIRTUAL_TIMEOUT if virtual else PLANT_TIMEOUT)
+    return values
+
+
+def _leave_out_sensing(values: dict[str, Any]) -> None:
+    """Leave out the modes of a joint that sense torques (I7).
+
+    With a dead band COMPLIANT remains, by a drive of positions.
+    """
+    kinds = ["control_modes"]
+    if values["admittance.dead_band"]:
+        values["drive"] = values["drive"] or [SetPoint.POSITION.code]
+    else:
+        kinds.append("interaction_modes")
+    for kind in kinds:
+        values[kind] = [mode for mode in values[kind] if mode not in SENSING]
+
+
+def _remarks(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """What to know of a shipped robot before a real one is driven."""
+    plant, robot = values["plant"], values["robot"]
+    real = plant and not plant.startswith(VIRTUAL)
+    return (f"{robot}: {remark}",) if real and (remark := remark_of(robot)) else ()
 
 
 def _slow(rate: float) -> tuple[str, ...]:

@@ -95,18 +95,18 @@ def poses_of(
     warnings: list[str] = []
     for name, parts in tables.items():
         speed = float(parts[SPEED].value) if SPEED in parts else 0.0
-        wanted = {joint: float(e.value) for joint, e in parts.items() if joint != SPEED}
-        if not wanted and name == HOME:
-            wanted = {joint: clipped(board, joint, home) for joint, home in homes.items()}
-        elif not wanted and name == PARK:
+        places = {joint: float(e.value) for joint, e in parts.items() if joint != SPEED}
+        if not places and name == HOME:
+            places = {joint: clipped(board, joint, home) for joint, home in homes.items()}
+        elif not places and name == PARK:
             home = poses.get(HOME) or Pose(HOME, (), ())
-            wanted = dict(zip(home.joints, home.positions, strict=True))
-        elif not wanted:
+            places = dict(zip(home.joints, home.positions, strict=True))
+        elif not places:
             where = next(iter(parts.values())).where
             raise SettingsError(
                 f"{where}: {POSES}.{name}: names no joint; add {POSES}.{name}.<joint>: <position>"
             )
-        positions = {joint: wanted[joint] for joint in board.names if joint in wanted}
+        positions = {joint: places[joint] for joint in board.names if joint in places}
         taken = {joint: clipped(board, joint, value) for joint, value in positions.items()}
         warnings += [
             f"{parts[joint].where}: {POSES}.{name}.{joint}: {positions[joint]:g} is outside the "

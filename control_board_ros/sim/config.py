@@ -211,9 +211,9 @@ class SimulationConfig:
         """Raise ConfigError unless this plant fits the board: joints, home poses and rates."""
         self.steps_per_cycle(board.control_rate)
         if self.names != board.names:
-            wanted = ", ".join(board.names)
+            names = ", ".join(board.names)
             raise ConfigError(
-                "simulation.joints", ", ".join(self.names), f"the board's joints: {wanted}"
+                "simulation.joints", ", ".join(self.names), f"the board's joints: {names}"
             )
         for joint, plant in zip(board.joints, self.joints, strict=True):
             low, high = joint.limits.hard_lower, joint.limits.hard_upper

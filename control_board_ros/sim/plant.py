@@ -264,11 +264,11 @@ class SimulatedPlant:
 
     def _brake(self, orders: Array | None) -> None:
         """Order the brakes; without an order they close."""
-        wanted = self._all_closed if orders is None else orders
+        closed = self._all_closed if orders is None else orders
         damage = self._faults.having("brake_stuck"), self._faults.having("brake_worn")
-        if (braked := wanted.tobytes()) != self._braked or damage != self._damage:
+        if (braked := closed.tobytes()) != self._braked or damage != self._damage:
             self._motors.damage(*damage)
-            self._motors.brake(wanted)
+            self._motors.brake(closed)
             self._braked, self._damage = braked, damage
 
     def _disturb(self, torque: Array) -> Array:

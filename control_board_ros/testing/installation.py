@@ -36,7 +36,7 @@ def extras(requirements: Iterable[str]) -> dict[str, str]:
 
     Requirements of the base with another Python are left out.
     """
-    wanted: dict[str, str] = {}
+    of_extras: dict[str, str] = {}
     base = set()
     for requirement in requirements:
         limit = re.search(r"python_version (<|>=) ['\"](\d+)\.(\d+)", requirement)
@@ -47,10 +47,10 @@ def extras(requirements: Iterable[str]) -> dict[str, str]:
         name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0].lower().replace("_", "-")
         extra = re.search(r"extra == ['\"]([\w-]+)", requirement)
         if extra:
-            wanted.setdefault(name, extra[1])
+            of_extras.setdefault(name, extra[1])
         else:
             base.add(name)
-    return {name: extra for name, extra in wanted.items() if name not in base}
+    return {name: extra for name, extra in of_extras.items() if name not in base}
 
 
 def modules(package: ModuleType = control_board_ros, requirements: Iterable[str] = ()) -> str:

@@ -28,13 +28,15 @@ def followed(session: Session, names: list[str]) -> Iterator[None]:
     try:
         yield
     finally:
-        now = client.get_control_mode(names)
-        changed = [k for k in range(len(names)) if now[k] is not before[k]]
-        back = [(names[k], before[k]) for k in changed if now[k] in MOVING]
-        back = [(name, mode) for name, mode in back if mode is not ControlMode.IDLE]
+        changes = zip(names, before, client.get_control_mode(names), strict=True)
+        back = {
+            name: mode
+            for name, mode, now in changes
+            if now in MOVING and mode not in (now, ControlMode.IDLE)
+        }
         if back:
-            client.stop([name for name, _ in back])
-            client.set_control_mode([name for name, _ in back], [mode for _, mode in back])
+            client.stop(list(back))
+            client.set_control_mode(list(back), list(back.values()))
 
 
 def approach(

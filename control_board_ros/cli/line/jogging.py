@@ -60,9 +60,9 @@ class Jog:
     def press(self, key: str, now: float) -> None:
         """Process a key at time ``now``, s; an unknown key stops the joint."""
         if key in ("left", "right"):
-            wanted = 1 if key == "right" else -1
-            held = wanted == self.direction and now < self.until
-            self.direction = wanted
+            way = 1 if key == "right" else -1
+            held = way == self.direction and now < self.until
+            self.direction = way
             self.until = now + (REPEATED if held else FIRST_PRESS)
             return
         self.direction = 0

@@ -76,11 +76,11 @@ def guided_joints(session: Session, words: Sequence[str]) -> list[str]:
     """
     names = session.joints(words)
     available = session.client.get_available_modes(names)
-    wanted = (ControlMode.POSITION, InteractionMode.COMPLIANT)
+    modes = (ControlMode.POSITION, InteractionMode.COMPLIANT)
     able = [
         name
         for name, (control, interaction) in zip(names, available, strict=True)
-        if wanted[0] in control and wanted[1] in interaction
+        if modes[0] in control and modes[1] in interaction
     ]
     if (words and len(able) < len(names)) or not able:
         others = ", ".join(name for name in names if name not in able)

@@ -36,9 +36,9 @@ def mode(session: Session, words: list[str]) -> int:
 
     With --board, a mode without joints is set on all joints of that board.
     """
-    names, wanted = joints_and_mode(session, words, "control", parse_control_mode, MODE_CODES)
-    reply = session.client.set_control_mode(names, wanted)
-    code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    names, requested = joints_and_mode(session, words, "control", parse_control_mode, MODE_CODES)
+    reply = session.client.set_control_mode(names, requested)
+    code = conclude(session, reply, f"{', '.join(reply.joints)}: {requested}")
     now = zip(reply.joints, reply.answers, reply.modes, strict=False)
     changed = {n: m.code for n, answer, m in now if answer in ("accepted", "unsupported")}
     warn_without_power(session, changed)
@@ -51,11 +51,11 @@ def interaction(session: Session, words: list[str]) -> int:
 
     With --board, a mode without joints is set on all joints of that board.
     """
-    names, wanted = joints_and_mode(
+    names, requested = joints_and_mode(
         session, words, "interaction", parse_interaction_mode, INTERACTION_CODES
     )
-    reply = session.client.set_interaction_mode(names, wanted)
-    code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    reply = session.client.set_interaction_mode(names, requested)
+    code = conclude(session, reply, f"{', '.join(reply.joints)}: {requested}")
     answers = zip(reply.joints, reply.answers, strict=True)
     warn_without_power(session, {n: "hwfa" for n, answer in answers if answer == "unsupported"})
     return code
@@ -77,15 +77,15 @@ def joints_and_mode(
     if len(words) < 2 and not session.options.board_named:
         verb = "mode" if kind == "control" else kind
         raise UsageError(f"name joints, then a mode, e.g. cbctl {verb} all {codes[0]}")
-    names, wanted = session.joints(words[:-1]), words[-1]
+    names, requested = session.joints(words[:-1]), words[-1]
     try:
-        parse(wanted)
+        parse(requested)
     except ValueError:
         known = {code: parse(code).name for code in codes}
-        hint = nearest(wanted, [*known, *known.values()])
+        hint = nearest(requested, [*known, *known.values()])
         shown = ", ".join(f"{code} ({name})" for code, name in known.items())
-        raise Refused(f"{kind} mode {wanted[:40]!r} unknown{hint}; one of {shown}") from None
-    return names, wanted
+        raise Refused(f"{kind} mode {requested[:40]!r} unknown{hint}; one of {shown}") from None
+    return names, requested
 
 
 @with_arguments(
@@ -141,18 +141,18 @@ def brake(session: Session, words: list[str]) -> int:
     removed. open and closed are manual: with an open brake an unpowered joint is free to fall;
     with a closed brake a joint refuses modes with power.
     """
-    wanted = words[-1].lower() if words and words[-1].lower() in set(BrakeMode) else ""
-    named = words[:-1] if wanted else words
+    requested = words[-1].lower() if words and words[-1].lower() in set(BrakeMode) else ""
+    named = words[:-1] if requested else words
     try:
         names = session.joints(named) if named else None
     except Refused as error:
         raise Refused(f"{error}; brakes are {', '.join(BrakeMode)}") from None
-    if not wanted:
+    if not requested:
         rows = read_brakes(session, names or list(session.names))
         show(session, rows, lambda: brake_table(session, rows))
         return DONE
-    reply = session.client.set_brake(names, wanted)
-    text = f"{', '.join(reply.joints)}: brake {wanted}"
+    reply = session.client.set_brake(names, requested)
+    text = f"{', '.join(reply.joints)}: brake {requested}"
     return conclude(session, reply, text, mode=UNPOWERED.code)
 
 

@@ -187,8 +187,8 @@ def holding(parts: list[str], names: list[str], joints: tuple[str, ...]) -> list
     Raises:
         Refused: no such name.
     """
-    wanted = [full_name(part, names, joints) for part in parts]
-    matches = [n for n in names if not wanted or any(part in n for part in wanted)]
+    full_names = [full_name(part, names, joints) for part in parts]
+    matches = [n for n in names if not full_names or any(part in n for part in full_names)]
     if not matches:
         words = {word for name in names for word in name.split(".")}
         hint = nearest(parts[0], words)

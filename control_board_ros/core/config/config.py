@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from ...text import clean_name
 from ..model.arm_model import ArmModel
 from ..model.coupling import Coupling, side_by_side
 from ..terms.arguments import Array
-from ..terms.drives import KINDS, DriveUse, OnSilence, SetPoint
+from ..terms.drives import KINDS, LAWS, DriveUse, OnSilence, SetPoint
 from ..terms.joint_kind import JointKind
 from ..terms.modes import (
     INITIAL_INTERACTION,
@@ -392,20 +392,10 @@ class JointConfig:
     @property
     def drive_use(self) -> DriveUse:
         """The set-point of each control law."""
-
-        def code(law: Law) -> str | None:
-            set_point = self.set_point_of(law)
-            return None if set_point is None else set_point.code
-
-        return DriveUse(
-            set_points=tuple(kind.code for kind in self.set_points),
-            position=code(Law.POSITION),
-            impedance=code(Law.IMPEDANCE),
-            torque=code(Law.TORQUE),
-            current=code(Law.CURRENT),
-            output=code(Law.OUTPUT),
-            on_silence=str(self.on_silence),
-        )
+        kinds = {law: self.set_point_of(Law[law.upper()]) for law in LAWS}
+        codes: dict[str, Any] = {law: kind and kind.code for law, kind in kinds.items()}
+        set_points = tuple(kind.code for kind in self.set_points)
+        return DriveUse(set_points, **codes, on_silence=str(self.on_silence))
 
     def _keep_reachable(self) -> None:
         """Leave out the modes that no set-point of its drive reaches (S1, B2)."""

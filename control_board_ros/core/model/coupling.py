@@ -360,15 +360,16 @@ class MotorMix:
             self._switch(powered)
         output.take(shared, out=asked[:count], mode="clip")
         velocity.take(shared, out=asked[count:], mode="clip")
-        wanted: Array = self._lead @ asked
+        motor_output: Array = self._lead @ asked
         cap = caps.take(shared, mode="clip")
-        if (np.abs(wanted) > cap).any():
-            wanted = np.maximum(np.minimum(wanted, cap), -cap)
+        if (np.abs(motor_output) > cap).any():
+            motor_output = np.maximum(np.minimum(motor_output, cap), -cap)
             speed = asked[count:]
-            acting = self._together @ (wanted - self._motor_emf @ speed) + self._axis_emf * speed
+            driving = motor_output - self._motor_emf @ speed
+            acting = self._together @ driving + self._axis_emf * speed
             output[shared] = np.where(self._on, acting, asked[:count])
         self.pwm[:] = output
-        self.pwm[shared] = wanted * self._needed
+        self.pwm[shared] = motor_output * self._needed
 
     def _switch(self, powered: Array) -> None:
         """Set the matrix for the axes with power: S on (u_axes − E dq) + E' dq."""

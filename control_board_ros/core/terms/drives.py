@@ -88,9 +88,12 @@ class DriveUse(NamedTuple):
     @property
     def loops(self) -> str:
         """Each set-point with the laws that it carries, in one line: ``pwm: all``."""
-        laws = dict(zip(DriveUse._fields[1:-2], self[1:-2], strict=True))
         carried: dict[str, list[str]] = {}
-        for law, code in laws.items():
-            if code is not None:
-                carried.setdefault(str(code), []).append(law)
+        for law in LAWS:
+            if (code := getattr(self, law)) is not None:
+                carried.setdefault(code, []).append(law)
         return "; ".join(f"{code}: {' '.join(laws)}" for code, laws in carried.items())
+
+
+#: The laws that have a set-point, as fields of a DriveUse.
+LAWS = DriveUse._fields[1:-2]

@@ -186,8 +186,8 @@ class MujocoBody:
         positions, velocities = self._followers.targets(self._state)
         for k, (coordinate, dof) in enumerate(zip(self._following, self._driven, strict=True)):
             error = positions[k] - self._positions[coordinate]
-            wanted = velocities[k] + error / self._period - self._velocities[dof]
-            self._force[dof] = FOLLOWER_ARMATURE * wanted / self._period
+            change = velocities[k] + error / self._period - self._velocities[dof]
+            self._force[dof] = FOLLOWER_ARMATURE * change / self._period
 
     def _bend_gears(self) -> None:
         """Per step: the gears that are curved are straight lines, along their tangent."""
