@@ -26,7 +26,7 @@ from .core.goals.pose import Pose
 from .core.goals.tasks import CalibrationTask, MoveTask, PoseTask, made_pose, pose_now
 from .core.selection import RequestError
 from .core.state import Reference
-from .core.terms.drives import LAWS, DriveUse
+from .core.terms.drives import LAW_FIELDS, DriveUse
 from .core.terms.measurement import Row
 from .core.terms.motors import TERMS
 from .core.terms.reply import Reply
@@ -188,7 +188,7 @@ def drive_fields(drives: Sequence[DriveUse]) -> Fields:
     reports = [drive.reported for drive in drives]
     return {
         "set_points": [",".join(drive.set_points) for drive in drives],
-        **{law: [getattr(drive, law) or "" for drive in drives] for law in LAWS},
+        **{law: [getattr(drive, law) or "" for drive in drives] for law in LAW_FIELDS},
         "on_silence": [drive.on_silence for drive in drives],
         "zero": [report.zero or "" for report in reports],
         "power": [POWER[report.power] for report in reports],

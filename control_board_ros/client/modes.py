@@ -10,7 +10,7 @@ from typing import Any
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
 from control_board_ros.core.selection import listed
-from control_board_ros.core.terms.drives import LAWS, DriveReport, DriveUse
+from control_board_ros.core.terms.drives import LAW_FIELDS, DriveReport, DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
@@ -138,7 +138,7 @@ class ModeRequests(Interface):
         return [
             DriveUse(
                 set_points=tuple(response.set_points[k].split(",")),
-                **{law: getattr(response, law)[k] or None for law in LAWS},
+                **{law: getattr(response, law)[k] or None for law in LAW_FIELDS},
                 on_silence=response.on_silence[k],
                 reported=DriveReport(
                     zero=response.zero[k] or None,

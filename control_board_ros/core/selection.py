@@ -214,6 +214,7 @@ def all_within(
     values: Any,
     highest: Array,
     *,
+    lowest: Array | None = None,
     zero: bool = False,
     unit: Callable[[int], str] = lambda _: "",
 ) -> Array:
@@ -224,22 +225,25 @@ def all_within(
         what: what the values are, for the message.
         values: as a user gave them.
         highest: the greatest allowed of every joint of the board, shape (n,).
-        zero: whether 0 is allowed, too.
+        lowest: the least allowed, likewise; None: above 0.
+        zero: whether 0 is the least allowed.
         unit: of the values of a joint, by its number.
 
     Raises:
-        RequestError: a value is not above 0 and up to the most, or there are too many.
+        RequestError: a value is not between them, or there are too many.
     """
     count = len(selection.names)
     array = spread(values, count, what, one_for_all=True)
     high = highest[selection.joints]
-    bad = ~(((array >= 0.0) if zero else (array > 0.0)) & (array <= high))
+    low = np.zeros(count) if lowest is None else lowest[selection.joints]
+    inclusive = zero or lowest is not None
+    bad = ~(((array >= low) if inclusive else (array > low)) & (array <= high))
     if bad.any():
         k = int(np.argmax(bad))
-        allowed = f"from 0 to {high[k]:.6g}" if zero else f"above 0, up to {high[k]:.6g}"
+        allowed = f"from {low[k]:.6g} to" if inclusive else "above 0, up to"
         raise RequestError(
             f"{what} {array[k]:.6g} of {selection.names[k]} is not allowed; "
-            f"send a number {allowed} {unit(selection.numbers[k])}".rstrip(),
+            f"send a number {allowed} {high[k]:.6g} {unit(selection.numbers[k])}".rstrip(),
             Reason.OUT_OF_RANGE if np.isfinite(array[k]) else Reason.NOT_FINITE,
         )
     return array

@@ -93,7 +93,7 @@ def test_new_limits_bound_commands_and_settings_at_once() -> None:
     assert rig.board.set_motors("b", max_currents=20.0)
     reply = rig.board.set_motors("a", max_currents=12.5)
     assert not reply
-    assert "up to 12" in reply.message
+    assert "from 0.012 to 12" in reply.message
 
 
 def test_new_timeouts_of_an_external_torque() -> None:

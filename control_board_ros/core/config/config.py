@@ -20,7 +20,7 @@ from ...text import clean_name
 from ..model.arm_model import ArmModel
 from ..model.coupling import Coupling, side_by_side
 from ..terms.arguments import Array
-from ..terms.drives import KINDS, LAWS, DriveUse, OnSilence, SetPoint
+from ..terms.drives import KINDS, LAW_FIELDS, DriveUse, OnSilence, SetPoint
 from ..terms.joint_kind import JointKind
 from ..terms.modes import (
     INITIAL_INTERACTION,
@@ -392,7 +392,7 @@ class JointConfig:
     @property
     def drive_use(self) -> DriveUse:
         """The set-point of each control law."""
-        kinds = {law: self.set_point_of(Law[law.upper()]) for law in LAWS}
+        kinds = {law: self.set_point_of(Law[law.upper()]) for law in LAW_FIELDS}
         codes: dict[str, Any] = {law: kind and kind.code for law, kind in kinds.items()}
         set_points = tuple(kind.code for kind in self.set_points)
         return DriveUse(set_points, **codes, on_silence=str(self.on_silence))

@@ -115,8 +115,6 @@ CONSTANT_FACTOR, EMF_FACTOR = 10.0, 2.0
 
 #: The least cap of a current, as a part of the peak current.
 MIN_CAP_SHARE = 1e-3
-#: Values of motors that can be set: caps, constants, friction.
-SETTABLE = ("max_currents", "output_limits", *TERMS)
 
 
 class MotorAccess:
@@ -174,54 +172,38 @@ class MotorAccess:
         Raises:
             RequestError: there is none, or one is not within what is configured.
         """
-        checked = {}
+        bounds = self._bounds()
         for name in requested:
-            if name not in SETTABLE:
-                text = unknown_word("value of motors", name, SETTABLE)
-                raise RequestError(text)
-        for name, values in requested.items():
-            if values is not None:
-                what, highest, zero = self._bounds(name)
-                checked[name] = all_within(selection, what, values, highest, zero=zero)
+            if name not in bounds:
+                raise RequestError(unknown_word("value of motors", name, bounds))
+        checked = {
+            name: all_within(
+                selection, name.removesuffix("s"), values, bounds[name][1], lowest=bounds[name][0]
+            )
+            for name, values in requested.items()
+            if values is not None
+        }
         if not checked:
             raise RequestError(f"none of {', '.join(requested)} given; send one or more")
-        configs = [self._machine.config.joints[j] for j in selection.numbers]
-        least = {
-            "torque_constants": [c.motor.torque_constant / CONSTANT_FACTOR for c in configs],
-            "max_currents": [MIN_CAP_SHARE * c.limits.peak_current for c in configs],
-        }
-        for name in least.keys() & checked.keys():
-            for joint, low, value in zip(
-                selection.names, least[name], checked[name].tolist(), strict=True
-            ):
-                if value < low:
-                    what, highest, _ = self._bounds(name)
-                    high = float(highest[self._machine.config.names.index(joint)])
-                    raise RequestError(
-                        f"{what} {value:g} of {joint} is not allowed; "
-                        f"send a number from {low:.6g} to {high:.6g}",
-                        Reason.OUT_OF_RANGE,
-                    )
         return checked
 
-    def _bounds(self, name: str) -> tuple[str, Array, bool]:
-        """Description of a bound, maximum of each joint of the board, whether 0 is allowed."""
-        limits = self.limits
+    def _bounds(self) -> dict[str, tuple[Array | None, Array]]:
+        """Least (None: above 0) and greatest value of each joint of the board, by name."""
+        limits, zero = self.limits, np.zeros(self._machine.state.n)
         constants = np.array(
             [joint.motor.torque_constant for joint in self._machine.config.joints]
         )
-        bounds: dict[str, tuple[Array, bool]] = {
-            "max_currents": (limits.current, False),
-            "output_limits": (limits.output, True),
-            "torque_constants": (CONSTANT_FACTOR * constants, False),
-            "back_emf_constants": (EMF_FACTOR * constants, True),
-            "viscous_positive": (limits.torque / limits.velocity, True),
-            "viscous_negative": (limits.torque / limits.velocity, True),
-            "coulomb_positive": (limits.torque, True),
-            "coulomb_negative": (limits.torque, True),
-            "velocity_thresholds": (limits.velocity, False),
+        return {
+            "max_currents": (MIN_CAP_SHARE * limits.current, limits.current),
+            "output_limits": (zero, limits.output),
+            "torque_constants": (constants / CONSTANT_FACTOR, CONSTANT_FACTOR * constants),
+            "back_emf_constants": (zero, EMF_FACTOR * constants),
+            "viscous_positive": (zero, limits.torque / limits.velocity),
+            "viscous_negative": (zero, limits.torque / limits.velocity),
+            "coulomb_positive": (zero, limits.torque),
+            "coulomb_negative": (zero, limits.torque),
+            "velocity_thresholds": (None, limits.velocity),
         }
-        return name.removesuffix("s"), *bounds[name]
 
     def set(self, selection: Selection, checked: Mapping[str, Array]) -> Reply:
         """Set what ``check`` found to be allowed."""

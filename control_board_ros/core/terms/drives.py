@@ -89,11 +89,11 @@ class DriveUse(NamedTuple):
     def loops(self) -> str:
         """Each set-point with the laws that it carries, in one line: ``pwm: all``."""
         carried: dict[str, list[str]] = {}
-        for law in LAWS:
+        for law in LAW_FIELDS:
             if (code := getattr(self, law)) is not None:
                 carried.setdefault(code, []).append(law)
         return "; ".join(f"{code}: {' '.join(laws)}" for code, laws in carried.items())
 
 
 #: The laws that have a set-point, as fields of a DriveUse.
-LAWS = DriveUse._fields[1:-2]
+LAW_FIELDS = DriveUse._fields[1:-2]

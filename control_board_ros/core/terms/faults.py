@@ -13,59 +13,37 @@ from typing import NamedTuple
 
 
 class FaultCode(IntEnum):
-    """Why a joint is in HW_FAULT."""
+    """Why a joint is in HW_FAULT; ``title``: in words, for messages."""
 
-    EXTERNAL = 0
-    OVERCURRENT = 1
-    I2T = 2
-    TORQUE_SENSOR = 8
-    ENCODER_INVALID = 9
-    ENCODER_SILENT = 10
-    ENCODER_SPIKE = 11
-    ENCODER_MISMATCH = 14
-    DIVERGED = 15
-    UNSUPPORTED = 16
-    HARD_LIMIT = 17
-    OVERHEATING = 19
-    CALIBRATION = 20
-    REFERENCE_TIMEOUT = 21
-    PLANT = 22
-    CONTROLLER = 23
-    EMERGENCY_STOP = 24
-    DRIVE = 25
-    BRAKE = 26
-    OVERSPEED = 27
-    CONTACT = 28
+    title: str
 
-    @property
-    def title(self) -> str:
-        """The name in words, for messages."""
-        return TITLES[self]
+    def __new__(cls, number: int, title: str = "") -> FaultCode:
+        """A code by its number and its words."""
+        code = int.__new__(cls, number)
+        code._value_, code.title = number, title
+        return code
 
-
-TITLES = {
-    FaultCode.EXTERNAL: "external fault",
-    FaultCode.OVERCURRENT: "overcurrent",
-    FaultCode.I2T: "I2t overload",
-    FaultCode.TORQUE_SENSOR: "torque sensor",
-    FaultCode.ENCODER_INVALID: "encoder invalid",
-    FaultCode.ENCODER_SILENT: "encoder silent",
-    FaultCode.ENCODER_SPIKE: "encoder spike",
-    FaultCode.ENCODER_MISMATCH: "encoder mismatch",
-    FaultCode.DIVERGED: "simulation diverged",
-    FaultCode.UNSUPPORTED: "unsupported mode",
-    FaultCode.HARD_LIMIT: "hard limit overrun",
-    FaultCode.OVERHEATING: "overheating",
-    FaultCode.CALIBRATION: "calibration failed",
-    FaultCode.REFERENCE_TIMEOUT: "reference timeout",
-    FaultCode.PLANT: "plant",
-    FaultCode.CONTROLLER: "controller diverged",
-    FaultCode.EMERGENCY_STOP: "emergency stop",
-    FaultCode.DRIVE: "drive",
-    FaultCode.BRAKE: "brake",
-    FaultCode.OVERSPEED: "overspeed",
-    FaultCode.CONTACT: "contact",
-}
+    EXTERNAL = 0, "external fault"
+    OVERCURRENT = 1, "overcurrent"
+    I2T = 2, "I2t overload"
+    TORQUE_SENSOR = 8, "torque sensor"
+    ENCODER_INVALID = 9, "encoder invalid"
+    ENCODER_SILENT = 10, "encoder silent"
+    ENCODER_SPIKE = 11, "encoder spike"
+    ENCODER_MISMATCH = 14, "encoder mismatch"
+    DIVERGED = 15, "simulation diverged"
+    UNSUPPORTED = 16, "unsupported mode"
+    HARD_LIMIT = 17, "hard limit overrun"
+    OVERHEATING = 19, "overheating"
+    CALIBRATION = 20, "calibration failed"
+    REFERENCE_TIMEOUT = 21, "reference timeout"
+    PLANT = 22, "plant"
+    CONTROLLER = 23, "controller diverged"
+    EMERGENCY_STOP = 24, "emergency stop"
+    DRIVE = 25, "drive"
+    BRAKE = 26, "brake"
+    OVERSPEED = 27, "overspeed"
+    CONTACT = 28, "contact"
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,6 +114,10 @@ ACCEPTS: dict[ControlMode, frozenset[CommandKind]] = {
     M.CURRENT: frozenset({K.CURRENT}),  # Y2
 }
 
+#: Modes in which a stop does something, and those that are at rest by themselves (P3).
+STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.VELOCITY_DIRECT})
+AT_REST = frozenset({M.IDLE, M.HW_FAULT})
+
 #: The law of each mode, stiff and compliant (source Table 3, Fig. 2); absent: OFF.
 LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
     **{
@@ -121,13 +125,7 @@ LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
             InteractionMode.STIFF: Law.POSITION,
             InteractionMode.COMPLIANT: Law.IMPEDANCE,
         }
-        for mode in (  # I2, I5
-            M.POSITION,
-            M.POSITION_DIRECT,
-            M.VELOCITY,
-            M.MIXED,
-            M.VELOCITY_DIRECT,
-        )
+        for mode in STOPPABLE  # I2, I5
     },
     M.TORQUE: dict.fromkeys(InteractionMode, Law.TORQUE),  # P7
     M.OPENLOOP: dict.fromkeys(InteractionMode, Law.OUTPUT),  # P8
@@ -194,10 +192,6 @@ POWER_OFF: dict[ControlMode, ControlMode] = {
 
 #: Modes in which an interaction mode can be requested and is stored (I1, I2).
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
-
-#: Modes in which a stop does something, and those that are at rest by themselves (P3).
-STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.VELOCITY_DIRECT})
-AT_REST = frozenset({M.IDLE, M.HW_FAULT})
 
 #: Modes that drive a joint and hold no position.
 NOT_HOLDING = frozenset(ACCEPTS) - STOPPABLE
