@@ -25,9 +25,8 @@ import numpy as np
 from .core.goals.pose import Pose
 from .core.goals.tasks import CalibrationTask, MoveTask, PoseTask, made_pose, pose_now
 from .core.selection import RequestError
-from .core.state import Reference
+from .core.state import BLOCK
 from .core.terms.drives import LAW_FIELDS, DriveUse
-from .core.terms.measurement import Row
 from .core.terms.motors import TERMS
 from .core.terms.reply import Reply
 from .core.terms.vocabs import CommandKind, ControlMode, InteractionMode, Vocab
@@ -54,22 +53,6 @@ KINDS = {kind.name.lower(): kind for kind in CommandKind}
 #: By look-up: decoding a vocab costs more than the rest of a response.
 CODES: dict[Vocab, str] = {
     mode: mode.code for kind in (ControlMode, InteractionMode) for mode in kind
-}
-
-#: Rows of the state block in a freeze frame.
-FRAME = {
-    "position": Row.POSITION,
-    "velocity": Row.VELOCITY,
-    "torque": Row.TORQUE,
-    "position_reference": Reference.POSITION,
-    "velocity_reference": Reference.VELOCITY,
-    "torque_reference": Reference.TORQUE,
-    "output": Reference.OUTPUT,
-    "current": Row.CURRENT,
-    "temperature": Row.TEMPERATURE,
-    "applied": Reference.APPLIED,
-    "age": Row.ENCODER_AGE,
-    "external_torque": Reference.EXTERNAL_TORQUE,
 }
 
 
@@ -207,7 +190,7 @@ def frozen(board: JointGroup, name: str) -> FreezeFrame:
 
 def frame_fields(frame: FreezeFrame, torque_sensor: bool) -> Fields:
     """The readings of a freeze frame; without a torque sensor the torque is NaN."""
-    rows = {name: frame.block[:, row] for name, row in FRAME.items()}
+    rows = {name: frame.block[:, row] for name, row in BLOCK.items()}
     if not torque_sensor:
         rows["torque"] = np.full(len(frame.stamps), np.nan)
     values = {name: doubles(row) for name, row in rows.items()}

@@ -90,6 +90,14 @@ class Snapshot:
         return np.where(self.torque_sensor, self.block[Row.TORQUE], np.nan)
 
 
+#: The rows of the block by the names that a snapshot has for them.
+BLOCK = {"torque": Row.TORQUE} | {
+    name: entry.row
+    for name, entry in vars(Snapshot).items()
+    if isinstance(entry, BlockRow) and entry.block == "block"
+}
+
+
 class StateArrays:
     """The state that the components of a board share: arrays, one column per joint, and records.
 

@@ -44,10 +44,10 @@ class BlockRow:
     """
 
     def __init__(self, block: str, row: int) -> None:
-        self._block, self._row = block, row
+        self.block, self.row = block, row
 
     def __get__(self, owner: Any, _: Any = None) -> Array:
-        values: Array = getattr(owner, self._block)[self._row]
+        values: Array = getattr(owner, self.block)[self.row]
         return values
 
 
