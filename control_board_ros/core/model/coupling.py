@@ -305,45 +305,31 @@ class MotorMix:
 
     Args:
         coupling: square, of the axes with the motors.
-        torque_per_ampere, resistance, back_emf, percent_per_volt: of each motor, at its joint,
-            shape (n,).
+        constants: K, R, E and p of each motor, at its joint, shape (n,) each.
 
     Attributes: pwm (percent) and powered (1.0 where a bridge is on) of the motors, shape (n,), as
     ``drive`` leaves them.
     """
 
-    def __init__(
-        self,
-        coupling: Coupling,
-        torque_per_ampere: Array,
-        resistance: Array,
-        back_emf: Array,
-        percent_per_volt: Array,
-    ) -> None:
+    def __init__(self, coupling: Coupling, *constants: Array) -> None:
         whole = coupling.matrix
         apart = whole != np.eye(len(whole))
         self._shared = np.flatnonzero(apart.any(axis=0) | apart.any(axis=1))
         self._coupling = coupling
         self.pwm, self.powered = np.zeros((2, len(whole)))
         self._asked = np.zeros(2 * len(self._shared))
-        self.retune(torque_per_ampere, resistance, back_emf, percent_per_volt)
+        self.retune(*constants)
 
-    def retune(
-        self,
-        torque_per_ampere: Array,
-        resistance: Array,
-        back_emf: Array,
-        percent_per_volt: Array,
-    ) -> None:
+    def retune(self, *constants: Array) -> None:
         """Set the constants of the motors."""
         coupling, shared = self._coupling, self._shared
         block = np.ix_(shared, shared)
         matrix, sharing = coupling.matrix[block], coupling.inverse.T[block]
-        torque, percent = torque_per_ampere[shared], percent_per_volt[shared]
-        per_torque = percent * resistance[shared] / torque
+        torque, resistance, back_emf, percent = (row[shared] for row in constants)
+        per_torque = percent * resistance / torque
         self._sharing = per_torque[:, None] * sharing / per_torque
         self._together = per_torque[:, None] * matrix.T / per_torque
-        self._axis_emf = percent * back_emf[shared]
+        self._axis_emf = percent * back_emf
         self._motor_emf = self._axis_emf[:, None] * matrix
         self._currents = matrix.T * torque / torque[:, None]
         self._needs = np.abs(sharing) > 1e-12
