@@ -24,8 +24,9 @@ import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +46,8 @@ from ..core.terms.measurement import (
 )
 from ..text import clean
 from .exchange import Exchange, Sample
-from .interface import Clock, DriveLimits, DrivePlant, RobotPlant
-from .offers import bounded, corrected_turns, limit_differences
+from .interface import Clock, DrivePlant, JointDescription, RobotPlant
+from .offers import bounded, corrected_turns, different_gain, limit_differences
 from .outputs import as_drives
 
 RETRY = 0.2
@@ -60,6 +61,7 @@ NEWS = 1000
 CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 #: s that a start waits for the first sample; after it the joints begin in HW_FAULT.
 FIRST_SAMPLE = 5.0
+NOTHING = MappingProxyType[str, float]({})
 AGES = [Row.ENCODER_AGE, Row.TORQUE_AGE]
 ALARM, DRIVE = 1.0 + FaultCode.PLANT, 1.0 + FaultCode.DRIVE
 
@@ -94,13 +96,15 @@ class GuardedPlant:
         clock: For tests, s.
         first: s to wait for the first sample.
         remark: Ends the reason of a silence, of either side.
+        derived: Gains to which drives know better, see ``offers.derived_gains``.
 
     Attributes:
         applied: PWM that the plant reports as applied last, percent, shape (n,).
         late: Answers of each joint that came too late for their exchange so far, shape (n,).
         dropped: Frames to each joint's bus that its interface had no room for, shape (n,).
         drives: What each drive reports of itself, by joint; empty: nothing.
-        limits: Of the drives that are connected, by joint; replaced whole when they differ.
+        has: What the joints have, with the drives that are connected; replaced whole when one
+            differs.
         processes: The ids of those that run the plant, beside this one.
     """
 
@@ -112,12 +116,13 @@ class GuardedPlant:
         clock: Callable[[], float] = clock,
         first: float = FIRST_SAMPLE,
         remark: str = "",
+        derived: Mapping[str, float] = NOTHING,
     ) -> None:
         self._plant, self._timeout, self._clock = as_drives(plant), timeout, clock
-        self._board, self._remark = board, remark
-        self.limits: tuple[DriveLimits, ...] = (DriveLimits(),) * len(board.joints)
-        self._acting, self._refusal = self.limits, ""
-        self._limits: set[str] = set()  # lines about those that differ, already reported
+        self._board, self._remark, self._derived = board, remark, derived
+        self.has = self._acting = self._describe()
+        self._refusal = ""
+        self._lines: set[str] = set()  # about what differs, already reported
         self._news: deque[str] = deque(maxlen=NEWS)
         self._patience = patience(timeout, board.period)
         self._exchange = Exchange(self._plant, board, timeout)
@@ -214,17 +219,19 @@ class GuardedPlant:
         self._turn.set()
 
     def keep_within(self, board: Board, _time: float) -> None:
-        """Keep a board within the limits of the drives that are connected (S4); in each cycle."""
-        if (limits := self.limits) is self._acting:
+        """Keep a board within the limits of the drives that are connected (S4), and with their
+        gains; in each cycle.
+        """
+        if (has := self.has) is self._acting:
             return
-        self._acting, self._refusal = limits, ""
+        self._acting, self._refusal = has, ""
         try:
-            board.engine.narrow(lambda config: bounded(config, limits))
+            board.engine.narrow(lambda config: bounded(config, has, self._derived))
         except ConfigError as error:  # by a change since the start
             self._refusal = f"{error}: nothing is left of its limits and those of its drive"
 
     def take_news(self) -> list[str]:
-        """Where limits of drives that were connected differ from the board's (S4), once each."""
+        """Where drives that were connected differ from the board (S4), once each."""
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def close(self) -> None:
@@ -271,7 +278,7 @@ class GuardedPlant:
         while not self._ending.is_set():
             try:
                 self._exchange.connect()
-                self._compare_limits()
+                self._compare()
                 self._talk()
             except Exception as error:  # noqa: BLE001 - third-party code; reported as a fault
                 self._error = f"{type(error).__name__}: {' '.join(clean(error, 200).split())}"
@@ -282,18 +289,22 @@ class GuardedPlant:
         with contextlib.suppress(Exception):  # it ends; the fault is already reported
             self._plant.close()
 
-    def _compare_limits(self) -> None:
-        """Drives report their limits when connected; one that comes back may have others (S4)."""
+    def _describe(self) -> tuple[JointDescription, ...]:
+        """What the plant has, in the board's order."""
         has = {joint.name: joint for joint in self._plant.describe().joints}
-        joints = self._board.joints
-        lines = [line for joint in joints for line in limit_differences(joint, has[joint.name])]
-        lines += [line for joint in joints for line in corrected_turns(joint, has[joint.name])]
-        self._news += [line for line in lines if line not in self._limits]
-        self._limits = set(lines)
-        limits = tuple(has[joint.name].limits for joint in joints)
-        if limits != self.limits:
-            bounded(self._board, limits)  # a joint that has none left stays without power
-            self.limits = limits
+        return tuple(has[joint.name] for joint in self._board.joints)
+
+    def _compare(self) -> None:
+        """Drives report what they have when connected; one that comes back may be another (S4)."""
+        has, lines = self._describe(), list[str]()
+        for joint, drive in zip(self._board.joints, has, strict=True):
+            lines += limit_differences(joint, drive) + different_gain(joint, drive, self._derived)
+            lines += corrected_turns(joint, drive)
+        self._news += [line for line in lines if line not in self._lines]
+        self._lines = set(lines)
+        if has != self.has:
+            bounded(self._board, has, self._derived)  # a joint without limits stays without power
+            self.has = has
 
     def _talk(self) -> None:
         self._exchanged = self._clock()
@@ -311,7 +322,7 @@ class GuardedPlant:
             if not self._is_old(wanted, self._clock()):
                 before, sample = sample, self._run_exchange(wanted.set_points, sample.faults)
                 if before.faults.keys() - sample.faults:  # it may have come back another
-                    self._compare_limits()
+                    self._compare()
             elif self._exchange.drives:
                 self._exchange.let_go()
         self._exchange.run(self._off, {})

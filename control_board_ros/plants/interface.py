@@ -60,6 +60,7 @@ class JointDescription:
             one exchange, s.
         resolution: Step of its position readings, rad.
         limits: Enforced by the drive itself; after ``connect`` those that it has then.
+        stiffness: Of its own loop of position, N·m/rad; None: it does not report it; 0: not yet.
         turn: By multiples of this its position can be wrong after a restart (S9), rad at the
             joint; 0: it is absolute; inf: it is lost.
         turned: By which its position is corrected now, for this reason, rad at the joint.
@@ -86,6 +87,7 @@ class JointDescription:
     delay: float = 0.0
     resolution: float = 0.0
     limits: DriveLimits = DriveLimits()
+    stiffness: float | None = None
     turn: float = 0.0
     turned: float = 0.0
     on_silence: tuple[OnSilence, ...] = (OnSilence.FREE,)

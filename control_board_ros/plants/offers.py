@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from ..core.config.config import BoardConfig, ConfigError, JointConfig, Limits
+from ..core.config.config import BoardConfig, ConfigError, JointConfig, Limits, Pid
 from ..core.laws.control import PEAK_SHARE
 from ..core.terms.drives import SetPoint
-from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
+from ..core.terms.modes import SENSE_TORQUE, UNPOWERED, Law
 from ..core.terms.vocabs import ControlMode
 from ..settings.loading import Settings
 from .errors import PlantSettingsError
@@ -20,6 +20,8 @@ from .interface import Description, DriveLimits, JointDescription
 SENSORS = ("encoder", "torque_sensor")
 #: Part of a limit that may be a step of the drive's own unit.
 STEP = 1e-2
+#: Part by which the stiffness of a drive may differ from ``position_pid.kp``, as supplies do.
+NEAR = 0.1
 
 
 def within(settings: Settings, name: str, description: Description) -> Settings:
@@ -27,7 +29,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
 
     Raises:
         PlantSettingsError: it lacks a joint of the board, or its rate; a servo that is to be
-            guided has a gain that nobody gave.
+            guided has a gain that neither the file gives nor it reports.
     """
     has = {joint.name: joint for joint in description.joints}
     for joint in settings.board.names:
@@ -51,13 +53,16 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
         board = replace(settings.board, joints=tuple(joints))
     except ConfigError as error:
         raise PlantSettingsError(f"plant {name!r} lacks what is configured: {error}") from None
-    values = dict(settings.values)
+    values, derived = dict(settings.values), derived_gains(settings)
     for made in board.joints:
-        if made.yields and f"{made.name}.position_pid.kp" not in settings.where:
+        reads = has[made.name].stiffness is not None
+        known = reads and f"{made.name}.motor.torque_constant" in settings.where
+        if made.yields and made.name in derived and not known:
+            data = ", or the data of its motor, to read it from the servo" if reads else ""
             raise PlantSettingsError(
                 f"{made.name}.position_pid.kp: {made.position_pid.kp:.3g} is derived; beside "
-                "admittance.dead_band give that of the servo's own loop, N·m/rad: with a smaller "
-                "one a touch lets the joint swing"
+                f"admittance.dead_band give that of the servo's own loop, N·m/rad{data}: with a "
+                "smaller one a touch lets the joint swing"
             )
         values[f"{made.name}.torque_sensor"] = made.torque_sensor
         values[f"{made.name}.brake.present"] = made.brake.present
@@ -133,21 +138,66 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
     )
 
 
-def bounded(board: BoardConfig, drives: Sequence[DriveLimits]) -> BoardConfig:
+def derived_gains(settings: Settings) -> dict[str, float]:
+    """``position_pid.kp`` of joints to which the user gave none."""
+    gains = {joint.name: joint.position_pid.kp for joint in settings.board.joints}
+    return {k: kp for k, kp in gains.items() if f"{k}.position_pid.kp" not in settings.where}
+
+
+def bounded(
+    board: BoardConfig, drives: Sequence[JointDescription], derived: Mapping[str, float]
+) -> BoardConfig:
     """The board within the limits of its drives, by joint: the smaller act (S4).
 
+    Args:
+        board: As it is configured.
+        drives: What its joints have.
+        derived: See ``derived_gains``: a drive that holds the position itself knows better.
+
     Raises:
-        ConfigError: a joint has none left.
+        ConfigError: a joint has no limits left.
     """
     pairs = zip(board.joints, drives, strict=True)
-    made = {
-        one.name: replace(one, limits=bounded_limits(one.limits, drive)) for one, drive in pairs
-    }
+    made = {one.name: _bounded(one, has, derived.get(one.name)) for one, has in pairs}
     parts = {
         name: replace(part, joints=tuple(made[joint] for joint in part.names))
         for name, part in board.parts.items()
     }
     return replace(board, joints=tuple(made.values()), parts=parts)
+
+
+def _bounded(joint: JointConfig, has: JointDescription, derived: float | None) -> JointConfig:
+    kp = held_by(joint, has)
+
+    def own(pid: Pid) -> Pid:
+        return replace(pid, kp=kp) if kp and pid.kp == derived else pid
+
+    return replace(
+        joint,
+        limits=bounded_limits(joint.limits, has.limits),
+        position_pid=own(joint.position_pid),
+        direct_pid=joint.direct_pid and own(joint.direct_pid),
+    )
+
+
+def held_by(joint: JointConfig, has: JointDescription) -> float:
+    """Stiffness by which its drive holds a joint's position; 0: it is not known, or not used."""
+    used = joint.set_point_of(Law.POSITION) is SetPoint.POSITION
+    return has.stiffness or 0.0 if used else 0.0
+
+
+def different_gain(
+    joint: JointConfig, has: JointDescription, derived: Collection[str]
+) -> list[str]:
+    """One line where ``position_pid.kp`` was given, and is not that of its drive; else none."""
+    kp, theirs = joint.position_pid.kp, held_by(joint, has)
+    if joint.name in derived or not theirs or math.isclose(kp, theirs, rel_tol=NEAR):
+        return []
+    unit = joint.kind.choose("N·m/rad", "N/m")
+    return [
+        f"{joint.name}.position_pid.kp: {kp:.3g} acts; its drive has {theirs:.3g} {unit} by its "
+        "own gain and the data of its motor: leave it out, or correct motor"
+    ]
 
 
 def bounded_limits(limits: Limits, drive: DriveLimits) -> Limits:

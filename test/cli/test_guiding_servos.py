@@ -29,7 +29,10 @@ def params(request: pytest.FixtureRequest) -> dict[str, Any]:
         "gravity": [0.0, 0.0, 0.0],  # else the arm has fallen onto its stops before it is driven
         "plant_timeout": GUARD / 2.0,  # B5: a board that stands still for longer is in fault
         "joint_defaults.on_silence": "braked",
-        "joint_defaults.position_pid.kp": 17.8,
+        "joint_defaults.motor.gear_ratio": 345.0,
+        "joint_defaults.motor.torque_constant": 0.00351,
+        "joint_defaults.motor.resistance": 2.68,
+        "joint_defaults.motor.supply_voltage": 7.4,
         "joint_defaults.motor.coulomb": 0.0524,
         "joint_defaults.limits.torque": 1.6,
         "joint_defaults.limits.velocity": 3.0,

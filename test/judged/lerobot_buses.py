@@ -47,8 +47,9 @@ def connected(bus: Any) -> Iterator[Any]:
 
 def moves(bus: Any, far: Any) -> None:
     """Both go to goals of their own, in degrees; as the drives read it, and as it is."""
-    bus.enable_torque()
     start = bus.sync_read("Present_Position", num_retry=3)
+    was = [far.position(0), far.position(1)]
+    bus.enable_torque()  # a Feetech goes to its last goal
     goals = {"one": 30.0, "two": -20.0}
     bus.sync_write("Goal_Position", goals)
 
@@ -56,7 +57,6 @@ def moves(bus: Any, far: Any) -> None:
         found = bus.sync_read("Present_Position", num_retry=3)
         return all(near(found[name], goals[name], 1.0) for name in goals)
 
-    was = [far.position(0), far.position(1)]
     until(there)
     ways = [(far.position(k) - was[k]) * DEGREE for k in range(2)]
     for way, name in zip(ways, NAMES, strict=True):

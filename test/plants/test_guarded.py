@@ -18,7 +18,7 @@ from levers import Levers, OwnClock
 from waiting import until
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.terms.drives import DriveReport
+from control_board_ros.core.terms.drives import DriveReport, SetPoint
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -34,11 +34,11 @@ TIMEOUT = 0.1
 class Bench:
     """A board on a guarded plant; time is the test's, but for the thread's own work."""
 
-    def __init__(self, plant: Any, remark: str) -> None:
+    def __init__(self, plant: Any, remark: str, **rest: Any) -> None:
         self.plant, self.now = plant, 0.0
         config = board_for(plant.describe())
         self.guarded = GuardedPlant(
-            plant, config, TIMEOUT, clock=lambda: self.now, first=30.0, remark=remark
+            plant, config, TIMEOUT, clock=lambda: self.now, first=30.0, remark=remark, **rest
         )
         self.board = Board(config)
 
@@ -64,9 +64,9 @@ class Bench:
 
 
 @contextlib.contextmanager
-def benched(plant: Levers, remark: str = "") -> Iterator[Bench]:
+def benched(plant: Levers, remark: str = "", **rest: Any) -> Iterator[Bench]:
     """A bench of a plant, which does not hang in the end."""
-    made = Bench(plant, remark)
+    made = Bench(plant, remark, **rest)
     try:
         yield made
     finally:
@@ -458,6 +458,31 @@ class Telling(Levers):
         limits = DriveLimits(velocity=next(self.allowed))
         joints = tuple(replace(joint, limits=limits) for joint in self.description.joints)
         self.description = Description(joints=joints)
+
+
+def test_the_gain_of_a_drive_acts_from_its_connection_on() -> None:
+    """P14: and that of the one that comes back; a value that is set while it runs stays."""
+    plant = Levers("left", set_points=(SetPoint.POSITION,), stiffness=0.0)
+    with benched(plant, derived={"left": 100.0}) as bench:
+
+        def back(stiffness: float) -> float:
+            plant.trouble = OSError("the cable is out")
+            bench.until(lambda: bool(bench.guarded.read().reasons))
+            joint = replace(plant.description.joints[0], stiffness=stiffness)
+            plant.trouble, plant.description = None, Description(joints=(joint,))
+            bench.until(lambda: not bench.guarded.read().reasons)
+            bench.guarded.keep_within(bench.board, 0.0)
+            return bench.board.config.joints[0].position_pid.kp
+
+        own = bench.board.config.joints[0]
+        own = replace(
+            own, drive=(SetPoint.POSITION,), position_pid=replace(own.position_pid, kp=100.0)
+        )
+        bench.board.reconfigure(replace(bench.board.config, joints=(own,)))
+        assert [back(20.0), back(10.0)] == [20.0, 10.0]
+        own = replace(own, position_pid=replace(own.position_pid, kp=30.0))
+        bench.board.reconfigure(replace(bench.board.config, joints=(own,)))
+        assert back(20.0) == 30.0
 
 
 def test_limits_are_compared_when_a_drive_comes_back() -> None:

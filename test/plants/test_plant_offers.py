@@ -21,7 +21,7 @@ from control_board_ros.plants import (
 )
 from control_board_ros.plants.entry_points import find, make
 from control_board_ros.plants.errors import PlantSettingsError
-from control_board_ros.plants.offers import within
+from control_board_ros.plants.offers import bounded, derived_gains, different_gain, within
 from control_board_ros.settings.loading import Settings, load
 
 
@@ -180,6 +180,26 @@ def test_limits_of_board_and_drive_are_compared() -> None:
     assert "torque" in notes[0]
     assert "more than" in notes[0]
     assert drives().notes == load("iiwa").notes
+
+
+@pytest.mark.parametrize("kind", [SetPoint.POSITION, SetPoint.TORQUE])
+def test_the_gain_of_a_drive_that_holds_positions_is_its_own(kind: SetPoint) -> None:
+    """P14: unless the user gives one; a line says where that is another."""
+    first, second = (f"{name}.position_pid.kp" for name in JOINTS[:2])
+    made = drives(load("iiwa", {first: 400.0, second: 520.0}), set_points=(kind,), stiffness=0.0)
+    has = [JointDescription(name=name, set_points=(kind,), stiffness=500.0) for name in JOINTS]
+    derived = derived_gains(made)
+    joints = bounded(made.board, has, derived).joints
+    gains = [(one.position_pid.kp, one.direct_pid.kp) for one in joints if one.direct_pid]
+    lines = [line for one, own in zip(joints, has, strict=True)
+             for line in different_gain(one, own, derived)]  # fmt: skip
+    if kind is SetPoint.TORQUE:
+        assert [kp for kp, _ in gains[2:]] == [derived[name] for name in JOINTS[2:]]
+        assert not lines
+        return
+    assert gains == [(400.0, 400.0), (520.0, 520.0), *[(500.0, 500.0)] * 5]
+    assert len(lines) == 1
+    assert lines[0].startswith(f"{first}: 400 acts; its drive has 500 N·m/rad")
 
 
 def test_behaviour_in_silence_is_one_the_drive_supports() -> None:

@@ -3,8 +3,14 @@
 
 from __future__ import annotations
 
-import pytest
+from dataclasses import replace
+from typing import Any
 
+import pytest
+from drive_bench import Bench
+
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.drives.serial_line import Item
 from control_board_ros.plants.dynamixel import control_table
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.dynamixel.virtual import VirtualDynamixel
@@ -12,6 +18,7 @@ from control_board_ros.plants.feetech import memory
 from control_board_ros.plants.feetech import table as feetech
 from control_board_ros.plants.feetech.virtual import VirtualFeetech
 from control_board_ros.plants.virtual.servo import ServoMotor
+from control_board_ros.settings.loading import load
 
 STEP = 1e-3
 
@@ -62,6 +69,43 @@ def test_an_xm430_is_as_stiff_as_its_manual_says() -> None:
     assert xm430(Position_P_Gain=400).step(STEP, -0.1, 0.0) == pytest.approx(0.944, abs=0.003)
     assert xm430().step(STEP, -1.0, 0.0) == pytest.approx(4.1)
     assert xm430(Goal_PWM=443).step(STEP, -1.0, 0.0) == pytest.approx(4.1 * 443 / 885)
+
+
+@pytest.mark.parametrize(
+    ("make", "library", "item", "motor"),
+    [("feetech", "scservo_sdk", feetech.P, (1.21164, 2.67617, 7.4)),
+     ("dynamixel", "dynamixel_sdk", dynamixel.POSITION_P, control_table.MOTOR)],
+)  # fmt: skip
+def test_a_servo_reports_its_stiffness(make: str, library: str, item: Item, motor: Any) -> None:
+    """Of its present gain, also after a restart, and the torque that its motor gives at most."""
+    pytest.importorskip(library)
+    constant, resistance, supply = motor
+    config = load("iiwa").board.joints[0]
+    own = replace(
+        config.motor,
+        gear_ratio=1.0,
+        efficiency=1.0,
+        torque_constant=2.0 * constant,
+        resistance=resistance,
+        supply_voltage=supply,
+    )
+    with Bench(make, names=("one",), options={"ratio": "2.0"}) as bench:
+        servo = bench.drives[0]
+        bench.joints = (replace(config, motor=own),)
+        assert bench.plant.describe().joints[0].stiffness == 0.0
+        bench.connect()
+        delivered = bench.plant.describe().joints[0]
+        bench.follow(SetPoint.POSITION, 20, position=0.0)
+        at_rest = servo.step(STEP, -0.01, 0.0)
+        assert delivered.stiffness == pytest.approx(4.0 * at_rest / 0.01, rel=0.02)
+        assert delivered.limits.torque == pytest.approx(2.0 * servo.step(STEP, -3.0, 0.0))
+        servo.table.set(item, servo.table.get(item) // 2)
+        if make == "feetech":
+            servo.store()
+        servo.reboot()
+        bench.recover()
+        again = bench.plant.describe().joints[0].stiffness
+        assert again == pytest.approx(delivered.stiffness / (2.0 if make == "feetech" else 1.0))
 
 
 def test_its_other_gains_act() -> None:

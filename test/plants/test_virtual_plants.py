@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +67,7 @@ def test_drives_that_only_hold_require_a_board_configured_for_it() -> None:
         plant.close()
 
 
-def test_a_servo_that_is_guided_has_a_gain_that_was_given() -> None:
+def test_a_servo_that_is_guided_has_a_gain_that_is_known() -> None:
     """I5, P14: the derived one is a part of its own, with which a touch made it swing."""
     pytest.importorskip("scservo_sdk")
     so101 = str(ARM.with_name("so101.urdf"))
@@ -74,7 +75,15 @@ def test_a_servo_that_is_guided_has_a_gain_that_was_given() -> None:
     chosen = load(None, {"robot": so101, **needed})
     plant = make_virtual("virtual/feetech", chosen, [])
     try:
-        with pytest.raises(PlantSettingsError, match=r"position_pid.kp: .* of the servo's own"):
-            within(chosen, "virtual/feetech", plant.describe())
+        has = plant.describe()
+        with pytest.raises(PlantSettingsError, match=r"kp: .* own loop, N·m/rad, or the data of"):
+            within(chosen, "virtual/feetech", has)
+        known = load(
+            None, {"robot": so101, "joint_defaults.motor.torque_constant": 0.02, **needed}
+        )
+        assert within(known, "virtual/feetech", has).board.joints[0].yields
+        silent = replace(has, joints=tuple(replace(one, stiffness=None) for one in has.joints))
+        with pytest.raises(PlantSettingsError, match=r"kp: .* own loop, N·m/rad: "):
+            within(known, "virtual/feetech", silent)
     finally:
         plant.close()

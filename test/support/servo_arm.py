@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import Actuation, Measurement, Row, SetPoints
 from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.exchange import Exchange
-from control_board_ros.plants.offers import within
+from control_board_ros.plants.offers import bounded, derived_gains, within
 from control_board_ros.plants.virtual.plant import FarEnd
 from control_board_ros.plants.virtual.pty_bus import VirtualSerial
 from control_board_ros.plants.virtual.servo import Framer
@@ -31,7 +32,7 @@ PARAMETERS: dict[str, Any] = {
     "plant_timeout": 1.0,
     "joint_defaults.on_silence": "braked",
     "joint_defaults.admittance.dead_band": 0.08,
-    "joint_defaults.position_pid.kp": 47.0,  # a Feetech's, with the motors that are derived
+    "joint_defaults.motor.torque_constant": 0.0192,
 }
 
 
@@ -65,6 +66,9 @@ class ServoArm:
         self.settings = within(settings, make, plant.describe())
         self._exchange = Exchange(plant, self.settings.board, 1.0)
         self._exchange.connect()
+        joints, derived = plant.describe().joints, derived_gains(self.settings)
+        own = bounded(self.settings.board, joints, derived)
+        self.settings = replace(self.settings, board=own)
         self._period = self.settings.board.period
         self._cycle, self._sample = 0, self._exchange.run(SetPoints.off(6), {})
         while not np.isfinite(self._sample.values[Row.POSITION]).all():  # not all are read yet

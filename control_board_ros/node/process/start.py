@@ -198,7 +198,7 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     from ...plants.entry_points import make
     from ...plants.guarded import FIRST_SAMPLE, GuardedPlant, patience
     from ...plants.interface import DrivePlant, RobotPlant
-    from ...plants.offers import within
+    from ...plants.offers import derived_gains, within
 
     joints, arguments = settings.board.names, settings.values["plant_arguments"]
     timeout = settings.values["plant_timeout"]
@@ -218,7 +218,10 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     except PlantSettingsError:
         theirs.close()
         raise
-    plant = GuardedPlant(theirs, settings.board, timeout, first=first, remark=remark)
+    derived = derived_gains(settings)
+    plant = GuardedPlant(
+        theirs, settings.board, timeout, first=first, remark=remark, derived=derived
+    )
     return replace(start, settings=settings), plant
 
 

@@ -27,10 +27,10 @@ class Identity:
     """A drive that answers.
 
     Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN, and fault or
-        None, as a scan shows them; limits at its output; turn (by multiples of which its position
-        can be wrong after a restart, rad at its output; 0: it is absolute; inf: it is lost; NaN:
-        it does not say); says_power, says_law (whether it reports them, or they are as they were
-        told).
+        None, as a scan shows them; limits at its output; stiffness (of its loop of position,
+        N·m/rad there; 0: it is not known); turn (by multiples of which its position can be wrong
+        after a restart, rad at its output; 0: it is absolute; inf: it is lost; NaN: it does not
+        say); says_power, says_law (whether it reports them, or they are as they were told).
     """
 
     id: int
@@ -39,6 +39,7 @@ class Identity:
     voltage: float = math.nan
     fault: DriveFault | None = None
     limits: DriveLimits = NONE
+    stiffness: float = 0.0
     turn: float = 0.0
     says_power: bool = True
     says_law: bool = True
@@ -128,8 +129,8 @@ class Answers:
 class Traits:
     """What all drives of a driver have; see ``JointDescription``.
 
-    Attributes: motor_encoders (which have one beside the encoder of the position, by place), laws
-        (their names, by the maker's own terms).
+    Attributes: motor_encoders (which have one beside the encoder of the position, by place),
+        laws (their names, by the maker's own terms), stiffness (whether they report it).
     """
 
     set_points: tuple[SetPoint, ...]
@@ -142,6 +143,7 @@ class Traits:
     voltage: bool = False
     motor_encoders: frozenset[int] = frozenset()
     laws: Mapping[Any, str] = field(default_factory=dict)
+    stiffness: bool = False
 
 
 class Order(NamedTuple):

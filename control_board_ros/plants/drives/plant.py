@@ -41,6 +41,8 @@ from .reconcile import (
 )  # fmt: skip
 from .turns import NEAR, missing
 
+#: A drive that did not answer yet.
+UNKNOWN = Identity(id=0, type="")
 #: Longest period of exchanges while the bus is connected, s.
 PACE = 5e-3
 #: Surplus answers that mean two drives with one id, less some for each exchange without.
@@ -124,6 +126,9 @@ class DrivesPlant:
                 limits=NONE
                 if identity is None
                 else axis.limits_at_joint(identity.limits, self._turned[k]),
+                stiffness=(identity or UNKNOWN).stiffness * axis.ratio**2
+                if traits.stiffness
+                else None,
                 turn=self._turn(k) / axis.ratio,
                 turned=self._turned[k] / axis.factor,
                 on_silence=traits.on_silence,

@@ -61,7 +61,7 @@ class ServoDrives(ABC, Generic[Own]):
 
     def open(self, setup: Setup, answers: Answers) -> None:
         self.line.open()
-        self._answers, self._wait = answers, budget(setup.period)
+        self._setup, self._answers, self._wait = setup, answers, budget(setup.period)
 
     def law(self, k: int, kind: SetPoint) -> int:
         del k
@@ -82,6 +82,14 @@ class ServoDrives(ABC, Generic[Own]):
                 + ", ".join(self.models.values())
             )
         return number
+
+    def _stall(self, k: int) -> float:
+        """Torque of a motor at rest on its supply, at its servo's output, N·m; 0: not known."""
+        if (joint := self._setup.joints[k]) is None:
+            return 0.0
+        motor = joint.motor
+        amps = motor.supply_voltage / motor.resistance
+        return motor.torque_per_ampere * amps / self._axes[k].ratio
 
     def confirm(self, k: int) -> Questions[bool]:
         """A restart is seen in what is read: what is set up is 0."""

@@ -86,6 +86,7 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
             temperature=True,
             voltage=True,
             laws=t.MODES,
+            stiffness=True,
         )
         self._servos = [Servo() for _ in self._axes]
 
@@ -119,16 +120,23 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         if self._options.position_mode == t.POSITION_MODE:
             for n, item in enumerate((t.MIN_POSITION, t.MAX_POSITION)):
                 ends[n] = angle((yield from get(drive, item, signed=True)))
-        speed = yield from get(drive, t.VELOCITY_LIMIT)
+        speed, stall = (yield from get(drive, t.VELOCITY_LIMIT)), self._stall(k)
         limits = DriveLimits(
             lower=ends[0],
             upper=ends[1],
             velocity=speed * t.SPEED,
+            torque=pwm / t.FULL_PWM * stall or None,
             current=current * model.ampere or None,
         )
+        gain = (yield from get(drive, t.POSITION_P)) / t.POSITION_P_STEP / t.FULL_PWM / t.COUNT
         turn = 0.0 if self._options.position_mode == t.POSITION_MODE else ONE_TURN
         return Identity(
-            id=drive, type=model.name, firmware=f"{firmware}", limits=limits, turn=turn
+            id=drive,
+            type=model.name,
+            firmware=f"{firmware}",
+            limits=limits,
+            stiffness=gain * stall,
+            turn=turn,
         )
 
     def set_law(self, k: int, law: int) -> Questions[int]:

@@ -11,7 +11,7 @@ from ..drives.serial_line import Item, Library
 MODEL, FIRMWARE, ID, MODE = Item(0, 2), Item(6, 1), Item(7, 1), Item(11, 1)
 PWM_LIMIT, CURRENT_LIMIT, VELOCITY_LIMIT = Item(36, 2), Item(38, 2), Item(44, 4)
 MAX_POSITION, MIN_POSITION = Item(48, 4), Item(52, 4)
-TORQUE, ERROR, WATCHDOG = Item(64, 1), Item(70, 1), Item(98, 1)
+TORQUE, ERROR, POSITION_P, WATCHDOG = Item(64, 1), Item(70, 1), Item(84, 2), Item(98, 1)
 GOAL_PWM, GOAL_CURRENT = Item(100, 2), Item(102, 2)
 GOAL_VELOCITY, GOAL_POSITION = Item(104, 4), Item(116, 4)
 CURRENT, VELOCITY, POSITION = Item(126, 2), Item(128, 4), Item(132, 4)
@@ -50,6 +50,9 @@ COUNT = 2.0 * math.pi / 4096.0  # rad
 CENTRE = 2048
 SPEED = 0.229 * 2.0 * math.pi / 60.0  # rad/s
 FULL_PWM = 885
+#: Counts of PWM per count of position that Position P Gain is divided by (e-manual, XM430-W350,
+#: "Position PID Gain(80, 82, 84)").
+POSITION_P_STEP = 128
 VOLT = 0.1
 WATCHDOG_STEP = 0.02  # s
 TRIPPED = 255

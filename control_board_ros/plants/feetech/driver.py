@@ -55,6 +55,7 @@ class FeetechDrives(ServoDrives[FeetechOptions]):
             temperature=True,
             voltage=True,
             laws=t.MODES,
+            stiffness=True,
         )
         #: Position of each servo in counts, and its mode, as it answers.
         self._places = [t.CENTRE] * len(self._axes)
@@ -88,19 +89,23 @@ class FeetechDrives(ServoDrives[FeetechOptions]):
             lower, upper = 0, t.LAST
         homing, self._wrapped[k] = (yield from get(drive, t.HOMING)), False
         self._homing[k] = t.signed(homing, t.HOMING_SIGN)
-        speed = yield from get(drive, t.SPEED_LIMIT)
+        speed, stall = (yield from get(drive, t.SPEED_LIMIT)), self._stall(k)
+        most = min(t.MOST_DUTY, 1e-3 * (yield from get(drive, t.TORQUE_LIMIT)))
         limits = DriveLimits(
             lower=angle(lower),
             upper=angle(upper),
             velocity=speed * t.SPEED_LIMIT_STEP * t.COUNT or None,
+            torque=most * stall or None,
             current=(yield from get(drive, t.CURRENT_LIMIT)) * t.AMPERE or None,
         )
+        stiffness = t.GAIN * (yield from get(drive, t.P)) * stall
         firmware = yield from get(drive, t.FIRMWARE)
         return Identity(
             id=drive,
             type=t.MODELS[number],
             firmware=f"{firmware & 0xFF}.{firmware >> 8}",
             limits=limits,
+            stiffness=stiffness,
         )
 
     def set_law(self, k: int, law: int) -> Questions[int]:

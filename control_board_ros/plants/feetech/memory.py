@@ -29,7 +29,7 @@ DELIVERED = {
     "Phase": (t.PHASE, 12),
     "Unloading_Condition": (Item(19, 1), 44),
     "LED_Alarm_Condition": (Item(20, 1), 47),
-    "P_Coefficient": (Item(21, 1), 32),
+    "P_Coefficient": (t.P, 32),
     "D_Coefficient": (Item(22, 1), 32),
     "I_Coefficient": (Item(23, 1), 0),
     "Minimum_Startup_Force": (Item(24, 2), 16),
@@ -45,16 +45,16 @@ DELIVERED = {
     "Velocity_closed_loop_P_proportional_coefficient": (Item(37, 1), 10),
     "Over_Current_Protection_Time": (Item(38, 1), 200),
     "Velocity_closed_loop_I_integral_coefficient": (Item(39, 1), 200),
-    "Torque_Limit": (Item(48, 2), 1000),
+    "Torque_Limit": (t.TORQUE_LIMIT, 1000),
     "Maximum_Velocity_Limit": (t.SPEED_LIMIT, 254),
 }
-(BAUD_RATE, RETURN_LEVEL, MAX_VOLTAGE, MIN_VOLTAGE, MAX_TORQUE, UNLOADING, P, VELOCITY_P,
- VELOCITY_I, TORQUE_LIMIT) = (
+(BAUD_RATE, RETURN_LEVEL, MAX_VOLTAGE, MIN_VOLTAGE, MAX_TORQUE, UNLOADING, VELOCITY_P,
+ VELOCITY_I) = (
     DELIVERED[name][0]
     for name in ("Baud_Rate", "Response_Status_Level", "Max_Voltage_Limit", "Min_Voltage_Limit",
-                 "Max_Torque_Limit", "Unloading_Condition", "P_Coefficient",
+                 "Max_Torque_Limit", "Unloading_Condition",
                  "Velocity_closed_loop_P_proportional_coefficient",
-                 "Velocity_closed_loop_I_integral_coefficient", "Torque_Limit")
+                 "Velocity_closed_loop_I_integral_coefficient")
 )  # fmt: skip
 BAUDRATES = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
 LOAD, REGISTERED, MOVING = Item(60, 2), Item(64, 1), Item(66, 1)

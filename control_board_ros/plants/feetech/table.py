@@ -9,10 +9,11 @@ from ..drives.serial_line import Item, Library
 
 FIRMWARE, MODEL, ID = Item(0, 2), Item(3, 2), Item(5, 1)
 MIN_POSITION, MAX_POSITION, CURRENT_LIMIT = Item(9, 2), Item(11, 2), Item(28, 2)
-PHASE, ANGULAR_RESOLUTION, HOMING = Item(18, 1), Item(30, 1), Item(31, 2)
+PHASE, P, ANGULAR_RESOLUTION, HOMING = Item(18, 1), Item(21, 1), Item(30, 1), Item(31, 2)
 MODE, TORQUE, ACCELERATION, LOCK, SPEED_LIMIT = (
     Item(33, 1), Item(40, 1), Item(41, 1), Item(55, 1), Item(84, 1),
 )  # fmt: skip
+TORQUE_LIMIT = Item(48, 2)
 #: Goal position, goal time (PWM in that mode), goal velocity.
 GOALS = Item(42, 6)
 POSITION, VELOCITY, VOLTAGE = Item(56, 2), Item(58, 2), Item(62, 1)
@@ -45,6 +46,9 @@ CENTRE, LAST = 2048, 4095
 SPEED_LIMIT_STEP = 50.0  # counts/s
 AMPERE, VOLT = 6.5e-3, 0.1
 FULL_PWM = 1000
+#: Duty per rad of error and unit of P, and its bound, by oscilloscope: Rhoban's BAM 1b5a1ce,
+#: feetech/actuator.py, with D = 0 (feetech/record.py).
+GAIN, MOST_DUTY = 0.166, 0.97
 MODELS = {777: "STS3215", 2825: "STS3250", 11272: "SM8512BL"}
 ERRORS = {
     1: "input voltage",

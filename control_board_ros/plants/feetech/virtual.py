@@ -29,10 +29,8 @@ RESTING = 0.01
 #: BAM, params/feetech_sts3215_7_4V/m1.json at 1b5a1ce.
 CONSTANT, RESISTANCE, SUPPLY = 1.21164, 2.67617, 7.4
 DRY, VISCOUS, SLIP = 0.0523930, 0.0590852, 0.02
-#: Duty per rad of error and unit of P, and its bound, by oscilloscope: BAM, feetech/actuator.py
-#: there, with D = 0 (feetech/record.py). What D, I, dead zone and least force do is not published.
-GAIN, MOST_DUTY = 0.166, 0.97
-#: Of the velocity loop, duty per rad/s and unit of P, and per rad and unit of I: assumed.
+#: Of the velocity loop, duty per rad/s and unit of P, and per rad and unit of I: assumed. What D,
+#: I, dead zone and least force of that of positions do is not published.
 VELOCITY_P, VELOCITY_I = 0.01, 0.01
 
 
@@ -100,7 +98,7 @@ class VirtualFeetech:
         self.table.bytes[: m.RAM] = self._stored
         self.table.bytes[m.RAM :] = bytes(len(self.table.bytes) - m.RAM)
         self.table.bytes[t.SPEED_LIMIT.address] = speed
-        self.table.set(m.TORQUE_LIMIT, self.table.get(m.MAX_TORQUE))
+        self.table.set(t.TORQUE_LIMIT, self.table.get(m.MAX_TORQUE))
         self.table.set(t.STATUS, self.persists)
         self._registered: tuple[int, bytes] | None = None
         self._profile, self._away = math.nan, 0.0
@@ -207,7 +205,7 @@ class VirtualFeetech:
         self.motor.position, self.motor.velocity = position, velocity
         self._away = max(0.0, self._away - seconds)
         self._check_supply()
-        most = min(MOST_DUTY, 1e-3 * self.table.get(m.TORQUE_LIMIT))
+        most = min(t.MOST_DUTY, 1e-3 * self.table.get(t.TORQUE_LIMIT))
         duty = self._duty(seconds)
         if duty is None:
             self._loop.rest()
@@ -244,7 +242,7 @@ class VirtualFeetech:
             return self._loop.duty(error, p, i * seconds)
         self._loop.rest()
         error = self._goal(t.signed(position), speed, seconds) - motor.position
-        return GAIN * table.get(m.P) * error
+        return t.GAIN * table.get(t.P) * error
 
     def _goal(self, goal: float, speed: int, seconds: float) -> float:
         """Where its profile is on the way to a goal within its limits, rad."""
