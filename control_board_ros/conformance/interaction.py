@@ -136,7 +136,7 @@ def pushing(bench: Bench) -> Iterator[Callable[[float], State]]:
 
     def push(torque: float) -> State:
         bench.client.set_feedforward(bench.joint, torques=load + torque)
-        return bench.record(1.2)[-1]
+        return bent(bench)
 
     try:
         yield push
@@ -144,21 +144,31 @@ def pushing(bench: Bench) -> Iterator[Callable[[float], State]]:
         bench.client.set_feedforward(bench.joint, torques=load)
 
 
+def bent(bench: Bench) -> State:
+    """The state after a push, where the joint rests: one that is damped takes seconds."""
+    for _ in range(6):
+        states = bench.record(1.2)
+        places = [float(state.position[bench.j]) for state in states[3 * len(states) // 4 :]]
+        if max(places) - min(places) < 3e-3 * bench.range.step:
+            break
+    return states[-1]
+
+
 def acts_at_once(bench: Bench) -> None:
-    """Doubled stiffness halves the deflection."""
+    """Half the stiffness doubles the deflection; friction has the same part in both."""
     way = 0.3 * bench.range.step
     stiffness = soft(bench, way, 0.4)  # friction hides what a weaker push does
-    assume(bench.client.set_impedance(bench.joint, stiffness), "a stiffness is refused")
+    assume(bench.client.set_impedance(bench.joint, 2.0 * stiffness), "a stiffness is refused")
     with pushing(bench) as push:
-        before, bent = push(0.0), push(stiffness * way)
-        reply = bench.client.set_impedance(bench.joint, 2.0 * stiffness)
-        expect(reply, f"a stiffness of {2.0 * stiffness:.3g} is refused: {reply.message}")
-        *_, less = bench.record(1.2)
-    first, second = (float(s.position[bench.j] - before.position[bench.j]) for s in (bent, less))
-    assume(first > 0.4 * way, f"a push bent the spring {first:.3g}, not {way:.3g}, see I5")
+        before, pushed = push(0.0), push(stiffness * way)
+        reply = bench.client.set_impedance(bench.joint, stiffness)
+        expect(reply, f"a stiffness of {stiffness:.3g} is refused: {reply.message}")
+        more = bent(bench)
+    first, second = (float(s.position[bench.j] - before.position[bench.j]) for s in (pushed, more))
+    assume(first > 0.2 * way, f"a push bent the spring {first:.3g}, not {0.5 * way:.3g}, see I5")
     expect(
-        second < 0.75 * first,
-        f"twice the stiffness set in COMPLIANT did not act: a push bent it {first:.3g} before, "
+        first < 0.75 * second,
+        f"half the stiffness set in COMPLIANT did not act: a push bent it {first:.3g} before, "
         f"{second:.3g} after",
     )
 

@@ -32,7 +32,16 @@ PARAMETERS: dict[str, Any] = {
     "plant_timeout": 1.0,
     "joint_defaults.on_silence": "braked",
     "joint_defaults.admittance.dead_band": 0.08,
-    "joint_defaults.motor.torque_constant": 0.0192,
+    # An STS3215 at 7.4 V, as docs/howto/guide_and_replay.md has it.
+    "joint_defaults.limits.torque": 1.6,
+    "joint_defaults.limits.velocity": 3.0,
+    "joint_defaults.motor.gear_ratio": 345.0,
+    "joint_defaults.motor.torque_constant": 0.00351,
+    "joint_defaults.motor.resistance": 2.68,
+    "joint_defaults.motor.supply_voltage": 7.4,
+    "joint_defaults.motor.coulomb": 0.0524,
+    "joint_defaults.motor.viscous": 0.0591,
+    "joint_defaults.motor.inertia": 2.39e-7,
 }
 
 
