@@ -92,16 +92,27 @@ def test_a_fault_removes_power_at_once_with_little_droop(kind: str) -> None:
     assert abs(truth(rig) - before) < 0.5 * DEGREE
 
 
-def test_an_emergency_stop_closes_them_and_a_recovery_opens_them() -> None:
-    """Y4, E1, E2: a brake that was open by hand closes as well."""
+@pytest.mark.parametrize("event", ["emergency_stop", "power_cycle"])
+def test_what_takes_all_power_closes_them(event: str) -> None:
+    """Y4, E2, N1: at once, also one that was open by hand; it is worked automatically again."""
     rig = braked()
     assert rig.board.set_brake("left", "open")
     rig.enter(M.POSITION, "left")
     rig.tick(200)
+    getattr(rig.board, event)()
+    rig.tick()
+    assert not rig.board.state.powered[0]
+    rig.run(0.5)
+    assert power(rig) == (False, True)
+    assert rig.board.get_brake("left") == [BrakeMode.AUTOMATIC]
+
+
+def test_a_recovery_opens_them() -> None:
+    """Y4, E1."""
+    rig = braked()
+    rig.enter(M.POSITION, "left")
     rig.board.emergency_stop()
     rig.run(0.5)
-    assert rig.board.get_brake("left") == [BrakeMode.AUTOMATIC]
-    assert power(rig) == (False, True)
     rig.board.emergency_stop(False)
     rig.tick(2)
     assert rig.board.recover()
@@ -142,25 +153,25 @@ def test_references_wait_for_the_brake() -> None:
     assert truth(rig) == pytest.approx(start + 0.2, abs=5e-3)
 
 
-def test_a_torque_asked_for_while_the_brake_opens_acts_when_it_is_open() -> None:
-    """Y4, P7: the load is not taken over in its place."""
-    rig = braked()
-    assert rig.board.set_control_mode("left", "torq")
-    assert rig.board.set_ref_torque("left", 3.0)
-    rig.tick(RELEASE + 2)
-    assert rig.board.state.torque_reference[0] == pytest.approx(3.0, abs=0.5)
-
-
 @pytest.mark.fresh("within 20 ms")
-def test_a_current_asked_for_while_the_brake_opens_acts_when_it_is_open() -> None:
-    """Y4, Y2: the reference is kept, and drives nothing before."""
+@pytest.mark.parametrize(
+    ("mode", "method", "row", "value"),
+    [
+        ("torq", "set_ref_torque", "torque_reference", 3.0),
+        ("icur", "set_ref_current", "current", 2.0),
+    ],
+)
+def test_what_is_asked_for_while_the_brake_opens_acts_when_it_is_open(
+    mode: str, method: str, row: str, value: float
+) -> None:
+    """Y4, P7, Y2: it is kept, and drives nothing before; no load is taken over in its place."""
     rig = braked()
-    assert rig.board.set_control_mode("left", "icur")
-    assert rig.board.set_ref_current("left", 2.0)
+    assert rig.board.set_control_mode("left", mode)
+    assert getattr(rig.board, method)("left", value)
     rig.tick(RELEASE)
     assert rig.board.state.output[0] == 0.0
     rig.tick(20)
-    assert rig.board.state.current[0] == pytest.approx(2.0, abs=0.3)
+    assert getattr(rig.board.state, row)[0] == pytest.approx(value, abs=0.3)
 
 
 def test_a_mode_set_while_the_brake_closes_keeps_power() -> None:
@@ -205,27 +216,15 @@ def test_a_calibration_waits_for_the_brake() -> None:
     assert truth(rig) == pytest.approx(0.3, abs=5e-3)
 
 
-def test_a_power_cycle_closes_them() -> None:
-    """Y4, N1: without power at once, closed, and worked automatically again."""
-    rig = braked()
-    assert rig.board.set_brake("left", "open")
-    rig.enter(M.POSITION, "left")
-    rig.tick(100)
-    rig.board.power_cycle()
-    assert not rig.board.state.powered[0]
-    rig.run(0.1)
-    assert power(rig) == (False, True)
-    assert rig.board.get_brake("left") == [BrakeMode.AUTOMATIC]
-
-
 # --- by hand -----------------------------------------------------------------------------------
 
 
 def test_a_brake_closed_by_hand_keeps_its_joint_from_power() -> None:
-    """Y4: brake_closed, with the reason; nothing changes, and automatic lets it again."""
-    rig = braked()
+    """Y4, K1: brake_closed, with the reason; nothing changes, and automatic lets it again."""
+    rig = braked(calibration=Calibration(type=3, required=False, speed=0.5))
     assert rig.board.set_brake("left", "closed")
     for ask in (
+        lambda: rig.board.calibrate("left"),
         lambda: rig.board.set_control_mode("left", "pos"),
         lambda: rig.board.set_control_mode(["left", "right"], "torq"),
     ):
@@ -237,15 +236,6 @@ def test_a_brake_closed_by_hand_keeps_its_joint_from_power() -> None:
     assert rig.board.set_control_mode("left", "idl")
     assert rig.board.set_brake("left", "automatic")
     assert rig.board.set_control_mode("left", "pos")
-
-
-def test_a_calibration_of_a_joint_whose_brake_is_closed_is_refused() -> None:
-    """Y4, K1: code brake_closed."""
-    rig = braked(calibration=Calibration(type=3, required=False, speed=0.5))
-    assert rig.board.set_brake("left", "closed")
-    reply = rig.board.calibrate("left")
-    assert reply.codes == (Reason.BRAKE_CLOSED,)
-    assert rig.board.get_control_mode("left") == [M.IDLE]
 
 
 @pytest.mark.parametrize("mode", sorted(POWERED, key=lambda mode: mode.code))
