@@ -37,9 +37,9 @@ FIGURES = {
     "B15": 1,
     "B16": 2,
     "B17": 2,
-    "B18": 3 if find_spec("gymnasium") and find_spec("mujoco") else 0,
+    "B18": 3,
     "B19": 2 * sum(HAS_ICUB and bool(find_spec(name)) for name in ("pybullet", "mujoco")),
-    "B20": 7 if find_spec("moteus") and find_spec("msgpack") else 0,
+    "B20": 7,
     "B21": 2,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14", "B21")

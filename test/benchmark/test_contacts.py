@@ -23,7 +23,6 @@ pytestmark = pytest.mark.physics
 @pytest.mark.slow
 def test_pushes_are_seen_and_there_are_no_false_alarms() -> None:
     """X1, X2: thresholds learned of free moves hold over others; pushes of twice them are seen."""
-    pytest.importorskip("mujoco")
     cell = contacts.measure("iiwa", "mujoco", {}, Effort("tiny"))
     assert cell.alarms == 0
     assert (np.array(cell.thresholds) > cell.worst).all()

@@ -14,17 +14,12 @@ from waiting import GUARD, until
 PUSHED = "wrist_roll"
 
 
-#: Makes of servos, by the module of their libraries.
-MAKES = {"scservo_sdk": "feetech", "dynamixel_sdk": "dynamixel"}
-
-
-@pytest.fixture(scope="module", params=MAKES)
+@pytest.fixture(scope="module", params=["feetech", "dynamixel"])
 def params(request: pytest.FixtureRequest) -> dict[str, Any]:
     """As docs/howto/guide_and_replay.md has it, for a computer that may stand still."""
-    pytest.importorskip(request.param)
     return {
         "robot": str(Path(__file__).parents[1] / "support" / "so101.urdf"),
-        "plant": f"virtual/{MAKES[request.param]}",
+        "plant": f"virtual/{request.param}",
         "control_rate": 100.0,
         "gravity": [0.0, 0.0, 0.0],  # else the arm has fallen onto its stops before it is driven
         "plant_timeout": GUARD / 2.0,  # B5: a board that stands still for longer is in fault

@@ -7,7 +7,6 @@ from contextlib import closing
 
 import board_in_process
 import pytest
-from drive_bench import LIBRARIES
 from servo_arm import ServoArm
 
 from control_board_ros.conformance import Outcome
@@ -30,7 +29,6 @@ def _states(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def tried(make: str, joint: str, *names: str) -> dict[str, tuple[str, str]]:
     """Outcome and evidence by rule."""
-    pytest.importorskip(LIBRARIES[make])
     with closing(ServoArm(make)) as arm:
         return board_in_process.tried(names, joint=joint, plant=arm)
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -12,8 +11,6 @@ from control_board_ros.description import xacro_file
 from control_board_ros.description.robots import load_robot
 from control_board_ros.description.urdf import UrdfError
 from control_board_ros.description.xacro_file import split_arguments
-
-needs_xacro = pytest.mark.skipif(find_spec("xacro") is None, reason="package xacro")
 
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:arg name="side" default="right"/>
@@ -39,7 +36,6 @@ def refusal(robot: str) -> str:
     return str(caught.value)
 
 
-@needs_xacro
 def test_a_xacro_file_is_a_robot(arm: Path) -> None:
     made = load_robot(str(arm))
     assert made.independent == ("right_elbow",)
@@ -48,7 +44,6 @@ def test_a_xacro_file_is_a_robot(arm: Path) -> None:
     assert load_robot(f"{arm.name} side:=left", arm.parent).independent == ("left_elbow",)
 
 
-@needs_xacro
 def test_xacro_errors_are_one_line(arm: Path) -> None:
     arm.write_text(ARM.replace("1 + 1", "heavy"))
     assert "name 'heavy' is not defined" in refusal(str(arm))
@@ -67,7 +62,6 @@ def grown(levels: int) -> str:
 
 
 @pytest.mark.slow
-@needs_xacro
 @pytest.mark.parametrize(("levels", "bounds"), [(40, {"CPU": 1}), (6, {"MOST": 500})])
 def test_an_exponential_macro_is_bounded(
     arm: Path, monkeypatch: pytest.MonkeyPatch, levels: int, bounds: dict[str, int]
@@ -79,7 +73,6 @@ def test_an_exponential_macro_is_bounded(
     assert "check macros" in refusal(str(arm))
 
 
-@needs_xacro
 def test_an_error_has_no_content_of_another_file(arm: Path, tmp_path: Path) -> None:
     """Of other files YAML is read only, and none of it is quoted."""
     secret = "root:x:0:0"
@@ -115,7 +108,6 @@ def test_a_xacro_file_by_the_name_of_a_urdf_says_what_it_is(arm: Path) -> None:
     assert "give the .xacro file itself as robot" in refusal(str(urdf))
 
 
-@needs_xacro
 def test_a_misspelt_argument_is_refused_with_the_near_word(arm: Path) -> None:
     text = refusal(f"{arm} sied:=left")
     assert "'sied'" in text
@@ -123,7 +115,6 @@ def test_a_misspelt_argument_is_refused_with_the_near_word(arm: Path) -> None:
     assert refusal(f"{arm} height:=1").endswith("argument 'height' unknown; arguments: side")
 
 
-@needs_xacro
 def test_an_argument_of_an_included_file_is_known(arm: Path, tmp_path: Path) -> None:
     whole = tmp_path / "whole.xacro"
     whole.write_text(

@@ -31,22 +31,16 @@ FOLLOWED = [
 ]
 
 
-#: Packages without which a page cannot be followed.
-NEEDED = {
-    "couplings": "icub_models",
-    "gymnasium": "mujoco",
-    "whole_robot": "icub_models",
-    "record_and_report": "rosbags",
-    "view_and_plot": "rosbags",
-}
+#: Pages that need the extra icub.
+NEED_ICUB = ("couplings", "whole_robot")
 
 
 @pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.parametrize("page", FOLLOWED, ids=[page.stem for page in FOLLOWED])
 def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:
-    if page.stem in NEEDED:
-        pytest.importorskip(NEEDED[page.stem], reason="an extra")
+    if page.stem in NEED_ICUB:
+        pytest.importorskip("icub_models", reason="extra icub")
     reader.follow(page)
     if page.stem == "identify":
         is_identified(reader.folder, "lbr_iiwa_joint_6.motor.torque_constant")

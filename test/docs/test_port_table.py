@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("rclpy")
 from control_board_ros.cli.verbs import VERBS
 from control_board_ros.client import ControlBoardClient
 

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-import pytest
 from documents import ROOT
+from PIL import Image
 
 from control_board_ros.interface import ENDPOINTS
 
@@ -38,9 +38,8 @@ def test_readme_names_the_commands_of_the_makefile() -> None:
 
 def test_the_picture_moves_and_loads_at_once() -> None:
     """docs/moving_picture.py records it."""
-    image = pytest.importorskip("PIL.Image", reason="comes with matplotlib")
     path = ROOT / "docs" / "images" / "board.gif"
     assert f"](docs/images/{path.name})" in README
     assert path.stat().st_size <= 2_000_000
-    with image.open(path) as picture:
+    with Image.open(path) as picture:
         assert picture.n_frames >= 20

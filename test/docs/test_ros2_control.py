@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from importlib.util import find_spec
 from pathlib import Path
 
-import pytest
 import yaml
 
 from control_board_ros.description.robots import SHIPPED
@@ -19,7 +17,6 @@ FOLDER = Path(__file__).resolve().parents[2] / "config/ros2_control"
 INTERFACES = ["position", "velocity", "effort"]
 
 
-@pytest.mark.skipif(find_spec("xacro") is None, reason="package xacro")
 def test_the_component_finds_the_board() -> None:
     """Its topics are the board's, and each joint has all interfaces: no array is short."""
     text = expand(FOLDER / "iiwa.urdf.xacro", [f"urdf:={SHIPPED / 'iiwa.urdf'}"])

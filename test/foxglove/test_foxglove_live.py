@@ -13,17 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from waiting import GUARD, until
-
-pytest.importorskip("foxglove", reason="extra foxglove")
-pytest.importorskip("websockets", reason="extra panel")
-
 from control_board_msgs import msg, srv
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from talk import Talker
 from tf2_msgs.msg import TFMessage
+from waiting import GUARD, until
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol

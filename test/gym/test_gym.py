@@ -10,21 +10,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv
 from plants import joint, link, robot
 
-gymnasium = pytest.importorskip("gymnasium", reason="extra gym")
-pytest.importorskip("mujoco", reason="extra mujoco")
-
-from gymnasium.utils.env_checker import check_env  # noqa: E402
-from gymnasium.vector import AsyncVectorEnv  # noqa: E402
-
-from control_board_ros.core.terms.vocabs import ControlMode  # noqa: E402
-from control_board_ros.gym import TASKS  # noqa: E402
-from control_board_ros.gym.arms import CONTROLS, NUMBERS, Arms  # noqa: E402
-from control_board_ros.gym.env import FAULT, ArmEnv, FleetEnv  # noqa: E402
-from control_board_ros.settings.loading import load  # noqa: E402
+from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.gym import TASKS
+from control_board_ros.gym.arms import CONTROLS, NUMBERS, Arms
+from control_board_ros.gym.env import FAULT, ArmEnv, FleetEnv
+from control_board_ros.settings.loading import load
 
 
 def named(task: str) -> str:
@@ -76,7 +73,6 @@ def test_an_episode_begins_calibrated(robot: str) -> None:
 def test_gymnasium_finds_nothing_wrong(task: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """check_env without a warning: spaces, seeds, determinism, both ways to render."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pytest.importorskip("pygame", reason="extra gym")
     made = gymnasium.make(named(task))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -6,7 +6,6 @@ from __future__ import annotations
 import pytest
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3, with PyTorch 2 GB")
-pytest.importorskip("mujoco", reason="extra mujoco")
 
 
 @pytest.mark.soak

@@ -12,7 +12,6 @@ import pytest
 ray = pytest.importorskip("ray", reason="Ray, with PyTorch 2 GB: docs/howto/gymnasium.md")
 pytest.importorskip("ray.rllib", reason="Ray's RLlib: pip install 'ray[rllib]'")
 pytest.importorskip("torch", reason="PyTorch: pip install torch")
-pytest.importorskip("mujoco", reason="extra mujoco")
 
 
 #: s; workers import PyTorch first, which on a busy machine takes minutes. RLlib's own minute of

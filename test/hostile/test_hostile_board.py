@@ -150,15 +150,7 @@ LISTENERS: list[Callable[[int, Path], None]] = [
     panel_server,
     *(partial(cbctl, verb) for verb in VERBS),
 ]
-OTHER_VERBS = (
-    "modes",
-    "modes --json",
-    "faults",
-    "poses",
-    "impedance",
-    "clear",
-    "move constructor=0.1",
-)
+OTHER_VERBS = ("modes --json", "faults", "poses", "impedance", "clear", "move constructor=0.1")
 
 
 def test_whatever_listens_ends_well(domain: int, tmp_path: Path) -> None:

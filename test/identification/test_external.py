@@ -24,7 +24,6 @@ ROWS = {
 @pytest.mark.parametrize("sensor", [True, False], ids=["sensor", "current"])
 def test_the_board_and_the_identification_show_the_same(sensor: bool) -> None:
     """One model: weight, payload, rotors and friction, and one observer, cycle by cycle."""
-    pytest.importorskip("mujoco")
     values = {"physics": "mujoco", "lbr_iiwa_joint_7.payload.mass": 1.5}
     if not sensor:
         values |= {

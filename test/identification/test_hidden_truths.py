@@ -31,7 +31,6 @@ def check(hidden: Hidden, found: Outcome) -> None:
 @pytest.mark.soak
 def test_two_joints_and_a_payload_are_identified() -> None:
     """G3: the small form of the grid below: an elbow and a wrist, in MuJoCo."""
-    pytest.importorskip("mujoco")
     joints = [f"lbr_iiwa_joint_{k}" for k in (4, 6)]
     hidden = Hidden("iiwa", "mujoco", joints, drawn("iiwa", joints, 1, "mujoco"), 1.0)
     check(hidden, hidden.identified())

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from logs import NAMES, Log, truth, urdf_of
+from rosbags import rosbag2
 
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.identification import IdentificationError
@@ -203,7 +204,6 @@ def test_a_current_of_another_unit_or_direction_is_named(
 
 def test_a_bag_of_anybody_is_the_same(urdf: Path, tmp_path: Path) -> None:
     """Joints in any order in a JointState: found by their names, at the times of their heads."""
-    rosbag2 = pytest.importorskip("rosbags.rosbag2")
     from rosbags.typesys import Stores, get_typestore
 
     store, log = get_typestore(Stores.ROS2_JAZZY), Log(urdf, seconds=4.0)

@@ -22,7 +22,6 @@ def trouble(hidden: Hidden) -> str:
 
 def hidden(**truth: float) -> Hidden:
     """An iiwa whose sixth joint is identified, in MuJoCo."""
-    pytest.importorskip("mujoco")
     given = {f"{JOINT}.{key.replace('__', '.')}": value for key, value in truth.items()}
     return Hidden("iiwa", "mujoco", [JOINT], given)
 

@@ -6,13 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import pytest
-from far_drives import BRIEF, far_drives, near, until
-
-pytest.importorskip("canopen")
-
 import canopen
+import pytest
 from canopen.profiles.p402 import BaseNode402
+from far_drives import BRIEF, far_drives, near, until
 
 from control_board_ros.plants.cia402.dictionary import COUNTS, dictionary
 

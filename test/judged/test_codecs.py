@@ -11,6 +11,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import robstride_dynamics as theirs
+from cantools import database
+from damiao_motor.core import motor as core
 
 from control_board_ros.plants.drives.can_frame import message
 from control_board_ros.plants.drives.driver import Answers
@@ -19,9 +22,8 @@ from control_board_ros.plants.feetech import table as feetech
 from control_board_ros.plants.mit_can import damiao, frames, robstride
 from control_board_ros.plants.mit_can import robstride_private as private
 from control_board_ros.plants.moteus import frames as moteus
+from control_board_ros.plants.moteus import virtual_frames
 from control_board_ros.plants.odrive_can import frames as odrive
-
-virtual_frames = pytest.importorskip("control_board_ros.plants.moteus.virtual_frames")
 
 REV = 2.0 * math.pi
 
@@ -118,7 +120,6 @@ def driver(make: str, **options: str) -> Any:
 
 
 def test_every_count_of_a_feetech_is_its_position_in_every_mode() -> None:
-    pytest.importorskip("scservo_sdk")
     servo, answer = driver("feetech"), bytearray(feetech.READ.length)
     place = feetech.POSITION.address - feetech.READ.address
     for count in range(1 << 16):
@@ -133,7 +134,6 @@ def test_every_count_of_a_feetech_is_its_position_in_every_mode() -> None:
 
 
 def test_every_count_of_a_dynamixel_is_its_position_in_256_turns_either_way() -> None:
-    pytest.importorskip("dynamixel_sdk")
     servo = driver("dynamixel")
     for count in range(-256 * 4096, 256 * 4096, 37):
         answer = struct.pack(dynamixel.READ_FORMAT, 1, 0, 5, 0, 0, count, 120, 30)
@@ -144,7 +144,6 @@ def test_every_count_of_a_dynamixel_is_its_position_in_256_turns_either_way() ->
 @pytest.mark.parametrize("high", [0x02, 0x12])
 def test_every_status_word_of_a_cia402_has_the_power_of_its_state(high: int) -> None:
     """CiA 402-2, table 30: with power are 27, 07 (quick stop) and 0F (fault reaction)."""
-    pytest.importorskip("canopen")
     drive = driver("cia402")
     for low in range(256):
         word = high << 8 | low
@@ -159,7 +158,6 @@ def test_every_status_word_of_a_cia402_has_the_power_of_its_state(high: int) -> 
 
 def test_every_mode_and_fault_of_a_moteus_is_read() -> None:
     """Modes and faults of one byte each, in the answer as it usually comes."""
-    pytest.importorskip("moteus")
     registers = {0: 10, 1: 0.5, 2: 0.1, 3: 0.2, 4: 1.5, 0x0D: 24.0, 0x0E: 30.0, 0x0F: 0}
     reads = virtual_frames.read(bytes.fromhex("11001c0401130d")).reads
     for mode in range(16):
@@ -186,9 +184,8 @@ def test_an_odrive_has_power_in_closed_loop_only_of_all_states() -> None:
 
 def test_numbers_of_an_odrive_are_those_of_its_makers_file() -> None:
     """Commands and errors of its DBC for 0.6.10; 0.6.11 adds "requested current too high"."""
-    cantools = pytest.importorskip("cantools.database")
     file = files("odrive_can") / "dbc" / "odrive-cansimple-0.6.10.dbc"
-    messages = {m.name.removeprefix("Axis1_"): m for m in cantools.load_file(str(file)).messages}
+    messages = {m.name.removeprefix("Axis1_"): m for m in database.load_file(str(file)).messages}
     errors = messages["Heartbeat"].get_signal_by_name("Axis_Error").choices
     assert odrive.ERRORS.keys() == errors.keys() - {0} | {0x20000}
     for name, number in {
@@ -219,14 +216,12 @@ def test_modes_of_a_moteus_are_those_of_its_library() -> None:
 
 
 def test_faults_of_a_damiao_are_those_that_another_names() -> None:
-    core = pytest.importorskip("damiao_motor.core.motor", reason="damiao-motor is not installed")
     states = core._STATE_NAME_MAP.keys()
     assert damiao.FAULTS.keys() == states - {damiao.DISABLED, damiao.ENABLED}
 
 
 def test_numbers_of_a_robstride_are_those_of_another() -> None:
     """Kinds of frames and parameters; names of faults stand in the manual's order of bits."""
-    theirs = pytest.importorskip("robstride_dynamics", reason="it is not installed")
     kinds, parameters = theirs.CommunicationType, theirs.ParameterType
     for ours, name in {
         private.IDENTIFY: "GET_DEVICE_ID", private.COMMAND: "OPERATION_CONTROL",
@@ -252,7 +247,6 @@ def test_numbers_of_a_robstride_are_those_of_another() -> None:
 
 
 def made() -> Any:
-    core = pytest.importorskip("damiao_motor.core.motor", reason="damiao-motor is not installed")
     return core.DaMiaoMotor(1, 0x11, SimpleNamespace(), motor_type="4310")
 
 

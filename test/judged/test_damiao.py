@@ -7,12 +7,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from far_drives import far_drives, near, until
-
-pytest.importorskip("damiao_motor", reason="damiao-motor is not installed: pip install '.[test]'")
-
 from damiao_motor import DaMiaoController
 from damiao_motor.core.motor import REGISTER_TABLE
+from far_drives import far_drives, near, until
 
 # It opens its bus by a name that python-can no longer likes.
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")

@@ -9,10 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_bench import Bench
-
-pytest.importorskip("durand", reason="durand is not installed: pip install '.[test]'")
-pytest.importorskip("canopen")
-
 from durand_drive import ENABLED, FAULT, DurandDrive
 
 from control_board_ros.core.terms.drives import SetPoint

@@ -11,7 +11,6 @@ import pytest
 from far_drives import far_drives, near, until
 
 pytest.importorskip("dynamixel_easy_sdk", reason="dynamixel-sdk 4 is not installed")
-pytest.importorskip("dxl2", reason="dynamixel-python is not installed: pip install '.[test]'")
 
 from dxl2.v2 import BulkParams, MotorBus, SyncParams
 from dynamixel_easy_sdk import Connector

@@ -11,13 +11,10 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
+import moteus
 import pytest
 from adapter import adapter
 from far_drives import until
-
-pytest.importorskip("moteus", reason="moteus is not installed: pip install '.[moteus]'")
-
-import moteus
 from moteus import fdcanusb_device
 from moteus.protocol import Register
 

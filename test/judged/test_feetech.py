@@ -10,14 +10,10 @@ from typing import Any
 import pytest
 from apart import run_apart
 from far_drives import far_drives, near, until
-from waiting import GUARD
-
-pytest.importorskip("feetech_cli", reason="feetech-cli is not installed: pip install '.[test]'")
-pytest.importorskip("st3215_bus", reason="st3215-bus is not installed: pip install '.[test]'")
-
 from feetech_cli.controller import FeetechServoController
 from feetech_cli.registers import CONTROL_TABLE
 from st3215_bus import Buses
+from waiting import GUARD
 
 COUNT = 6.283185 / 4096
 

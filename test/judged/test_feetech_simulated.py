@@ -13,9 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_bench import Bench
-
-pytest.importorskip("feetech_cli", reason="feetech-cli is not installed: pip install '.[test]'")
-
 from feetech_cli.simulator import SimulatedBus, SimulatedServo
 
 from control_board_ros.core.terms.drives import SetPoint

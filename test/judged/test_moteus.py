@@ -13,13 +13,10 @@ from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 from unittest import mock
 
-import pytest
-from far_drives import BRIEF, far_drives, near
-
-pytest.importorskip("moteus")
-
 import can
 import moteus
+import pytest
+from far_drives import BRIEF, far_drives, near
 from moteus import moteus_tool
 from moteus.protocol import Register
 

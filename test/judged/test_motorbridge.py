@@ -9,9 +9,6 @@ from typing import Any
 import pytest
 from dm_adapter import dm_adapter
 from far_drives import far_drives, near, until
-
-pytest.importorskip("motorbridge", reason="motorbridge is not installed: pip install '.[test]'")
-
 from motorbridge import CallError, Controller, Mode
 from motorbridge.cli.main import main
 from motorbridge.damiao_registers import DAMIAO_RW_REGISTERS

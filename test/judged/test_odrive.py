@@ -12,9 +12,6 @@ import can
 import pytest
 from far_drives import far_drives, near
 from far_drives import until as waiting
-
-pytest.importorskip("odrive_can", reason="odrive-can is not installed: pip install '.[test]'")
-
 from odrive_can.odrive import ODriveCAN
 
 

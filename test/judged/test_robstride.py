@@ -10,11 +10,6 @@ from typing import Any
 import can
 import pytest
 from far_drives import far_drives, near, until
-
-pytest.importorskip(
-    "robstride_dynamics", reason="robstride-dynamics is not installed: pip install '.[test]'"
-)
-
 from robstride_dynamics import Motor, ParameterType, RobstrideBus
 
 PARAMETERS = [

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rclpy.parameter import Parameter
 
 from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.node.process.start import settings_from_arguments
@@ -15,9 +16,6 @@ from control_board_ros.node.wiring.parameters import Declaration, Parameters, de
 from control_board_ros.settings.loading import Settings, SettingsError, load
 from control_board_ros.settings.schema import BOARD, JOINT
 from control_board_ros.testing import free_domain, ros_node
-
-rcl_interfaces = pytest.importorskip("rcl_interfaces.msg")
-from rclpy.parameter import Parameter  # noqa: E402 - only where ROS is
 
 pytestmark = pytest.mark.ros
 J2 = "lbr_iiwa_joint_2"

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from browsing import context_of, operate, panel_beside
 from cbctl_process import interrupted
+from playwright import sync_api as playwright
 from standins import Panel, StandIn, panel_of
 from talk import patient
 from waiting import until
@@ -121,7 +122,6 @@ def browser() -> Iterator[Any]:
     other tests run loops of their own. (In a folder without ``__init__.py`` the scope "package" is
     the session.)
     """
-    playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as play:
         browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         yield browser

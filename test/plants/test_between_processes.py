@@ -11,9 +11,10 @@ import sys
 from collections.abc import Iterator
 from importlib import import_module
 
+import can
+import msgpack
 import numpy as np
 import pytest
-from drive_bench import LIBRARIES
 from iiwa import JOINTS
 from waiting import GUARD
 
@@ -24,8 +25,6 @@ from control_board_ros.plants.drives.can_socket import received
 from control_board_ros.plants.interface import Setup
 from control_board_ros.testing.plant_contract import set_points
 
-can = pytest.importorskip("can")
-msgpack = pytest.importorskip("msgpack")
 GROUP = "239.74.163.2"
 DRIVERS = ("moteus", "mit_can", "cia402", "odrive_can")
 
@@ -43,7 +42,6 @@ def address() -> str:
 
 @pytest.fixture(params=DRIVERS)
 def driver(request: pytest.FixtureRequest, address: str) -> Iterator[str]:
-    pytest.importorskip(LIBRARIES[request.param])
     command = [sys.executable, "-m", "control_board_ros.plants.virtual", request.param]
     command += ["--bus", address, "--physics", "ideal"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

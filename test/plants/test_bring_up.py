@@ -40,7 +40,6 @@ from control_board_ros.plants.interface import (
 )
 from control_board_ros.testing.plant_contract import board_for
 
-pytest.importorskip("moteus")
 ROBOT = """\
 # arm of two levers
 /**:
@@ -99,7 +98,6 @@ def test_a_joint_is_moved_by_two_degrees_under_a_tenth_of_its_limits(bench: Benc
 @pytest.mark.parametrize("driver", LIBRARIES)
 def test_the_velocity_of_a_drive_is_the_change_of_its_position(driver: str) -> None:
     """In steps of its own; of each make."""
-    pytest.importorskip(LIBRARIES[driver])
     options = {"right.direction": "-1"}
     with Bench(driver, options=options) as made:
         moved = trial(made, period=PERIOD).move(1)
@@ -110,7 +108,6 @@ def test_the_velocity_of_a_drive_is_the_change_of_its_position(driver: str) -> N
 @pytest.mark.parametrize("factor", [9.55, 0.1])
 def test_a_velocity_in_another_unit_is_reported(factor: float) -> None:
     """A drive in 1/min was shown tens of times too fast."""
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.virtual import COUNTS
 
     counts = f"{COUNTS / factor:.0f}"
@@ -439,7 +436,6 @@ def test_a_plant_that_no_driver_has_is_named_in_one_line(
 
 def test_a_scan_of_servos_tries_the_usual_baud_rates(capsys: pytest.CaptureFixture[str]) -> None:
     """A new Dynamixel X is at 57,600 bit/s."""
-    pytest.importorskip("dynamixel_sdk")
     with Bench("dynamixel") as made, made.direct():
         made.baudrate = 57_600
         assert main(["scan", "dynamixel", "--bus", "direct"]) == 0

@@ -8,16 +8,15 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
+import can
 import pytest
 
-can = pytest.importorskip("can")
-
-from control_board_ros.plants.drives import can_line  # noqa: E402
-from control_board_ros.plants.drives.can_drives import CanDrives  # noqa: E402
-from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, CanLine  # noqa: E402
-from control_board_ros.plants.drives.can_socket import MessageBus  # noqa: E402
-from control_board_ros.plants.drives.clock import ManualClock  # noqa: E402
-from control_board_ros.plants.drives.interview import Question  # noqa: E402
+from control_board_ros.plants.drives import can_line
+from control_board_ros.plants.drives.can_drives import CanDrives
+from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, CanLine
+from control_board_ros.plants.drives.can_socket import MessageBus
+from control_board_ros.plants.drives.clock import ManualClock
+from control_board_ros.plants.drives.interview import Question
 
 
 def frame(number: int, data: bytes = b"", *, error: bool = False) -> Any:

@@ -10,11 +10,8 @@ import socket
 from collections.abc import Iterator
 from types import SimpleNamespace
 
-import pytest
-
-pytest.importorskip("can")
-
 import can
+import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
 
 from control_board_ros.plants.drives.can_frame import EXTENDED, REMOTE, message
@@ -72,7 +69,6 @@ def test_frames_are_those_that_python_can_builds(
 @pytest.fixture
 def groups() -> Iterator[tuple[Multicast, can.BusABC]]:
     """A group of udp_multicast as drivers use it, and python-can's own member of it."""
-    pytest.importorskip("msgpack")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("", 0))
         port = free.getsockname()[1]

@@ -9,20 +9,19 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from canopen.emcy import EmcyError
+from canopen.profiles import p402
 from codec import Codec, Sent, dialogue, written
 from drive_bench import Bench
 from sdo_objects import Objects, result
 
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
+from control_board_ros.plants.cia402 import driver, identity, sdo, states, virtual
+from control_board_ros.plants.cia402 import objects as o
 from control_board_ros.plants.drives.interview import PAUSE, converse
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import Setup
-
-pytest.importorskip("canopen")
-
-from control_board_ros.plants.cia402 import driver, identity, sdo, states, virtual
-from control_board_ros.plants.cia402 import objects as o
 
 REV = 2.0 * math.pi
 MOTION = {"position": 0.5, "velocity": -1.0, "torque": 0.2}
@@ -591,14 +590,13 @@ CODES = """2220 2310 2320 2330 3110 3120 3130 3210 3220 3310 4110 4210 4310 5112
 
 def test_tables_are_those_of_the_standard() -> None:
     assert [f"{code:04x}" for code in o.ERRORS] == CODES.split()
-    p402 = pytest.importorskip("canopen.profiles.p402")
     names = {"PROFILED POSITION": "PP", "PROFILED VELOCITY": "PV", "PROFILED TORQUE": "PT",
              "HOMING": "HM", "INTERPOLATED POSITION": "IP", "NO MODE": "none",
              "CYCLIC SYNCHRONOUS POSITION": "CSP", "CYCLIC SYNCHRONOUS VELOCITY": "CSV",
              "CYCLIC SYNCHRONOUS TORQUE": "CST"}  # fmt: skip
     theirs = {code: names.get(name) for code, name in p402.OperationMode.CODE2NAME.items()}
     assert {code: name for code, name in theirs.items() if name} == o.MODES
-    emcy = pytest.importorskip("canopen.emcy").EmcyError.DESCRIPTIONS
+    emcy = EmcyError.DESCRIPTIONS
     groups = {code >> 12 for code, _, _ in emcy if code >= 0x2000 and not code & 0xFFF}
     assert o.GROUPS.keys() == groups
     assert o.IDENTITY == 0x1018

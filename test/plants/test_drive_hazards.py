@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import moteus
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES, PERIOD, Bench
@@ -38,7 +39,6 @@ TORQUE, CURRENT, PWM, IMPEDANCE = (
 
 
 def bench_of(driver: str, **options: str) -> Bench:
-    pytest.importorskip(LIBRARIES[driver])
     return Bench(driver, options=options)
 
 
@@ -150,7 +150,6 @@ def test_a_velocity_of_zero_has_no_bias_in_an_mit_frame() -> None:
 
 def test_moteus_plans_no_trajectory_of_its_own() -> None:
     """A velocity and an acceleration limit of −1: none; else those of its configuration act."""
-    moteus = pytest.importorskip("moteus")
     from control_board_ros.plants.moteus import frames as m
 
     command = m.template(moteus.Controller(id=1))
@@ -397,7 +396,6 @@ def test_the_mode_of_an_odrive_is_read_back(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """S8: where its endpoint is known; a mode that is not taken is a fault, one packet is none."""
-    pytest.importorskip("can")
     from control_board_ros.plants.odrive_can import frames as o
     from control_board_ros.plants.odrive_can import virtual
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from drive_bench import LIBRARIES, PERIOD, Bench
+from drive_bench import PERIOD, Bench
 from sdo_objects import Objects, result
 
 from control_board_ros.core.terms.drives import DriveReport, SetPoint
@@ -35,7 +35,6 @@ REPORTS: dict[str, tuple[str | None, str | None, Frame | None]] = {
 
 
 def bench_of(driver: str, **options: str) -> Bench:
-    pytest.importorskip(LIBRARIES[driver])
     return Bench(driver, options=options)
 
 
@@ -130,14 +129,12 @@ def test_a_cia402_drive_is_read_in_its_own_units(
     objects: dict[tuple[int, int], int], position: float, velocity: float
 ) -> None:
     """From 0x608F alone a drive in 1/min ran tens of times too fast."""
-    pytest.importorskip("canopen")
     scale = units(objects)
     assert scale.position * REV == pytest.approx(position)
     assert scale.velocity * REV == pytest.approx(velocity)
 
 
 def test_units_that_are_not_known_are_refused_with_their_object() -> None:
-    pytest.importorskip("canopen")
     with pytest.raises(PlantSettingsError, match=r"0x00410000 .object 0x60a8.*a.counts="):
         units(ENCODER | {(0x60A8, 0): 0x00410000})
     with pytest.raises(PlantSettingsError, match=r"0x00014700 .object 0x60a9.*velocity_counts="):
@@ -167,7 +164,6 @@ def test_a_cia402_drive_without_the_optional_reaction_is_accepted() -> None:
 
 def test_the_tables_of_a_dynamixel_are_those_of_its_firmware() -> None:
     """28 indirect addresses above firmware 52 of the small ones, 20 before."""
-    pytest.importorskip("dynamixel_sdk")
     from control_board_ros.plants.dynamixel import table as t
 
     assert [t.MODELS[1200].data(firmware) for firmware in (45, 52, 53)] == [208, 208, 224]
@@ -185,7 +181,6 @@ def test_the_tables_of_a_dynamixel_are_those_of_its_firmware() -> None:
 )  # fmt: skip
 def test_a_feetech_whose_positions_are_others_is_refused(item: str, value: int, text: str) -> None:
     """Its readings would be off by turns, or by a factor."""
-    pytest.importorskip("scservo_sdk")
     from control_board_ros.plants.feetech import table as t
 
     with bench_of("feetech") as bench:
@@ -259,7 +254,6 @@ def with_endpoints(folder: Path, monkeypatch: pytest.MonkeyPatch, **more: float)
 
 def test_the_scales_of_an_odrive_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """1 N·m was asked, 10 acted."""
-    pytest.importorskip("can")
     from control_board_ros.plants.odrive_can import frames as f
 
     given = with_endpoints(tmp_path, monkeypatch, SPEED_SCALE=50.0, TORQUE_SCALE=100.0)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drive_bench import LIBRARIES, TIMEOUT, Bench
+from drive_bench import TIMEOUT, Bench
 from wire import wired
 
 from control_board_ros.core.config.parts import Pid
@@ -116,7 +116,6 @@ PARAMS = [pytest.param(name, marks=() if name == "moteus" else SLOW) for name in
 @pytest.fixture(params=PARAMS)
 def make(request: pytest.FixtureRequest) -> Iterator[Make]:
     driver, options = DRIVERS[request.param]
-    pytest.importorskip(LIBRARIES[driver])
     made = []
 
     def bench(**more: object) -> Bench:
@@ -189,7 +188,6 @@ def contract(name: str) -> Callable[..., None]:
     driver, options = DRIVERS[name]
 
     def made() -> object:
-        pytest.importorskip(LIBRARIES[driver])
         while benches:
             benches.pop().__exit__(None, None, None)
         benches.append(Bench(driver, options=options))
@@ -455,7 +453,6 @@ def test_a_drive_that_answers_for_another_is_reported(make: Make, request: Any) 
 def test_a_late_answer_does_not_answer_the_next_request(name: str) -> None:
     """Packets of serial drives do not say what they answer: limits would be those of others."""
     driver, options = DRIVERS[name]
-    pytest.importorskip(LIBRARIES[driver])
     with Bench(driver, options=options) as bench:
         bench.connect()
         known = [joint.limits for joint in bench.plant.describe().joints]
@@ -669,7 +666,6 @@ def test_an_odrive_of_another_firmware_needs_its_own_table_of_parameters(tmp_pat
 
 def test_a_canopen_drive_that_lacks_a_mode_or_a_unit_is_refused_with_the_way_out() -> None:
     """S1: what a drive does not say, its options do."""
-    pytest.importorskip("canopen")
     with Bench("cia402") as bench:
         drive = bench.drives[0]
         drive.node.object_dictionary[0x6502].default = 0x280
@@ -686,7 +682,6 @@ def test_a_canopen_drive_that_lacks_a_mode_or_a_unit_is_refused_with_the_way_out
 
 def test_a_motor_s_own_encoder_is_read_beside_the_joint_s() -> None:
     """Y5: of a gear that twists, both sides as the drive measures them, positive as the joint."""
-    pytest.importorskip("canopen")
     options = {"left.motor_counts": "131072", "left.direction": "-1", "right.motor_turns": "9"}
     with Bench("cia402", options=options) as bench:
         has = [joint.motor_encoder for joint in bench.plant.describe().joints]
@@ -714,7 +709,6 @@ def test_a_motor_s_own_encoder_is_read_beside_the_joint_s() -> None:
 
 def test_a_canopen_drive_that_is_braked_holds_where_it_stopped() -> None:
     """S5: quick stop, until it answers again and is reset."""
-    pytest.importorskip("canopen")
     with Bench("cia402") as bench:
         bench.joints = tuple(
             replace(joint, on_silence=OnSilence.BRAKED)

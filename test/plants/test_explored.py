@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-from drive_bench import LIBRARIES
 from explorer import Run, Walk, pairs_of
 
 MAKES: dict[str, tuple[str, dict[str, str]]] = {
@@ -38,7 +37,6 @@ PAIRS = 200
 )
 def test_no_single_fault_makes_a_drive_act_otherwise_than_shown(make: str, stride: int) -> None:
     """S8, S11: or move, or keep its power."""
-    pytest.importorskip(LIBRARIES[MAKES[make][0]])
     walk = Walk(*MAKES[make]).go(stride)
     assert walk.found == {}
     assert walk.runs > 10
@@ -48,7 +46,6 @@ def test_no_single_fault_makes_a_drive_act_otherwise_than_shown(make: str, strid
 @pytest.mark.parametrize("make", MAKES)
 def test_no_pair_of_faults_makes_a_drive_act_otherwise_than_shown(make: str) -> None:
     """S8, S11: pairs at random, the second while the first is felt."""
-    pytest.importorskip(LIBRARIES[MAKES[make][0]])
     assert pairs_of(*MAKES[make], PAIRS) == {}
 
 
@@ -56,7 +53,6 @@ def test_no_pair_of_faults_makes_a_drive_act_otherwise_than_shown(make: str) -> 
 @pytest.mark.parametrize("make", MAKES)
 def test_two_runs_are_the_same(make: str) -> None:
     """Nothing depends on real time."""
-    pytest.importorskip(LIBRARIES[MAKES[make][0]])
     runs = [Run(*MAKES[make]) for _ in range(2)]
     assert len({tuple(run.state() for _ in run.steps()) for run in runs}) == 1
 

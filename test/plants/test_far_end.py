@@ -75,8 +75,6 @@ class FarEnd:
 @pytest.fixture(scope="module")
 def drives() -> Iterator[FarEnd]:
     """Controllers on a bus that processes share."""
-    pytest.importorskip("moteus")
-    pytest.importorskip("msgpack")
     port = random.SystemRandom().randrange(20_000, 60_000)
     end = FarEnd("moteus", f"udp_multicast:239.74.163.2:{port}")
     yield end
@@ -233,7 +231,6 @@ def test_an_exhausted_processor_is_no_danger(held: Held, drives: FarEnd) -> None
 @pytest.mark.soak
 def test_dynamixels_on_a_pseudo_terminal_hold_still() -> None:
     """S5: their watchdog stops them, and they hold: what on_silence says that they can."""
-    pytest.importorskip("dynamixel_sdk")
     end = FarEnd("dynamixel", "")
     try:
         with driven(end, "dynamixel", exit_code=-signal.SIGKILL) as (board, _):
@@ -246,7 +243,6 @@ def test_dynamixels_on_a_pseudo_terminal_hold_still() -> None:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_a_trial_that_is_killed_leaves_no_power(number: int, tmp_path: Path) -> None:
     """Its drives are in a process of their own: a Feetech has no watchdog, and would hold."""
-    pytest.importorskip("scservo_sdk")
     end = FarEnd("feetech", "")
     robot = tmp_path / "robot.yaml"
     robot.write_text(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from codec import Codec, dialogue
-from drive_bench import LIBRARIES, Bench
+from drive_bench import Bench
 from explorer import law_of
 from sdo_objects import Objects, result
 
@@ -21,6 +21,7 @@ from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import VALUES, Value
 from control_board_ros.plants.drives.interview import converse
 from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.moteus import driver, frames
 from control_board_ros.testing.plant_contract import board_for
 
 OFF, POSITION, PWM = SetPoint.OFF, SetPoint.POSITION, SetPoint.PWM
@@ -31,7 +32,6 @@ STEPS = {"moteus": REV / 2**14, "mit_can": 25.0 / 2**16, "odrive_can": 0.0, "cia
 
 
 def bench_of(driver: str, **options: str) -> Bench:
-    pytest.importorskip(LIBRARIES[driver])
     return Bench(driver, options=options)
 
 
@@ -62,7 +62,6 @@ def test_a_plant_that_is_closed_leaves_no_drive_with_power(driver: str) -> None:
 )  # fmt: skip
 def test_two_drives_with_one_id_are_refused(make: str, options: dict[str, str]) -> None:
     """S8: the first question of a set-up hears all that answer."""
-    pytest.importorskip(LIBRARIES[make])
     codec = Codec(make, **options)
     virtual = import_module(f"control_board_ros.plants.{make}.virtual")
     drive = virtual.virtual_drive(codec.driver._axes[0], None)
@@ -263,7 +262,6 @@ LIMITS = {(0x607D, 1): -2048, (0x607D, 2): 1024, (0x6080, 0): 60, (0x6072, 0): 5
 )
 def test_limits_of_a_cia402_drive(lacking: list[tuple[int, int]], expected: Any) -> None:
     """S4: both ends or none; 1/min; per mille of the rated torque, 2 N·m here."""
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.identity import Scale, limits_of
 
     objects = Objects({key: value for key, value in LIMITS.items() if key not in lacking})
@@ -274,7 +272,6 @@ def test_limits_of_a_cia402_drive(lacking: list[tuple[int, int]], expected: Any)
 
 
 def test_ends_of_a_cia402_drive_that_are_equal_are_none() -> None:
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.identity import Scale, limits_of
 
     objects = Objects(LIMITS | {(0x607D, 2): -2048})
@@ -326,7 +323,6 @@ def test_a_feetech_has_the_limits_that_are_stored_in_it() -> None:
     ],
 )
 def test_an_answer_about_the_profile(data: str, profile: int | None) -> None:
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.sdo import device_type
 
     assert device_type(5).pick(bytes.fromhex(data)) == profile
@@ -358,8 +354,6 @@ def test_a_boot_up_is_a_restart_and_a_heartbeat_is_none() -> None:
 
 
 def test_a_moteus_says_its_model_where_it_has_a_number() -> None:
-    frames = pytest.importorskip("control_board_ros.plants.moteus.frames")
-    driver = pytest.importorskip("control_board_ros.plants.moteus.driver")
 
     def answer(first: int, *numbers: int) -> bytes:
         head = bytes([0x28, len(numbers), first & 0x7F | 0x80, first >> 7])
@@ -383,7 +377,6 @@ def test_dynamixels_without_a_current_have_no_such_set_point() -> None:
 
 
 def test_a_text_is_asked_for_by_its_object() -> None:
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.sdo import Sdo
 
     assert next(Sdo(1).text(0x1008)).request == [(0x601, bytes.fromhex("4008100000000000"))]
@@ -428,7 +421,6 @@ def test_a_mode_of_a_feetech_comes_with_its_goals_of_rest() -> None:
 
 
 def test_what_a_cia402_drive_is() -> None:
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.identity import identity_of
 
     def found(**more: Any) -> Any:
@@ -451,7 +443,6 @@ def test_what_a_cia402_drive_is() -> None:
 @pytest.mark.parametrize("volts", [48, -1, 127, -128])
 def test_an_answer_of_a_moteus_is_read_as_its_library_reads_it(volts: int) -> None:
     """In half volts; −128 stands for none."""
-    frames = pytest.importorskip("control_board_ros.plants.moteus.frames")
     parse = import_module("moteus.protocol").parse_reply
     heads = frames.USUAL_HEADS
     data = frames.USUAL.pack(heads[0], 10, heads[1], 0.25, -1.5, 0.5, 2.0, heads[2], volts, 30, 33)
@@ -464,7 +455,6 @@ def test_an_answer_of_a_moteus_is_read_as_its_library_reads_it(volts: int) -> No
 
 def test_a_voltage_of_a_moteus_is_along_q() -> None:
     """The command of a PWM: mode 8, 0 V and the volts, then the question for the readings."""
-    driver = pytest.importorskip("control_board_ros.plants.moteus.driver")
     drive = driver.Drive(1)
     head = bytes([0x01, 0x00, 0x08, 0x0E, 0x1A]) + struct.pack("<ff", 0.0, -2.5)
     packed = driver.f.voltage(drive.controller, -2.5)
@@ -482,7 +472,6 @@ def test_a_voltage_of_a_moteus_is_along_q() -> None:
 )
 def test_a_text_of_a_cia402_drive_is_read_whole(answers: list[str], text: str) -> None:
     """CiA 301: the bytes of a frame that are not used are counted, whatever is in them."""
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.sdo import Sdo
 
     frames = [*map(bytes.fromhex, answers)]
@@ -540,7 +529,6 @@ def test_motor_encoders_of_cia402_drives_are_read_where_they_are() -> None:
     [((20, 5), 4.0), ((20, 0), 0.0), ((0, 5), 0.0), ((None, 5), 0.0), ((20, None), 0.0)],
 )
 def test_a_ratio_of_a_cia402_drive_has_both_entries(entries: Any, quotient: float) -> None:
-    pytest.importorskip("canopen")
     from control_board_ros.plants.cia402.identity import _ratio
 
     objects = {(0x6091, place): value for place, value in enumerate(entries, 1)}

@@ -17,9 +17,6 @@ from control_board_ros.plants.drives.interview import Interview
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Setup
-
-pytest.importorskip("can")
-
 from control_board_ros.plants.mit_can import damiao, driver, robstride
 from control_board_ros.plants.mit_can import frames as f
 from control_board_ros.plants.mit_can import robstride_private as p

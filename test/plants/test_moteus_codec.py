@@ -17,9 +17,6 @@ from control_board_ros.plants.drives.interview import Interview, converse
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Setup
-
-pytest.importorskip("moteus")
-
 from control_board_ros.plants.moteus import driver, virtual
 from control_board_ros.plants.moteus import frames as f
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import math
 
+import moteus
 import pytest
 
-moteus = pytest.importorskip("moteus")
-
-from control_board_ros.plants.moteus import driver, frames, virtual, virtual_frames  # noqa: E402
-from control_board_ros.plants.moteus.driver import said  # noqa: E402
+from control_board_ros.plants.moteus import driver, frames, virtual, virtual_frames
+from control_board_ros.plants.moteus.driver import said
 
 NUMBERS = {
     "position": 0.125,

@@ -17,11 +17,8 @@ from drive_bench import Bench
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.errors import PlantSettingsError
-from control_board_ros.plants.odrive_can import frames as f
-
-pytest.importorskip("can")
-
 from control_board_ros.plants.odrive_can import driver, virtual
+from control_board_ros.plants.odrive_can import frames as f
 
 REV = 2.0 * math.pi
 MOTION = {"position": 3.0, "velocity": -1.0, "torque": 2.0}

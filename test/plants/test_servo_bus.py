@@ -267,7 +267,6 @@ def test_a_servo_that_is_to_get_an_id_is_looked_for_three_times(bus: Any) -> Non
 
 
 def test_it_is_open_within_with() -> None:
-    pytest.importorskip("scservo_sdk")
     far, asked = Handler(feetech.LIBRARY), list[Any]()
     made = ServoBus(feetech.LIBRARY, "/dev/ttyX", 57_600)
     made.connect = lambda *words: asked.append(words[1:]) or far

@@ -46,19 +46,18 @@ class Line:
         self.said.append(("hold", drive, seconds))
 
 
-def of(make: str, library: str, **options: str) -> tuple[Codec, Line]:
-    pytest.importorskip(library)
+def of(make: str, **options: str) -> tuple[Codec, Line]:
     codec, line = Codec(make, **options), Line()
     codec.driver.line, codec.driver._wait = line, 0.5
     return codec, line
 
 
 def dynamixel(**options: str) -> tuple[Codec, Line]:
-    return of("dynamixel", "dynamixel_sdk", **options)
+    return of("dynamixel", **options)
 
 
 def feetech(**options: str) -> tuple[Codec, Line]:
-    return of("feetech", "scservo_sdk", **options)
+    return of("feetech", **options)
 
 
 def values(**some: float) -> list[float]:
@@ -314,7 +313,6 @@ class Registers:
     [(1060, 0, "XL430-W250", None), (1, 4, "model 1", 4), (1020, 32, "XM430-W350", 32)],
 )
 def test_a_dynamixel_is_identified(number: int, error: int, kind: str, fault: int | None) -> None:
-    pytest.importorskip("dynamixel_sdk")
     from control_board_ros.plants.dynamixel import driver
 
     found = driver.identity(Registers({0: number, 6: 52, 70: error, 144: 121}), 9)  # type: ignore[arg-type]
@@ -327,7 +325,6 @@ def test_a_dynamixel_is_identified(number: int, error: int, kind: str, fault: in
     [(777, 0, "STS3215", None), (1, 4, "model 1", 4), (2825, 33, "STS3250", 33)],
 )
 def test_a_feetech_is_identified(number: int, status: int, kind: str, fault: int | None) -> None:
-    pytest.importorskip("scservo_sdk")
     from control_board_ros.plants.feetech import driver
 
     found = driver.identity(Registers({3: number, 0: 10 << 8 | 3, 65: status, 62: 74}), 9)  # type: ignore[arg-type]
@@ -440,8 +437,6 @@ class ScannedBus:
 
 
 def test_scans_of_servos(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("scservo_sdk")
-    pytest.importorskip("dynamixel_sdk")
     from control_board_ros.plants.dynamixel import driver as dynamixels
     from control_board_ros.plants.feetech import driver as feetechs
 

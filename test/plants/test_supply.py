@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drive_bench import LIBRARIES, Bench
+from drive_bench import Bench
 
 from control_board_ros.core.terms.drives import SetPoint
 
@@ -41,7 +41,6 @@ SUPPLIES: dict[str, tuple[Feed, float, float, str]] = {
 @pytest.mark.parametrize("make", SUPPLIES)
 def test_a_supply_that_sags_is_a_fault_until_it_is_back(make: str) -> None:
     """Two of the makes keep their torque, as delivered: the board takes it."""
-    pytest.importorskip(LIBRARIES[make])
     feed, enough, little, name = SUPPLIES[make]
     kind = SetPoint.IMPEDANCE if make == "mit_can" else POSITION
     with Bench(make) as bench:
@@ -68,7 +67,6 @@ def test_a_supply_that_sags_is_a_fault_until_it_is_back(make: str) -> None:
 @pytest.mark.parametrize("make", ["dynamixel", "feetech"])
 def test_a_servo_that_is_deaf_while_it_stores_changes_its_mode(make: str) -> None:
     """A page of flash takes up to 40 ms; what comes meanwhile is lost."""
-    pytest.importorskip(LIBRARIES[make])
     options = {"unwatched": "1"} if make == "feetech" else {}
     with Bench(make, options=options) as bench:
         for drive in bench.drives:

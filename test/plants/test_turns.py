@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drive_bench import LIBRARIES, Bench
+from drive_bench import Bench
 from explorer import law_of
 
 from control_board_ros.core.config.config import Calibration
@@ -29,7 +29,6 @@ MAKES = {"moteus": {}, "mit_can": {}, "odrive_can": {}, "dynamixel": {}}
 
 def geared(driver: str, most: float = 2.9, calibration: Any = None, **options: str) -> Bench:
     """Two joints with gears, within ± most."""
-    pytest.importorskip(LIBRARIES[driver])
     bench = Bench(driver, options={"ratio": f"{RATIO:g}", **MAKES[driver], **options})
     joints = board_for(bench.plant.describe()).joints
     limits = {"lower": -most, "upper": most, "hard_lower": -most, "hard_upper": most}

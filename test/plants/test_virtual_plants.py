@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_bench import LIBRARIES
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.entry_points import DRIVERS
@@ -34,7 +33,6 @@ def settings(needed: dict[str, float | str]) -> Settings:
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None:
     """S1, B2: read at home, then moved; the board offers what the drives take."""
-    pytest.importorskip(LIBRARIES[driver])
     chosen = settings(NEEDED.get(driver, {}))
     plant = make_virtual(f"virtual/{driver}", chosen, [])
     try:
@@ -57,7 +55,6 @@ def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None
 
 def test_drives_that_only_hold_require_a_board_configured_for_it() -> None:
     """S5."""
-    pytest.importorskip("scservo_sdk")
     chosen = settings({})
     plant = make_virtual("virtual/feetech", chosen, [])
     try:
@@ -69,7 +66,6 @@ def test_drives_that_only_hold_require_a_board_configured_for_it() -> None:
 
 def test_a_servo_that_is_guided_has_a_gain_that_is_known() -> None:
     """I5, P14: the derived one is a part of its own, with which a touch made it swing."""
-    pytest.importorskip("scservo_sdk")
     so101 = str(ARM.with_name("so101.urdf"))
     needed = {"joint_defaults.on_silence": "braked", "joint_defaults.admittance.dead_band": 0.08}
     chosen = load(None, {"robot": so101, **needed})

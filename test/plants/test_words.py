@@ -47,7 +47,6 @@ def test_an_id_has_the_bits_that_it_needs(
     given: int, on_the_bus: int, long: bool, remote: bool
 ) -> None:
     """An id of 11 bits goes with 29 where it is marked so, as RobStride's private ones are."""
-    pytest.importorskip("can")
     for fd in (False, True):
         made = message(given, b"\1", fd=fd)
         flags = made.is_extended_id, made.is_remote_frame, made.is_fd, made.bitrate_switch

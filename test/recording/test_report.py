@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from playwright import sync_api as playwright
 
 from control_board_ros.core.goals.path import MAX_POINTS
 from control_board_ros.core.terms.joint_kind import JointKind
@@ -180,7 +181,6 @@ def data_of(drawn: str) -> dict[str, Any]:
 @pytest.mark.slow
 def test_a_browser_draws_the_charts_and_nothing_else(tmp_path: Path) -> None:
     """Of a recording whose names are code: nothing of it runs, nothing is loaded."""
-    playwright = pytest.importorskip("playwright.sync_api")
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
         pytest.skip("there is no chromium")

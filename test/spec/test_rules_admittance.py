@@ -24,7 +24,6 @@ from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.settings.loading import SettingsError, load
 
-pytest.importorskip("mujoco")
 BENCHMARK = str(Path(__file__).resolve().parents[2] / "benchmark")
 sys.path.insert(0, BENCHMARK)
 try:

@@ -39,7 +39,6 @@ def postgresql() -> Iterator[str]:
     programs = postgresql_programs()
     if programs is None:
         pytest.skip("PostgreSQL is not installed: apt-get install postgresql")
-    pytest.importorskip("psycopg")
     user = "postgres" if os.geteuid() == 0 else None
     folder = tempfile.mkdtemp(prefix="gains", dir="/tmp")  # a socket's path must be short
     try:

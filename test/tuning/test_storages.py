@@ -191,7 +191,6 @@ def listening(port: int) -> bool:
 @pytest.fixture
 def proxy(tmp_path: Path) -> Iterator[str]:
     """The URL of Optuna's gRPC proxy of a database file."""
-    pytest.importorskip("grpc")
     program = (
         "import socket, sys\n"
         "from optuna.storages import get_storage, run_grpc_proxy_server\n"
