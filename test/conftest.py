@@ -32,7 +32,12 @@ WITH_PYBULLET = [
     "sim/test_holding.py",
     "sim/test_two_engines.py",
 ]
+#: Tests with libraries that the extra test brings, as make test has it and a distribution has not.
+WITH_EXTRA = ["benchmark", "cli/test_guiding_servos.py", "conformance/test_conformance_servos.py"]
+WITH_EXTRA += ["description/test_xacro.py", "docs", "foxglove", "gym", "identification", "judged"]
+WITH_EXTRA += ["panel", "plants", "recording", "tuning"]
 collect_ignore = WITH_PYBULLET if find_spec("pybullet") is None else []
+collect_ignore += WITH_EXTRA if find_spec("moteus") is None else []
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
