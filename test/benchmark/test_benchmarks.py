@@ -45,7 +45,7 @@ FIGURES = {
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14", "B21")
 QUICK = [name for name in FIGURES if name not in LONG]
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = pytest.mark.ros
 
 
 def figures_of(names: Sequence[str], folder: Path) -> list[Any]:

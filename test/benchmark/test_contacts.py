@@ -17,8 +17,6 @@ try:
 finally:
     sys.path.remove(BENCHMARK)
 
-pytestmark = pytest.mark.physics
-
 
 @pytest.mark.slow
 def test_pushes_are_seen_and_there_are_no_false_alarms() -> None:

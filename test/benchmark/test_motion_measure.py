@@ -112,7 +112,6 @@ def test_rows_measured_anew_leave_the_others() -> None:
     assert (now["failures"], now["derived"]) == ({"step": 1, "moves": 2}, True)
 
 
-@pytest.mark.physics
 def test_the_same_figures_every_time(tmp_path: Path) -> None:
     """Simulated time: two runs agree in every digit, and the file holds finite figures."""
     texts = []
@@ -128,7 +127,6 @@ def test_the_same_figures_every_time(tmp_path: Path) -> None:
     assert all(math.isfinite(value) for value, *_ in record["figures"].values())
 
 
-@pytest.mark.physics
 def test_a_fault_voids_the_figure_and_the_rig_continues() -> None:
     """A joint that faults in a row gives no figure there; the robot is up again for the next."""
     rig = Rig.load(ROBOTS["gantry"])

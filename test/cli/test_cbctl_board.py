@@ -19,7 +19,7 @@ from waiting import GUARD, until
 
 from control_board_ros.testing import board_process
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = pytest.mark.ros
 
 FIRST, SECOND, LAST = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 7))
 

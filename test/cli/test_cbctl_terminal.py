@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from cbctl_terminal import terminal
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options
 from control_board_ros.testing import BoardProcess
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = pytest.mark.ros
 
 
 @pytest.fixture

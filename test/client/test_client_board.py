@@ -21,8 +21,6 @@ from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.interface import CALIBRATE
 
-pytestmark = pytest.mark.physics
-
 
 def test_joints_by_name_index_sequence_and_none(client: ControlBoardClient) -> None:
     """A: an index, a name, a sequence of them, or None for all; one value goes to all."""

@@ -21,7 +21,7 @@ from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.interface import CALIBRATE
 from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = pytest.mark.ros
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import FAULTS
 from control_board_ros.testing import BoardProcess, ros_node
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = pytest.mark.ros
 
 
 @pytest.mark.parametrize(

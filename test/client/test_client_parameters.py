@@ -16,12 +16,8 @@ from control_board_ros.core.selection import RequestError
 JOINT = "lbr_iiwa_joint_1"
 KNOWN = {name for name in dir(ControlBoardClient) if not name.startswith("_")}
 
-on_a_board = pytest.mark.physics
-
 
 class TestOnABoard:
-    pytestmark = on_a_board
-
     def test_limits(self, client: ControlBoardClient) -> None:
         """P9: one, some or all joints, in the order asked; as they are now."""
         assert client.get_axes() == 7

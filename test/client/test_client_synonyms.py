@@ -38,7 +38,6 @@ PIDS = {
 }
 
 
-@pytest.mark.physics
 def test_synonyms_read_what_the_whole_reads(client: ControlBoardClient) -> None:
     """Y5: at one moment, amid a move; an array per joint, in the order asked for."""
     assert client.position_move(JOINTS, [0.6, -0.9])
@@ -61,7 +60,6 @@ def test_synonyms_read_what_the_whole_reads(client: ControlBoardClient) -> None:
     assert settings.damping.tolist() == damping.tolist()
 
 
-@pytest.mark.physics
 def test_synonyms_set_what_is_read_then(client: ControlBoardClient) -> None:
     """Y5, P2: each sets its own value, of the joints that it names."""
     before = client.get_motors(JOINTS)

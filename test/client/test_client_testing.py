@@ -174,7 +174,6 @@ def test_nodes_of_tests() -> None:
 
 
 @pytest.mark.ros
-@pytest.mark.physics
 @pytest.mark.parametrize(
     ("line", "words"),
     [

@@ -16,8 +16,6 @@ from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.examples import every_mode, ros_client, wave
 from control_board_ros.testing import BoardProcess
 
-pytestmark = [pytest.mark.physics]
-
 
 def test_every_mode_without_matplotlib(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path

@@ -11,7 +11,6 @@ from servo_arm import ServoArm
 
 from control_board_ros.conformance import Outcome
 
-pytestmark = pytest.mark.physics
 #: Moves of a gripper last no longer than some states: P1 and P15 are not tested there.
 OTHERS = ("shoulder_pan", "shoulder_lift", "wrist_flex", "gripper")
 JOINTS = (

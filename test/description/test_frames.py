@@ -68,7 +68,6 @@ def matrix(quaternion: np.ndarray) -> np.ndarray:
     return np.array(bullet.getMatrixFromQuaternion(quaternion.tolist())).reshape(3, 3)
 
 
-@pytest.mark.physics
 @pytest.mark.parametrize("name", ["iiwa", "panda", "slanted"])
 def test_frames_are_those_of_pybullet(name: str) -> None:
     """Every link, in ten random poses, to 0.01 mm and 0.01 mrad: pybullet has single precision."""

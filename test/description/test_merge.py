@@ -89,7 +89,6 @@ def dynamics(text: str, names: tuple[str, ...]) -> list[np.ndarray]:
         bullet.disconnect(client)
 
 
-@pytest.mark.physics
 @pytest.mark.parametrize("name", ["panda", pytest.param("icub_left_arm", marks=needs_icub)])
 def test_the_physics_of_a_robot_is_the_same(name: str) -> None:
     urdf = load_robot(name)

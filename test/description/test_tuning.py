@@ -16,9 +16,6 @@ from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.settings.loading import load
 from control_board_ros.simulation import Simulation
 
-pytestmark = [pytest.mark.physics]
-
-
 RIGS = [
     pytest.param(("iiwa", "pwm"), id="iiwa-pwm"),
     pytest.param(("iiwa", "current"), id="iiwa-current"),

@@ -20,8 +20,6 @@ from control_board_ros.core.terms.measurement import Array
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.simulation import Simulation
 
-pytestmark = pytest.mark.physics
-
 DEGREE = math.radians(1.0)
 
 J1, J2, J4 = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 4))

@@ -27,7 +27,6 @@ from control_board_ros.testing import BoardProcess, board_process
 pytestmark = [
     pytest.mark.soak,
     pytest.mark.ros,
-    pytest.mark.physics,
     pytest.mark.timeout(1800),
 ]
 

@@ -24,7 +24,7 @@ try:
 finally:
     sys.path.remove(str(BENCHMARK))
 
-pytestmark = [pytest.mark.physics, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 SOAK = pytest.mark.soak
 #: robot -> the pose and the joints that are watched: strong ones and light ones.

@@ -19,7 +19,7 @@ from control_board_ros.core.terms.motors import MotorTorqueParameters
 from control_board_ros.core.terms.vocabs import BrakeMode, ControlMode, encode
 from control_board_ros.testing import BoardProcess
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = pytest.mark.ros
 
 #: The axis that has a brake.
 BRAKED = "l_hand_finger"

@@ -16,7 +16,7 @@ from waiting import until
 from control_board_ros.interface import HEARTBEAT
 from control_board_ros.testing import board_process, ros_node
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = pytest.mark.ros
 
 #: m/s²: an arm without power lies down, and no joint is thrown beyond its speed (F7).
 FALLING = [0.0, 0.0, -1.0]

@@ -184,7 +184,6 @@ def test_a_velocity_that_ends_turns_no_joint_round(row: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.physics
 @pytest.mark.parametrize("wire", ["loss", "latency", "all"])
 @pytest.mark.parametrize("row", ROWS)
 def test_no_joint_of_an_arm_sags_on_a_change_of_mode_at_rest(row: str, wire: str) -> None:
@@ -222,7 +221,6 @@ def test_a_push_behind_late_answers_is_held_as_stiffly_as_they_allow(row: str) -
 
 
 @pytest.mark.slow
-@pytest.mark.physics
 @pytest.mark.parametrize("wire", ["latency", "all"])
 def test_an_arm_whose_loops_are_the_board_s_ends_a_move_near_its_target(wire: str) -> None:
     """B7: torque drives with the default gains, all joints at once, with their weight."""

@@ -19,7 +19,7 @@ from control_board_ros.recording.page import page
 from control_board_ros.recording.reading import read
 from control_board_ros.testing import board_process
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 FIRST, LAST = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
 
 

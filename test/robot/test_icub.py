@@ -26,7 +26,6 @@ from control_board_ros.testing import BoardProcess, board_process, free_domain, 
 
 pytestmark = [
     pytest.mark.ros,
-    pytest.mark.physics,
     pytest.mark.slow,
     needs_icub,
 ]

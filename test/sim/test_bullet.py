@@ -9,8 +9,6 @@ from plants import board, chain, described, link, robot, simulation
 from control_board_ros.sim.bodies.world import bullet, connect, load
 from control_board_ros.sim.plant import PlantError, SimulatedPlant
 
-pytestmark = pytest.mark.physics
-
 
 def test_a_description_that_pybullet_refuses_is_one_line():
     text = robot(

@@ -15,7 +15,7 @@ from control_board_ros.description.meshes import share_folders
 from control_board_ros.settings.loading import SettingsError, load
 from control_board_ros.simulation import Simulation
 
-pytestmark = [pytest.mark.physics, pytest.mark.slow]
+pytestmark = [pytest.mark.slow]
 
 DATA = Path(pybullet_data.getDataPath())
 FILES = sorted(path for path in DATA.rglob("*.urdf") if "random_urdfs" not in path.parts)

@@ -17,7 +17,6 @@ from control_board_ros.sim.config import Encoder, JointSimulation, SimulationCon
 from control_board_ros.sim.injection import KINDS
 from control_board_ros.sim.plant import SimulatedPlant
 
-PHYSICS = [pytest.mark.physics]
 JOINT = 2
 OTHERS = [0, 1, 3]
 #: Rows that each kind touches on its joint.

@@ -213,7 +213,6 @@ def test_joints_of_plant_and_board_must_agree():
         SimulatedPlant(config, simulation(config, home=2.5))
 
 
-@pytest.mark.physics
 def test_a_lost_physics_server_is_plant_gone():
     pybullet = pytest.importorskip("pybullet")
     plant = bullet_plant()
@@ -227,7 +226,6 @@ def test_a_lost_physics_server_is_plant_gone():
         drive(plant, 0.0)
 
 
-@pytest.mark.physics
 def test_a_window_without_a_display_is_one_line(monkeypatch):
     pytest.importorskip("pybullet")
     for display, reason in (("", "DISPLAY is not set"), (":987", "refuses connections")):

@@ -13,8 +13,6 @@ import pytest
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.simulation import Simulation
 
-pytestmark = pytest.mark.physics
-
 
 def up(name: str, **values: object) -> Simulation:
     """A robot that holds its home pose."""

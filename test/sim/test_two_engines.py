@@ -20,8 +20,6 @@ from control_board_ros.settings.loading import load
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.mujoco import MujocoBody
 
-pytestmark = pytest.mark.physics
-
 
 def test_a_rotor_is_felt_at_its_own_joint_alone_in_mujoco() -> None:
     """M = M₀ + diag(J N²); in pybullet its axis adds to the joints further in, too."""

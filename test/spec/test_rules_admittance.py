@@ -31,7 +31,6 @@ try:
 finally:
     sys.path.remove(BENCHMARK)
 
-pytestmark = pytest.mark.physics
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 UP, PERIOD = np.array([0.0, 0.0, 1.0]), 1.0 / servos.RATE
 #: A count of the encoders, rad; a push that moves the arm, N, and one that does not.

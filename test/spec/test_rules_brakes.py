@@ -352,7 +352,6 @@ def test_a_closed_brake_slips_at_its_torque(push: float, moves: bool) -> None:
 # --- an arm ------------------------------------------------------------------------------------
 
 
-@pytest.mark.physics
 @pytest.mark.parametrize("physics", ["pybullet", "mujoco"])
 def test_an_arm_with_brakes_does_not_fall(physics: str) -> None:
     """Y4: the panda loses less than 0.5 deg on a fault from standstill, and nothing on idle."""
@@ -380,7 +379,6 @@ def test_an_arm_with_brakes_does_not_fall(physics: str) -> None:
         assert board.is_joint_braked() == [True] * 7 + [False]
 
 
-@pytest.mark.physics
 def test_joints_without_sensors_are_held_by_the_arms_model() -> None:
     """Y4, M9: what a brake carried is not measured there; the model knows the load."""
     modes = ["pos", "idl"]

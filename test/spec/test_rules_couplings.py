@@ -19,8 +19,6 @@ from control_board_ros.sim.bodies.transmission import CoupledBody
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.simulation import Simulation
 
-pytestmark = pytest.mark.physics
-
 M = ControlMode
 FINGER = """\
 robot: {folder}/finger.urdf

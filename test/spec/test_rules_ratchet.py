@@ -18,9 +18,7 @@ MASS, TIMES, EACH = 2.0, 20, 0.25
 UNCALIBRATED = {"joint_defaults.calibration.required": False}
 
 
-@pytest.fixture(
-    params=["mujoco", pytest.param("pybullet", marks=[pytest.mark.physics, pytest.mark.slow])]
-)
+@pytest.fixture(params=["mujoco", pytest.param("pybullet", marks=[pytest.mark.slow])])
 def loaded(request: pytest.FixtureRequest) -> Iterator[Simulation]:
     """The iiwa at rest in POSITION with the load."""
     made = load("iiwa", UNCALIBRATED | {"physics": request.param})

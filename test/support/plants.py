@@ -33,13 +33,7 @@ from control_board_ros.sim.plant import SimulatedPlant
 IIWA = load_robot("iiwa")
 #: The physics engines, each as a parameter of a fixture or a test.
 ENGINES = [
-    pytest.param(
-        name,
-        marks=[
-            pytest.mark.physics,
-            pytest.mark.skipif(find_spec(name) is None, reason=f"{name} is not installed"),
-        ],
-    )
+    pytest.param(name, marks=pytest.mark.skipif(find_spec(name) is None, reason="not installed"))
     for name in ("pybullet", "mujoco")
 ]
 MOTOR = Motor(resistance=0.5, inductance=2e-3, torque_constant=0.08, gear_ratio=120.0)

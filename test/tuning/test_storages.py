@@ -21,8 +21,6 @@ from control_board_ros.tuning.search import Plan, run, study_name
 from control_board_ros.tuning.space import POSITION
 from control_board_ros.tuning.storage import kept_in, redacted, storage_of
 
-pytestmark = pytest.mark.physics
-
 #: A process that searches; with "hang", it never ends a trial, from the third one on.
 WORKER = """
 import sys, time

@@ -28,8 +28,6 @@ from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload
 from control_board_ros.tuning.search import Plan, SearchResult, run, run_all, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, space_of
 
-pytestmark = pytest.mark.physics
-
 
 @pytest.fixture(scope="module")
 def bench(crane: str) -> Iterator[Bench]:
