@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of ``cbctl tune`` and ``cbctl conformance``, shared with these programs.
+"""Options of ``cbctl tune``, ``identify`` and ``conformance``, shared with these programs.
 
 The programs load the simulation or rclpy; this module, for the help of cbctl, does not.
 """
@@ -61,6 +61,32 @@ TUNING: tuple[Option, ...] = (
         "--storage",
         metavar="URL",
         help="A database shared by several machines; default: FILE.journal beside it.",
+    ),
+)
+IDENTIFICATION: tuple[Option, ...] = (
+    option(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="FILE.yaml",
+        help="The file to write.",
+    ),
+    option("--no-payload", action="store_true", help="No payload beyond the URDF."),
+    option("--robot", help="The robot of a table or bag: a name, parameter file or URDF."),
+    option("--columns", type=Path, metavar="FILE.yaml", help="The columns of a table or bag."),
+    option(
+        "--column",
+        action="append",
+        default=[],
+        metavar="SIGNAL=COLUMNS:UNIT",
+        help="Those of a signal, e.g. position=q{0}:rad.",
+    ),
+    option(
+        "--alarms",
+        type=float,
+        metavar="RATE",
+        help="Find thresholds of contacts, too, with this many false alarms an hour.",
     ),
 )
 CONFORMANCE: tuple[Option, ...] = (

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..program_options import IDENTIFICATION
 from ..recording import RecordingError
 from ..recording.page import check_output
 from . import IdentificationError
@@ -19,13 +20,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Identify and write the result; returns the exit code."""
     parser = argparse.ArgumentParser(prog="cbctl identify", allow_abbrev=False)
     parser.add_argument("data", type=Path, nargs="+")
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--no-payload", action="store_true")
-    parser.add_argument("--robot")
-    parser.add_argument("--columns", type=Path)
-    parser.add_argument("--column", action="append", default=[])
     parser.add_argument("--joint", action="append", default=[])
-    parser.add_argument("--alarms", type=float)
+    for names, settings in IDENTIFICATION:
+        parser.add_argument(*names, **settings)
     options = parser.parse_args(arguments)
     try:
         return write(options)

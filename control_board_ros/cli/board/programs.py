@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ..text.output import DONE, REFUSED, put_json
 from .session import Session
@@ -24,3 +25,16 @@ def run_program(session: Session, module: str, words: Sequence[str]) -> int:
     lines = done.stdout.splitlines() + ([] if success else done.stderr.splitlines())
     put_json({"success": success, "lines": lines})
     return done.returncode
+
+
+def words_of(values: Mapping[str, Any]) -> list[str]:
+    """Values of options as words, by the options' names: a flag alone, each entry of a list."""
+    words = []
+    for name, value in values.items():
+        option = f"--{name.replace('_', '-')}"
+        if value is True:
+            words.append(option)
+        elif value is not None and value is not False:
+            entries = value if isinstance(value, list) else [value]
+            words += [word for entry in entries for word in (option, str(entry))]
+    return words

@@ -18,9 +18,10 @@ from control_board_ros.identification.shares import (
     SPEED,
     TORQUE,
 )
+from control_board_ros.program_options import IDENTIFICATION
 
 from ..board.experiments import await_states, faster_states
-from ..board.programs import run_program
+from ..board.programs import run_program, words_of
 from ..board.progress import Bar
 from ..board.recordings import recorded
 from ..board.session import Session
@@ -39,7 +40,7 @@ PROGRAM = "control_board_ros.identification"
 
 @with_arguments(
     JOINTS,
-    argument("-o", "--output", required=True, metavar="FILE.yaml", help="The file to write."),
+    *(argument(*names, **settings) for names, settings in IDENTIFICATION),
     argument(
         "--range", dest="reach", metavar="SIZE", help="Range to either side, e.g. 20deg, 50mm."
     ),
@@ -60,7 +61,6 @@ PROGRAM = "control_board_ros.identification"
         metavar="SHARE",
         help="Share of the torque limits; above it, a motion is stopped.",
     ),
-    argument("--no-payload", action="store_true", help="No payload beyond the URDF."),
     argument("--keep", metavar="FOLDER", help="Keep the recording of the motions."),
     argument(
         "--from",
@@ -70,39 +70,19 @@ PROGRAM = "control_board_ros.identification"
         metavar="FILE",
         help="Use recorded motions: a kept or any other recording, or anybody's tables or bags.",
     ),
-    argument("--robot", help="The robot of a table or bag: a name, parameter file or URDF."),
-    argument("--columns", metavar="FILE.yaml", help="The columns of a table or bag."),
-    argument(
-        "--column",
-        action="append",
-        default=[],
-        metavar="SIGNAL=COLUMNS:UNIT",
-        help="Those of a signal, e.g. position=q{0}:rad.",
-    ),
-    argument(
-        "--alarms",
-        type=float,
-        metavar="RATE",
-        help="Find thresholds of contacts, too, with this many false alarms an hour.",
-    ),
     argument("--yes", action="store_true", help="Move without confirmation."),
 )
 def identify(
     session: Session,
     joints: list[str],
-    output: str,
     reach: str | None,
     speed: float,
     acceleration: float,
     torque: float,
-    no_payload: bool,
     keep: str | None,
     data: list[str] | None,
-    robot: str | None,
-    columns: str | None,
-    column: list[str],
-    alarms: float | None,
     yes: bool,
+    **options: Any,
 ) -> int:
     """Identify friction, rotor inertia, motor constants, delay and payload from motions.
 
@@ -115,19 +95,13 @@ def identify(
     from control_board_ros.recording.page import check_output
 
     try:
-        check_output(Path(output))
+        check_output(options["output"])
     except RecordingError as error:
         raise UsageError(str(error)) from None
-    if alarms is not None and not alarms > 0.0:
+    if (alarms := options["alarms"]) is not None and not alarms > 0.0:
         raise UsageError(f"--alarms {alarms:g} is not valid; give a rate above 0, per hour")
-    words = ["-o", output] + (["--no-payload"] if no_payload else [])
-    words += ["--alarms", str(alarms)] if alarms is not None else []
     if data is not None:
-        words += ["--robot", robot] if robot else []
-        words += ["--columns", columns] if columns else []
-        words += [word for entry in column for word in ("--column", entry)]
-        words += [word for entry in joints for word in ("--joint", entry)]
-        return run_program(session, PROGRAM, [*data, *words])
+        return run_program(session, PROGRAM, [*data, *words_of(options | {"joint": joints})])
     shares = {"speed": speed, "acceleration": acceleration, "torque": torque}
     for name, share in shares.items():
         if not 0.0 < share <= 1.0:
@@ -149,6 +123,7 @@ def identify(
             play(session, folder, bounds, motions)
         except KeyboardInterrupt:
             return cancelled(session, "identify", [entry.joint for entry in bounds])
+        words = words_of({name: options[name] for name in ("output", "no_payload", "alarms")})
         return run_program(session, PROGRAM, [str(folder), *words])
 
 

@@ -7,12 +7,9 @@ from typing import Any
 
 from control_board_ros.program_options import TUNING
 
-from ..board.programs import run_program
+from ..board.programs import run_program, words_of
 from ..board.session import Session
 from ..line.arguments import argument, with_arguments
-
-#: Options whose values have another name.
-OPTION_OF = {"identification": "--from"}
 
 
 @with_arguments(*(argument(*names, **settings) for names, settings in TUNING))
@@ -23,8 +20,6 @@ def tune(session: Session, **values: Any) -> int:
     board without ROS; no board has to run. Gains without improvement stay unchanged. The same
     command continues an interrupted search.
     """
-    words = [str(values.pop("robot"))]
-    for name, value in values.items():
-        if value is not None:
-            words += [OPTION_OF.get(name, f"--{name.replace('_', '-')}"), str(value)]
-    return run_program(session, "control_board_ros.tuning", words)
+    robot, identified = str(values.pop("robot")), values.pop("identification")
+    words = words_of(values | {"from": identified})
+    return run_program(session, "control_board_ros.tuning", [robot, *words])
