@@ -108,6 +108,8 @@ def test_power_at_drive_and_joint_is_the_same() -> None:
     energy = values[Value.STIFFNESS] * (values[Value.POSITION] - at_zero) ** 2
     np.testing.assert_allclose(drive[Value.STIFFNESS] * drive[Value.POSITION] ** 2, energy)
     np.testing.assert_allclose(axes.position(drive[Value.POSITION]), values[Value.POSITION])
+    for value in (Value.CURRENT, Value.PWM):  # of the motor: the direction alone
+        np.testing.assert_array_equal(drive[value], values[value] * [-1.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -134,7 +136,7 @@ def test_limits_are_those_at_the_joint(
     found = axis.limits_at_joint(drive, turned)
     assert (found.lower, found.upper) == at_joint
     assert (found.velocity, found.torque, found.current) == (4.0, 3.0, 3.0)
-    assert axis.limits_at_joint(DriveLimits()) == DriveLimits()
+    assert axis.limits_at_joint(DriveLimits(), turned) == DriveLimits()
 
 
 def test_a_shaft_turns_with_the_joint_where_it_is_measured() -> None:

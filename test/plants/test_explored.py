@@ -25,9 +25,11 @@ MAKES: dict[str, tuple[str, dict[str, str]]] = {
     "dynamixel": ("dynamixel", {}),
     "feetech": ("feetech", {"unwatched": "1"}),
 }
+#: Makes whose drives count turns that a restart loses.
+GEARED = ("moteus", "damiao", "robstride", "odrive_can", "dynamixel")
 #: One fault of so many is tried, all day and in the soak.
 SELDOM, OFTEN = 421, 151
-#: Pairs of faults of a make.
+#: Pairs of faults of a make, at random.
 PAIRS = 200
 
 
@@ -40,6 +42,26 @@ def test_no_single_fault_makes_a_drive_act_otherwise_than_shown(make: str, strid
     walk = Walk(*MAKES[make]).go(stride)
     assert walk.found == {}
     assert walk.runs > 10
+
+
+@pytest.mark.parametrize("make", GEARED)
+@pytest.mark.parametrize(
+    "stride", [101, pytest.param(3, marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_no_restart_that_loses_turns_moves_a_joint(make: str, stride: int) -> None:
+    """S9: nor is its position wrong in silence."""
+    pytest.importorskip(LIBRARIES[MAKES[make][0]])
+    walk = Walk(*MAKES[make], geared=True).go(stride)
+    assert walk.found == {}
+    assert walk.runs > 1
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("make", MAKES)
+def test_no_pair_of_faults_at_a_change_makes_a_drive_act_otherwise(make: str) -> None:
+    """S8, S11: all pairs of frames lost, doubled, late or overtaken while a law changes."""
+    pytest.importorskip(LIBRARIES[MAKES[make][0]])
+    assert Walk(*MAKES[make]).go(pairs=True).found == {}
 
 
 @pytest.mark.soak
@@ -59,9 +81,14 @@ def test_two_runs_are_the_same(make: str) -> None:
 
 if __name__ == "__main__":
     for chosen in sys.argv[1:] or MAKES:
+        name, _, stride = chosen.partition("/")  # feetech/20: pairs at changes, one of 20
         began = time.monotonic()
-        walk = Walk(*MAKES[chosen]).go()
-        print(f"{chosen}: {walk.runs} runs, {walk.exchanges} exchanges, "
-              f"{time.monotonic() - began:.0f} s", flush=True)  # fmt: skip
-        for violation, event in walk.found.items():
-            print(f"  {violation}: {event}")
+        walks = [Walk(*MAKES[name]).go(int(stride or 1), pairs=bool(stride))]
+        if name in GEARED and not stride:
+            walks.append(Walk(*MAKES[name], geared=True).go())
+        runs, exchanges = (sum(getattr(w, what) for w in walks) for what in ("runs", "exchanges"))
+        print(f"{chosen}: {runs} runs, {exchanges} exchanges, {time.monotonic() - began:.0f} s",
+              flush=True)  # fmt: skip
+        for walk in walks:
+            for violation, event in walk.found.items():
+                print(f"  {violation}: {event}")

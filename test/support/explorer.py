@@ -7,7 +7,9 @@ set-point is "stay where you are", three things must hold whatever the fault:
 * the law that acts in a drive is that asked for, with its watchdog (Damiao, RobStride), or a fault
   is reported, within the timeout;
 * nothing moves by more than STILL;
-* a drive has no power when the board says OFF, within the timeout.
+* a drive has no power when the board says OFF, within the timeout;
+* a fault of one drive alone is none of the other (S10);
+* no position is wrong without a fault (S9).
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ import re
 import warnings
 from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from types import GeneratorType
 from typing import Any, NamedTuple
@@ -35,18 +37,50 @@ from control_board_ros.plants.cia402.states import Mode, State
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.feetech import table as feetech
 from control_board_ros.plants.mit_can import damiao, robstride_private
+from control_board_ros.plants.mit_can import frames as mit
 from control_board_ros.plants.mit_can.virtual import VirtualMit
 from control_board_ros.plants.mit_can.virtual_robstride import PRIVATE, VirtualRobStride
 from control_board_ros.plants.odrive_can import frames as odrive
 from control_board_ros.plants.virtual.can_bus import Frame
-from control_board_ros.testing.plant_contract import set_points
+from control_board_ros.testing.plant_contract import board_for, set_points
 
 OFF = SetPoint.OFF
 #: plant_timeout here, s, and its exchanges; more that a law may take after it.
 TIMEOUT, GRACE = 0.04, 8
 CYCLES = round(TIMEOUT / PERIOD)
-#: Where the joints are at rest, rad, and how far they may move.
-PLACE, STILL = 0.3, 2e-3
+#: Where the joints are at rest, rad, and how far they may move; what a reading may be off.
+PLACE, STILL, OFF_BY = 0.3, 2e-3, 0.02
+#: Exchanges after a change of the set-point in which faults are paired.
+CHANGE = 6
+#: What becomes of a frame.
+LOSSES = ("lose", "double", "delay", "reorder")
+#: Of drives with gears: how many turns of the output are one of the joint, and their limits, rad.
+RATIO, ENDS = 6.0, {"lower": -2.9, "upper": 2.9, "hard_lower": -2.9, "hard_upper": 2.9}
+#: What a drive of each family may refuse: the method that then does nothing for such arguments,
+#: and what it returns; or arguments in place of these.
+Refusal = tuple[str, Callable[..., bool], Any]
+POWER, MODE = "refuses power", "refuses its mode"
+REFUSALS: dict[str, dict[str, Refusal]] = {
+    "VirtualMoteus": {POWER: ("_order", lambda mode, _: mode != 0, None)},
+    "VirtualMit": {POWER: ("_obey", lambda _, data: data == mit.ENABLE, None)},
+    "VirtualRobStride": {POWER: ("_enable", lambda: True, None)},
+    "VirtualOdrive": {
+        POWER: ("_enter", lambda state: state == odrive.CLOSED_LOOP, None),
+        MODE: ("_obey", lambda command, _: command == odrive.MODE, None),
+    },
+    "VirtualCia402": {
+        POWER: ("_obey", lambda control: control & 0x0F == 0x0F, None),
+        MODE: ("_change_mode", lambda _: True, None),
+    },
+    "VirtualDynamixel": {
+        POWER: ("_write", lambda at, data: at == dynamixel.TORQUE.address and any(data), 1),
+        MODE: ("_write", lambda at, _: at == dynamixel.MODE.address, 1),
+    },
+    "VirtualFeetech": {
+        POWER: ("_write", lambda at, data: at == feetech.TORQUE.address and any(data), None),
+        MODE: ("_write", lambda at, _: at == feetech.MODE.address, None),
+    },
+}
 
 
 class Event(NamedTuple):
@@ -106,17 +140,33 @@ class Run:
         driver: Its folder's name.
         options: Of the driver.
         event: The fault, or None.
+        geared: With gears and limits, so that lost turns are wrong places.
 
     Attributes: violations (in words), frames (sent, by way and exchange), cycle (of the last
-        exchange), events.
+        exchange), events, phase (its number, and the exchange within it), geared.
     """
 
-    def __init__(self, driver: str, options: dict[str, str], event: Event | None = None) -> None:
+    def __init__(
+        self,
+        driver: str,
+        options: dict[str, str],
+        event: Event | None = None,
+        *,
+        geared: bool = False,
+    ) -> None:
         self.violations = dict[str, None]()
         self.cycle, self._wrong = 0, [0, 0]
         self.frames: list[tuple[int, int]] = []
-        self.bench = Bench(driver, options=options)
+        more = {"ratio": f"{RATIO:g}"} if geared else {}
+        self.bench = Bench(driver, options=options | more)
         self.bench.timeout = TIMEOUT
+        if geared:
+            joints = board_for(self.bench.plant.describe()).joints
+            self.bench.joints = tuple(
+                replace(joint, limits=replace(joint.limits, **ENDS), calibration=None)
+                for joint in joints
+            )
+        self.geared = geared
         self.latched, self.phase = [False, False], (0, 0)
         self._wires = {"to": Wire(), "from": Wire()}
         self.events: list[Event] = []
@@ -175,7 +225,8 @@ class Run:
         kinds = [OFF if latched else kind for latched in self.latched]
         place, stiffness, damping = np.full((3, 2), [[PLACE], [4.0], [1.0]])
         wanted = set_points(kinds, position=place, stiffness=stiffness, damping=damping)
-        faults = list(bench.tick(wanted).faults)
+        readings = bench.tick(wanted)
+        faults = list(readings.faults)
         self.frames.append((self._wires["to"].count, self._wires["from"].count))
         for joint, drive in enumerate(bench.drives):
             asked, acts = kinds[joint], law_of(drive)
@@ -190,6 +241,11 @@ class Run:
                 fault = re.sub(r"\d+ ms", "… ms", str(faults[joint]))
                 acting = acts.name if acts else acts
                 self._violate(f"joint {joint}: asked {asked.name}, acts {acting}, fault {fault}")
+            wrong = abs(float(readings.position[joint] - bench.world.state[0, joint]))
+            if wrong > OFF_BY and not faults[joint]:
+                self._violate(f"joint {joint}: its position is wrong in silence")
+        if faults[1] and all(event.what in ALONE for event in self.events):
+            self._violate(f"joint 1 has the fault of joint 0: {faults[1]}")
         moved = float(np.abs(bench.world.state[0] - PLACE).max())
         if moved > STILL:
             self._violate(f"moved while it was {kind.name}")
@@ -219,8 +275,14 @@ class Run:
                     self.bench.drives[0].reboot()
                 late, wire.held = wire.held, []
                 self._deliver(wire, late)
-        elif event.what == "restart" and begins:
+        elif event.what.startswith("restart") and begins:
             self.bench.drives[0].reboot()
+            if event.what == "restart turned":
+                self.bench.world._offset[0] -= 2.0 * math.pi / RATIO
+        elif event.what == "silent":
+            self.bench.drives[0].silent = (self.bench.drives[0].silent or begins) and not ends
+        elif event.what in (POWER, MODE) and (begins or ends):
+            refuse(self.bench.drives[0], event.what, begins)
         elif event.what == "fault" and begins:
             self.bench.fail(0)
 
@@ -311,6 +373,20 @@ class ByValue:
         return name, self.of({key: values[key] for key in values if key not in self.UNREAD})
 
 
+#: Faults of one drive that are none of another.
+ALONE = ("restart", "restart turned", "fault", "silent", POWER, MODE)
+
+
+def refuse(drive: Any, what: str, begins: bool) -> None:
+    """Let a drive refuse something, as one may of its family; or no more."""
+    name, refused, result = REFUSALS[type(drive).__name__][what]
+    if not begins:
+        vars(drive).pop(name, None)
+        return
+    method = getattr(drive, name)
+    setattr(drive, name, lambda *given: result if refused(*given) else method(*given))
+
+
 def law_of(drive: Any) -> SetPoint | None:  # noqa: PLR0911 - one for each make
     """What acts in a virtual drive; None: nothing that drives, as after its watchdog."""
     name = type(drive).__name__
@@ -367,15 +443,25 @@ def _moteus(drive: Any) -> SetPoint:
 def single_faults(plain: Run, stride: int = 1) -> Iterator[Event]:
     """Every single fault of a script, by a run without one; of each kind one of ``stride``."""
     counts = plain.frames[-1]
+    if plain.geared:
+        events = [Event("restart turned", at=cycle) for cycle in range(1, plain.cycle)]
+        return iter(events[stride // 2 :: stride])
     events = [
         Event(what, way, number)
-        for what in ("lose", "double", "delay", "reorder")
+        for what in LOSSES
         for way, most in zip(("to", "from"), counts, strict=True)
         for number in range(1, most + 1)
     ]
     events += [
         Event(what, at=cycle, length=length)
-        for what in ("deaf", "mute", "hold", "hold and restart")
+        for what in (
+            "deaf",
+            "mute",
+            "hold",
+            "hold and restart",
+            "silent",
+            *REFUSALS[type(plain.bench.drives[0]).__name__],
+        )
         for length in (CYCLES // 2, 2 * CYCLES)
         for cycle in range(1, plain.cycle, 3)
     ]
@@ -422,7 +508,7 @@ class Walk:
     one that was seen before.
 
     Args:
-        driver, options: See ``Run``.
+        driver, options, geared: See ``Run``.
 
     Attributes:
         found: Violations, each with the first faults that lead to it.
@@ -431,23 +517,36 @@ class Walk:
 
     driver: str
     options: dict[str, str]
+    geared: bool = False
     found: dict[str, str] = field(default_factory=dict)
     runs: int = 0
     exchanges: int = 0
     _seen: set[int] = field(default_factory=set)
+    _stride: int = 0
 
-    def go(self, stride: int = 1) -> Walk:
-        """Walk all single faults, or of each kind one of ``stride``."""
-        plain = Run(self.driver, self.options)
+    def go(self, stride: int = 1, *, pairs: bool = False) -> Walk:
+        """Walk all single faults, or of each kind one of ``stride``.
+
+        Args:
+            stride: See above.
+            pairs: Walk pairs of frames that are lost, doubled, late or overtaken at a change of
+                the set-point, in its first CHANGE exchanges: all, or one of ``stride``.
+        """
+        plain = Run(self.driver, self.options, geared=self.geared)
+        changes = set[int]()
         for _ in plain.steps():
             self._seen.add(plain.state())
+            if plain.phase[1] < CHANGE:
+                changes.add(plain.cycle + 1)
         if plain.violations:
             self.found = dict.fromkeys(plain.violations, "without a fault")
             return self
         due: dict[int, list[Event]] = {}
-        for event in single_faults(plain, stride):
-            due.setdefault(begin(plain, event), []).append(event)
-        run = Run(self.driver, self.options)
+        for event in single_faults(plain, 1 if pairs else stride):
+            if not pairs or (event.way and begin(plain, event) in changes):
+                due.setdefault(begin(plain, event), []).append(event)
+        self._stride = stride if pairs else 0
+        run = Run(self.driver, self.options, geared=self.geared)
         steps = run.steps()
         gc.collect()
         gc.freeze()
@@ -466,6 +565,7 @@ class Walk:
             try:
                 os.close(reads)
                 gc.disable()
+                self.found, self.runs, self.exchanges = {}, 0, 0
                 answer = pickle.dumps(self._go_on(run, steps, event))
                 with os.fdopen(writes, "wb") as pipe:
                     pipe.write(answer)
@@ -476,24 +576,40 @@ class Walk:
             answer = pipe.read()
         os.waitpid(child, 0)
         if not answer:
-            raise AssertionError(f"{event}: the run ended with an error")
-        violations, seen, count = pickle.loads(answer)
-        self.runs, self.exchanges = self.runs + 1, self.exchanges + count
-        if violations:
-            for text in violations:
-                self.found.setdefault(text, f"{[*run.events, event]}")
-        else:
-            self._seen |= seen
+            raise AssertionError(f"{[*run.events, event]}: the run ended with an error")
+        found, seen, runs, exchanges = pickle.loads(answer)
+        self.runs, self.exchanges = self.runs + runs, self.exchanges + exchanges
+        self.found = found | self.found
+        self._seen |= seen
 
     def _go_on(
         self, run: Run, steps: Iterator[None], event: Event
-    ) -> tuple[list[str], set[int], int]:
+    ) -> tuple[dict[str, str], set[int], int, int]:
         run.add(event)
-        begin, seen = run.cycle, set[int]()
+        first, seen = run.cycle, set[int]()
+        second = self._stride > 0 and len(run.events) == 1
         for _ in steps:
-            if run.over and (run.cycle - begin < 10 or run.cycle % 4 == 0):
+            if second and run.cycle > first and run.phase[1] < CHANGE:
+                for other in following(run, self._stride):
+                    self._fork(run, steps, other)
+            if run.over and (run.cycle - first < 10 or run.cycle % 4 == 0):
                 state = run.state()
                 if state in self._seen:
                     break
                 seen.add(state)
-        return [*run.violations], seen, run.cycle - begin
+        for text in run.violations:
+            self.found.setdefault(text, f"{run.events}")
+        exchanges = self.exchanges + run.cycle - first
+        return self.found, set() if run.violations else seen, self.runs + 1, exchanges
+
+
+def following(run: Run, stride: int) -> Iterator[Event]:
+    """Frames that the next exchange is likely to have, with what may become of each."""
+    before, last = [(0, 0), (0, 0), *run.frames][-2:]
+    events = [
+        Event(what, way, last[w] + number)
+        for what in LOSSES
+        for w, way in enumerate(("to", "from"))
+        for number in range(1, last[w] - before[w] + 1)
+    ]
+    return iter(events[(last[0] + run.events[0].at) % stride :: stride])

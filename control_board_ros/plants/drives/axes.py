@@ -85,7 +85,7 @@ class Axis:
         """Drive angle per joint angle, s N."""
         return self.direction * self.ratio
 
-    def limits_at_joint(self, limits: DriveLimits, shift: float = 0.0) -> DriveLimits:
+    def limits_at_joint(self, limits: DriveLimits, shift: float) -> DriveLimits:
         """The limits of the drive, as they are at the joint.
 
         Args:
