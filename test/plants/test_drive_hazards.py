@@ -373,6 +373,21 @@ def test_a_silent_drive_costs_the_others_nothing(driver: str) -> None:
         assert bench.world.state[0, 1] - at > 0.1
 
 
+@pytest.mark.parametrize("driver", ["dynamixel", "feetech"])
+def test_a_silent_drive_delays_the_power_of_no_other(driver: str) -> None:
+    """S10: questions to it took up to 0.3 s each, and the other "does not take power"."""
+    with bench_of(driver) as bench:
+        bench.connect()
+        bench.drives[0].silent = True
+        bench.until(lambda found: bool(found.faults[0]), SetPoint.OFF, cycles=200)
+        bench.follow(SetPoint.OFF, 6)
+        for cycle in range(20):
+            before = bench.time
+            assert not bench.follow(POSITION).faults[1]
+            assert bench.time - before < 2.5 * PERIOD or cycle == 0
+        assert law_of(bench.drives[1]) is POSITION
+
+
 def test_cyclic_messages_of_an_odrive_are_no_second_drive() -> None:
     """As it is delivered it sends its estimates every 10 ms."""
     with bench_of("odrive_can") as bench:

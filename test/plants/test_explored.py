@@ -26,7 +26,7 @@ MAKES: dict[str, tuple[str, dict[str, str]]] = {
     "feetech": ("feetech", {"unwatched": "1"}),
 }
 #: Makes whose drives count turns that a restart loses.
-GEARED = ("moteus", "damiao", "robstride", "odrive_can", "dynamixel")
+GEARED = ("moteus", "damiao", "robstride", "dynamixel")
 #: One fault of so many is tried, all day and in the soak.
 SELDOM, OFTEN = 421, 151
 #: Pairs of faults of a make, at random.

@@ -16,11 +16,13 @@ from .can_line import budget
 from .driver import Answers, Order
 from .faults import RESTARTED
 from .interview import Question, Questions, find
-from .reconcile import ACTING, ASK, POWER_ON, RESET
+from .reconcile import ACTING, ASK, OFF, POWER_ON, RESET, SET_UP
 from .serial_line import Item, Library, Request, ServoBus, put
 
 #: That a servo can have.
 IDS = range(253)
+#: Actions of drives that are to have no power.
+RESTING = (OFF, RESET, SET_UP)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,8 +121,10 @@ class ServoDrives(ABC, Generic[Own]):
         for k in orders:
             self._answers.asked[k] += 1
         self._read(orders)
+        # Where none is to have power, a question may take its time.
+        seconds = 0.0 if all(order.action in RESTING for order in orders.values()) else self._wait
         for k, order in orders.items():
-            self.line.hold(self._ids[k], order.interview, self._wait if driven else 0.0)
+            self.line.hold(self._ids[k], order.interview, seconds)
 
     def _torque(self, drives: Iterable[int], value: int) -> None:
         self.line.sync(self.library.torque, {self._ids[k]: bytes([value]) for k in drives})
