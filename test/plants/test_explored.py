@@ -46,11 +46,10 @@ def test_no_single_fault_makes_a_drive_act_otherwise_than_shown(make: str, strid
 
 @pytest.mark.parametrize("make", GEARED)
 @pytest.mark.parametrize(
-    "stride", [101, pytest.param(3, marks=pytest.mark.slow)], ids=["few", "many"]
+    "stride", [101, pytest.param(3, marks=pytest.mark.soak)], ids=["few", "many"]
 )
 def test_no_restart_that_loses_turns_moves_a_joint(make: str, stride: int) -> None:
     """S9: nor is its position wrong in silence."""
-    pytest.importorskip(LIBRARIES[MAKES[make][0]])
     walk = Walk(*MAKES[make], geared=True).go(stride)
     assert walk.found == {}
     assert walk.runs > 1
@@ -60,7 +59,6 @@ def test_no_restart_that_loses_turns_moves_a_joint(make: str, stride: int) -> No
 @pytest.mark.parametrize("make", MAKES)
 def test_no_pair_of_faults_at_a_change_makes_a_drive_act_otherwise(make: str) -> None:
     """S8, S11: all pairs of frames lost, doubled, late or overtaken while a law changes."""
-    pytest.importorskip(LIBRARIES[MAKES[make][0]])
     assert Walk(*MAKES[make]).go(pairs=True).found == {}
 
 
