@@ -137,9 +137,30 @@ def test_where_torque_does_not_suffice_no_motor_is_asked_for_more() -> None:
     assert np.abs(speeds).max() <= 5.0
     assert max(np.abs(one.plan).max() for one in joints) <= 2.0 * 20.0
     beyond = places.max(axis=0) - 0.2 - 4.5 / 20.0
-    assert stops.furthest == pytest.approx(
-        (np.maximum(beyond, 0.0) + places.max(axis=0) - places[-1]).max()
-    )
+    assert stops.furthest == pytest.approx(beyond.max())
+    assert stops.back == pytest.approx((places.max(axis=0) - places[-1]).max(), abs=1e-12)
+
+
+@pytest.mark.parametrize("module", [compiled, PLAIN], ids=["compiled", "plain"])
+@pytest.mark.parametrize(("shoulder", "elbow"), [(40.0, 14.0), (40.0, 20.0), (200.0, 20.0)])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_joint_rests_where_it_came_to_rest(
+    way: float, shoulder: float, elbow: float, module: Any
+) -> None:
+    """M9: none turns round to help another, which would bring it back by 45 to 300 mrad."""
+    for other in (-3.0, -1.0):
+        joints = [
+            joint(3.0 * way, 20.0, max_torque=shoulder),
+            joint(other * way, 20.0, max_torque=elbow),
+        ]
+        stops = planned(*joints, model=ARM, module=module)
+        if stops.rounds == 0:
+            continue
+        places, _, torques = run(joints)
+        ahead = (places - 0.2) * np.sign([3.0 * way, other * way])
+        assert ahead.max(axis=0) - ahead[-1] == pytest.approx(0.0, abs=1e-3)
+        assert stops.back < 1e-3
+        assert (np.abs(torques) <= 1.01 * np.array([shoulder, elbow])).all()
 
 
 @pytest.mark.parametrize("module", [compiled, PLAIN], ids=["compiled", "plain"])

@@ -16,8 +16,10 @@ The aim lies beyond full braking, so that a joint yields only where it relieves 
 enough for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes before a_i: a light
 joint that heavy ones pull along may have LEAP a_i, and its reference does too. z_i: what the joint
 runs beyond its braking distance v²/(2a), or comes back. The further a joint runs, the greater its
-ω_i in the next prediction. The best one is that whose furthest joint runs least, time counted as
-LATE_WEIGHT. Turning its torque round takes a motor its winding's time, L/R, in which the plan
+ω_i in the next prediction. The best one is that whose furthest joint runs least, the way back of
+another counted as BACK_WEIGHT, time as LATE_WEIGHT. In the first predictions no joint turns round,
+so that it rests, or goes on; where torque does not suffice for that, others follow in which joints
+may. Turning its torque round takes a motor its winding's time, L/R, in which the plan
 brakes already; the torque to make up for it is left, Δτ (L/R)/T, and at most LOST of it.
 
 Plain Python in Cython's pure mode, as the laws are. Units: rad, rad/s, N·m, s; m and N where
@@ -42,7 +44,8 @@ LOST = cython.declare(cython.double, 0.02)
 #: Steps of a prediction until the slowest joint would rest, and the most.
 STEPS = cython.declare(cython.int, 24)
 MAX_STEPS = cython.declare(cython.int, 64)
-#: Number of predictions; and when one is good enough: z of the furthest joint, rad or m.
+#: Number of predictions in which no joint turns round, and of others; and when one is good enough:
+#: way beyond the braking distance, and back, rad or m.
 ROUNDS = cython.declare(cython.int, 6)
 GOOD_SCORE = cython.declare(cython.double, 1e-3)
 #: Weights: of joints at rest, s; of the way beyond the braking distance, 1/rad.
@@ -59,6 +62,12 @@ SLACK = cython.declare(cython.double, 0.03)
 LEAP = cython.declare(cython.double, 2.0)
 #: A later rest counts as way beyond the braking distance, rad/s.
 LATE_WEIGHT = cython.declare(cython.double, 0.2)
+#: The longest way back counts as this part of a way beyond the braking distance.
+BACK_WEIGHT = cython.declare(cython.double, 0.5)
+#: Speed at which a joint that may not turn round rests; error of its rest; as parts of what one
+#: step of braking takes away.
+RESTING_SHARE = cython.declare(cython.double, 0.05)
+MAX_REST_ERROR = cython.declare(cython.double, 0.02)
 #: Slower than this is at rest, as a part of what one step of braking takes away.
 REST_SPEED_SHARE = cython.declare(cython.double, 1e-9)
 
@@ -89,12 +98,13 @@ class Stops:
         joints: of class ``laws.Joint``, in the order of the arm's.
         arm: their dynamics; None: torques are not known.
 
-    Attributes: rounds (predictions of the last plan; 0: torque suffices), furthest (z of its
-    furthest joint, rad or m).
+    Attributes: rounds (predictions of the last plan; 0: torque suffices), furthest (its longest
+    way beyond the braking distance, rad or m), back (its longest way back).
     """
 
     rounds = cython.declare(cython.int, visibility="public")
     furthest = cython.declare(cython.double, visibility="public")
+    back = cython.declare(cython.double, visibility="public")
     joints: list[Any]
     arm: Any
     plans: list[Any]
@@ -104,8 +114,12 @@ class Stops:
     step: cython.double  # s
     excess: cython.double  # torque beyond the limits, as a part of them; likewise speed
     hasty: cython.double
+    onward: cython.bint  # no joint may turn round
     strained: cython.bint  # a motor lacked torque in the last prediction
+    longest: cython.double  # way beyond the braking distance in the last prediction
+    returned: cython.double  # longest way back in it
     steps: cython.int  # of the last prediction
+    best_steps: cython.int
     place: cython.double[::1]
     speed: cython.double[::1]
     hardest: cython.double[::1]  # a_i
@@ -114,10 +128,12 @@ class Stops:
     smooth: cython.double[::1]  # time of a stop within the jerk limit, s; 0: none
     limit = dry = wet = cython.declare(cython.double[::1])
     urge: cython.double[::1]  # ω
-    weight = q = v = cython.declare(cython.double[::1])
+    ease = q = v = cython.declare(cython.double[::1])
     max_way: cython.double[::1]  # way so far
     beyond: cython.double[::1]  # z
     mass = bias = x = cython.declare(cython.double[::1])
+    relief: cython.double[::1]  # Σ M²/w: how a torque yields to its multiplier
+    bottom = top = cython.declare(cython.double[::1])  # accelerations that a joint may have
     full: cython.double[::1]  # the acceleration of full braking in a step
     y = trial = best = cython.declare(cython.double[::1])
     arm_position = arm_velocity = cython.declare(cython.double[::1])
@@ -126,12 +142,13 @@ class Stops:
     def __init__(self, joints: list[Any], arm: Any) -> None:
         n = len(joints)
         self.joints, self.arm, self.count = joints, arm, n
-        self.rounds, self.furthest = 0, 0.0
+        self.rounds, self.furthest, self.back = 0, 0.0, 0.0
         self.plans = [row(MAX_STEPS) for _ in joints]
         self.place, self.speed, self.hardest, self.wanted = row(n), row(n), row(n), row(n)
         self.fastest, self.smooth = row(n), row(n)
         self.limit, self.dry, self.wet, self.urge = row(n), row(n), row(n), row(n)
-        self.weight, self.q, self.v, self.max_way = row(n), row(n), row(n), row(n)
+        self.ease, self.q, self.v, self.max_way = row(n), row(n), row(n), row(n)
+        self.relief, self.bottom, self.top = row(n), row(n), row(n)
         self.beyond, self.bias, self.x = row(n), row(n), row(n)
         self.numbers = memoryview(array("l", [0] * n))
         self.mass, self.y, self.full = row(n * n), row(2 * n), row(n)
@@ -159,9 +176,9 @@ class Stops:
                 joint.brake(self.wanted[k])
             else:
                 plan = self.plans[i]
-                for step in range(self.steps):
+                for step in range(self.best_steps):
                     plan[step] = self.best[step * self.count + k]
-                joint.brake_by(plan, self.steps, self.step)
+                joint.brake_by(plan, self.best_steps, self.step)
         for joint in self.joints:
             joint.stop_due = False
 
@@ -236,31 +253,45 @@ class Stops:
         self.step *= max(ceil(longest / (STEPS * self.step)), 1.0)
         for k in range(self.stopping):
             self.urge[k] = 1.0
+        self.onward = False
         self.predict()
         return not self.strained
 
     @cython.cfunc
     def improve(self) -> cython.void:
         """Keep the best of several predictions of full braking in ``best``."""
-        least = 1e300
-        steps = 0
         for k in range(self.stopping):
             self.wanted[k] = self.hardest[k]
             self.limit[k] -= self.lost_torque(k)
-        while self.rounds < ROUNDS:
+        least = self.try_some(True, 1e300)
+        if self.back >= GOOD_SCORE:
+            self.try_some(False, least)
+
+    @cython.cfunc
+    def try_some(self, onward: cython.bint, least: cython.double) -> cython.double:
+        """Keep what is better than a score ``least`` of some predictions; the best score."""
+        self.onward = onward
+        for k in range(self.stopping):
+            self.urge[k] = 1.0
+        for _ in range(ROUNDS):
             self.rounds += 1
-            z = self.predict()
-            score = z + max(self.excess - SLACK, 0.0) + max(self.hasty - SLACK, 0.0)
+            self.predict()
+            score = max(self.excess - SLACK, 0.0) + max(self.hasty - SLACK, 0.0)
+            score += self.longest + BACK_WEIGHT * self.returned
             good: cython.bint = score < GOOD_SCORE
             score += LATE_WEIGHT * self.steps * self.step
             if score < least:
-                least, steps, self.furthest = score, self.steps, z
+                least, self.best_steps = score, self.steps
+                self.furthest, self.back = self.longest, self.returned
                 self.best[:] = self.trial
             if good:
                 break
+            most = 1e-9
             for k in range(self.stopping):
-                self.urge[k] *= GROWTH + self.beyond[k] / max(z, 1e-9)
-        self.steps = steps
+                most = max(most, self.beyond[k])
+            for k in range(self.stopping):
+                self.urge[k] *= GROWTH + self.beyond[k] / most
+        return least
 
     @cython.cfunc
     def lost_torque(self, k: cython.Py_ssize_t) -> cython.double:
@@ -274,10 +305,10 @@ class Stops:
         return change * min(time / (self.steps * self.step), LOST)
 
     @cython.cfunc
-    def predict(self) -> cython.double:
-        """Predict a stop into ``trial``; z of its furthest joint."""
+    def predict(self) -> cython.void:
+        """Predict a stop into ``trial``."""
         moving: cython.bint = True
-        z = 0.0
+        self.longest = self.returned = 0.0
         self.excess, self.hasty, self.strained = 0.0, 0.0, False
         for k in range(self.count):
             self.q[k], self.v[k] = self.place[k], self.speed[k]
@@ -318,8 +349,8 @@ class Stops:
                 way = -way
             change = self.max_way[k] - 0.5 * self.speed[k] * self.speed[k] / self.hardest[k]
             self.beyond[k] = max(change, 0.0) + self.max_way[k] - way
-            z = max(z, self.beyond[k])
-        return z
+            self.longest = max(self.longest, change)
+            self.returned = max(self.returned, self.max_way[k] - way)
 
     @cython.cfunc
     def evaluate(self) -> cython.void:
@@ -351,10 +382,9 @@ class Stops:
         for k in range(self.stopping):
             error = -self.v[k] / self.step
             self.x[k] = self.full[k] = max(min(error, self.wanted[k]), -self.wanted[k])
-            error = fabs(self.v[k]) / self.hardest[k] + EASE
-            self.weight[k] = self.urge[k] * error
             error = 1.0 + URGE * max(self.beyond[k], 0.0)
-            self.weight[k] *= error * error
+            error *= error * self.urge[k]
+            self.ease[k] = 1.0 / (error * (fabs(self.v[k]) / self.hardest[k] + EASE))
         error = self.torque_error()
         if error <= MAX_TORQUE_ERROR:
             for k in range(2 * self.count):
@@ -364,6 +394,7 @@ class Stops:
         for k in range(self.stopping):
             if self.v[k] != 0.0:
                 self.x[k] += -self.hardest[k] if self.v[k] > 0.0 else self.hardest[k]
+            self.allow(k)
         self.warm()
         for _ in range(SWEEPS):
             for k in range(self.stopping):
@@ -371,18 +402,22 @@ class Stops:
             for k in range(self.stopping):
                 self.bound_torque(k)
             error = self.torque_error()
-            if error <= MAX_TORQUE_ERROR:
+            if error <= MAX_TORQUE_ERROR and self.rest_error() <= MAX_REST_ERROR:
                 break
         self.excess = max(self.excess, error)
 
     @cython.cfunc
     def warm(self) -> cython.void:
-        """Start from the multipliers of the step before."""
+        """Start from the multipliers of the step before; with what is the same in all sweeps."""
         for k in range(self.stopping):
             pull = self.y[self.count + k]
             for i in range(self.stopping):
                 pull += self.mass[i * self.count + k] * self.y[i]
-            self.x[k] -= pull / self.weight[k]
+            self.x[k] -= pull * self.ease[k]
+            self.relief[k] = 0.0
+            for i in range(self.stopping):
+                pull = self.mass[k * self.count + i]
+                self.relief[k] += pull * pull * self.ease[i]
 
     @cython.cfunc
     def torque(self, k: cython.Py_ssize_t) -> cython.double:
@@ -400,30 +435,53 @@ class Stops:
         return excess
 
     @cython.cfunc
-    def bound_acceleration(self, k: cython.Py_ssize_t) -> cython.void:
+    def rests(self, k: cython.Py_ssize_t) -> cython.bint:
+        """Whether a joint that may not turn round is at rest, or beyond."""
+        speed: cython.double = self.v[k] if self.speed[k] > 0.0 else -self.v[k]
+        return self.onward and speed <= RESTING_SHARE * self.step * self.hardest[k]
+
+    @cython.cfunc
+    def rest_error(self) -> cython.double:
+        """How far joints leave their rest, or turn round, where they may not."""
+        most = 0.0
+        for k in range(self.stopping if self.onward else 0):
+            error: cython.double = self.v[k] + self.step * self.x[k]
+            if self.rests(k):
+                error = fabs(error)
+            elif self.speed[k] > 0.0:
+                error = -error
+            most = max(most, error / (self.step * self.hardest[k]))
+        return most
+
+    @cython.cfunc
+    def allow(self, k: cython.Py_ssize_t) -> cython.void:
         """No joint brakes harder than fully, turns round, or leaves its speed limit."""
-        top = self.hardest[k]
-        bottom = -self.hardest[k]
+        self.bottom[k], self.top[k] = -self.hardest[k], self.hardest[k]
         if self.v[k] > 0.0:
-            bottom, top = self.full[k], max((self.fastest[k] - self.v[k]) / self.step, 0.0)
+            self.bottom[k] = self.full[k]
+            self.top[k] = max((self.fastest[k] - self.v[k]) / self.step, 0.0)
         if self.v[k] < 0.0:
-            bottom, top = min((-self.fastest[k] - self.v[k]) / self.step, 0.0), self.full[k]
-        y = self.multiplier(self.y[self.count + k], self.x[k], bottom, top, 1.0 / self.weight[k])
-        self.x[k] -= (y - self.y[self.count + k]) / self.weight[k]
-        self.y[self.count + k] = y
+            self.bottom[k] = min((-self.fastest[k] - self.v[k]) / self.step, 0.0)
+            self.top[k] = self.full[k]
+        if self.rests(k):
+            self.bottom[k] = self.top[k] = -self.v[k] / self.step
+
+    @cython.cfunc
+    def bound_acceleration(self, k: cython.Py_ssize_t) -> cython.void:
+        n = self.count + k
+        y = self.multiplier(self.y[n], self.x[k], self.bottom[k], self.top[k], self.ease[k])
+        self.x[k] -= (y - self.y[n]) * self.ease[k]
+        self.y[n] = y
 
     @cython.cfunc
     def bound_torque(self, k: cython.Py_ssize_t) -> cython.void:
-        scale = 0.0
-        for i in range(self.stopping):
-            m = self.mass[k * self.count + i]
-            scale += m * m / self.weight[i]
-        y = self.multiplier(self.y[k], self.torque(k), -self.limit[k], self.limit[k], scale)
-        m = y - self.y[k]
+        limit = self.limit[k]
+        y = self.multiplier(self.y[k], self.torque(k), -limit, limit, self.relief[k])
+        change = y - self.y[k]
         self.y[k] = y
-        if m != 0.0:
+        if change != 0.0:
             for i in range(self.stopping):
-                self.x[i] -= m * self.mass[k * self.count + i] / self.weight[i]
+                self.x[i] -= change * self.mass[k * self.count + i] * self.ease[i]
 
     @cython.cfunc
     def multiplier(
