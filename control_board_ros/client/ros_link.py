@@ -182,24 +182,25 @@ class RosLink:
         client = self._client(service)
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
             raise self.not_offered(service) if self.is_there() else self.not_found()
-        deadline = time.monotonic() + self.answer_timeout
-        sent: list[Any] = []
-
-        def answered() -> list[Any]:
-            return [future for future in sent if future.done()]
-
-        while not answered() and time.monotonic() < deadline:
-            sent.append(client.call_async(client.srv_type.Request(**fields)))
-            await self.thread.until(lambda: bool(answered()), REPEAT_TIME)
-        if not (responses := answered()):
+        sent = await self._ask(client, fields, self.answer_timeout)
+        if not (answers := done(sent)):
             for future in sent:
                 client.remove_pending_request(future)
             raise self.timed_out(service)
         # a repetition that is still on its way would stop what the caller does next
-        await self.thread.until(lambda: len(answered()) == len(sent), REPEAT_TIME)
-        response = responses[0].result()
+        await self.thread.until(lambda: done(sent) == sent, REPEAT_TIME)
+        response = answers[0].result()
         check_response(service, response, self.name)
         return response
+
+    async def _ask(self, client: Any, fields: dict[str, Any], patience: float) -> list[Any]:
+        """The futures of a request, repeated until one of them, maybe a late one, is answered."""
+        end = time.monotonic() + patience
+        sent: list[Any] = []
+        while not done(sent) and time.monotonic() < end:
+            sent.append(client.call_async(client.srv_type.Request(**fields)))
+            await self.thread.until(lambda: bool(done(sent)), REPEAT_TIME)
+        return sent
 
     async def call(self, service: Endpoint, **fields: Any) -> Any:
         """The response of a service; references published before are in force when it answers.
@@ -319,21 +320,13 @@ class RosLink:
         if self._acquainted.get(endpoint) == self._identity():
             return
         name = self.full_name(GET_CONTROL_MODE)
-        made = GET_CONTROL_MODE.load()
+        kind = GET_CONTROL_MODE.load()
         with self._lock:
-            later = self._node.create_client(made, name, callback_group=self._group)
+            later = self._node.create_client(kind, name, callback_group=self._group)
         try:
-            deadline = time.monotonic() + patience
+            end = time.monotonic() + patience
             ready = await self.thread.until(later.service_is_ready, patience)
-            sent: list[Any] = []
-            answered = False
-            while ready and not answered and time.monotonic() < deadline:
-                sent.append(later.call_async(made.Request()))
-                # A late answer counts.
-                answered = await self.thread.until(
-                    lambda: any(future.done() for future in sent), REPEAT_TIME
-                )
-            if not answered:
+            if not ready or not done(await self._ask(later, {}, end - time.monotonic())):
                 raise self.timed_out(endpoint, patience)
             self._acquainted[endpoint] = self._identity()
         finally:
@@ -443,6 +436,11 @@ def boards_on(node: Node) -> list[str]:
         for name, types in node.get_topic_names_and_types()
         if MODES.type in types and name.endswith(below) and node.count_publishers(name)
     )
+
+
+def done(futures: Iterable[Any]) -> list[Any]:
+    """Those that have their result."""
+    return [future for future in futures if future.done()]
 
 
 def nodes_of(endpoints: Iterable[Any]) -> set[tuple[str, str]]:

@@ -90,6 +90,13 @@ def of_modes(verb: str, service: Endpoint) -> Writer:
     return write
 
 
+def of_joints(verb: str, service: Endpoint) -> Writer:
+    def write(board: str, joints: list[str], _: Fields) -> Shell:
+        return cbctl(board, verb, *joints), ros2(board, service, {"names": joints})
+
+    return write
+
+
 def of_move(endpoint: Endpoint) -> Writer:
     """The lines of a move, by a topic or an action."""
 
@@ -163,10 +170,6 @@ def of_gains(board: str, _: list[str], fields: Fields) -> Shell:
     return cbctl(board, "param", "set", *words), " && ".join(commands)
 
 
-def of_stop(board: str, joints: list[str], _: Fields) -> Shell:
-    return cbctl(board, "stop", *joints), ros2(board, STOP, {"names": joints})
-
-
 def of_estop(board: str, _: list[str], fields: Fields) -> Shell:
     on = bool(fields["on"])
     return (
@@ -181,10 +184,6 @@ def of_recover(board: str, joints: list[str], fields: Fields) -> Shell:
         cbctl(board, "recover", *joints, *(["--partial"] if partial else [])),
         ros2(board, RECOVER, {"names": joints, "partial": partial}),
     )
-
-
-def of_calibrate(board: str, joints: list[str], _: Fields) -> Shell:
-    return cbctl(board, "calibrate", *joints), ros2(board, CALIBRATE, {"names": joints})
 
 
 def of_pose(board: str, _: list[str], fields: Fields) -> Shell:
@@ -231,10 +230,10 @@ WRITERS: dict[str, Writer] = {
     "impedance": of_impedance,
     "speed": of_speed,
     "gains": of_gains,
-    "stop": of_stop,
+    "stop": of_joints("stop", STOP),
     "estop": of_estop,
     "recover": of_recover,
-    "calibrate": of_calibrate,
+    "calibrate": of_joints("calibrate", CALIBRATE),
     "configure": of_configure,
     "pose": of_pose,
     "save_pose": of_save_pose,

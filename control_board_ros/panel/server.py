@@ -148,24 +148,6 @@ def make_app(
             return PlainTextResponse("no such file\n", 404)
         return FileResponse(path, media_type=TYPES[path.suffix])
 
-    async def robot(request: Request) -> Response:
-        board = by_number(hub, request.path_params["number"])
-        if board is None or not board.robot.urdf:
-            return PlainTextResponse("no such robot\n", 404)
-        return Response(board.robot.urdf, media_type="text/xml; charset=utf-8")
-
-    async def mesh(request: Request) -> Response:
-        board = by_number(hub, request.path_params["number"])
-        mesh, _, ending = request.path_params["mesh"].partition(".")
-        meshes = () if board is None else board.robot.meshes
-        known = re.fullmatch(r"[0-9]{1,5}", mesh) and int(mesh) < len(meshes)
-        if not known or f".{ending}" != meshes[int(mesh)].suffix.lower():
-            return PlainTextResponse("no such mesh\n", 404)
-        path = meshes[int(mesh)]
-        if not path.is_file():
-            return PlainTextResponse("the mesh is gone\n", 404)
-        return FileResponse(path, media_type=MEDIA[f".{ending}"])
-
     async def socket(websocket: WebSocket) -> None:
         if len(hub.state.browsers) >= security.MAX_BROWSERS:
             await websocket.close(FULL, f"{security.MAX_BROWSERS} browsers are connected already")
@@ -181,13 +163,14 @@ def make_app(
         serving.cancel()
         await asyncio.gather(serving, return_exceptions=True)
 
+    found = Found(hub)
     app = Starlette(
         routes=[
             Route("/", page),
             Route("/page/{path:path}", file),
-            Route("/robot/{number:int}.urdf", robot),
-            Route("/mesh/{number:int}/{mesh}", mesh),
-            Route("/report/{name}", report_of(hub)),
+            Route("/robot/{number:int}.urdf", found.urdf),
+            Route("/mesh/{number:int}/{mesh}", found.mesh),
+            Route("/report/{name}", found.report),
             WebSocketRoute("/ws", socket),
         ],
         lifespan=lifespan,
@@ -195,21 +178,43 @@ def make_app(
     return Guard(app, token, cookie, names, policy_of(index))
 
 
-def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
-    """Serves reports of the panel's recordings, with a stricter policy than its page."""
+class Found:
+    """What the hub has found for a page: the robots of its boards, and reports of recordings."""
 
-    async def serve_report(request: Request) -> Response:
-        path = hub.state.recordings.report(request.path_params["name"])
+    def __init__(self, hub: Hub) -> None:
+        self._state = hub.state
+
+    def _robot(self, request: Request) -> Any:
+        """The robot of the board with the number of a request."""
+        number = request.path_params["number"]
+        boards = self._state.boards.values()
+        return next((board.robot for board in boards if board.number == number), None)
+
+    async def urdf(self, request: Request) -> Response:
+        robot = self._robot(request)
+        if robot is None or not robot.urdf:
+            return PlainTextResponse("no such robot\n", 404)
+        return Response(robot.urdf, media_type="text/xml; charset=utf-8")
+
+    async def mesh(self, request: Request) -> Response:
+        robot = self._robot(request)
+        mesh, _, ending = request.path_params["mesh"].partition(".")
+        meshes = () if robot is None else robot.meshes
+        known = re.fullmatch(r"[0-9]{1,5}", mesh) and int(mesh) < len(meshes)
+        if not known or f".{ending}" != meshes[int(mesh)].suffix.lower():
+            return PlainTextResponse("no such mesh\n", 404)
+        path = meshes[int(mesh)]
+        if not path.is_file():
+            return PlainTextResponse("the mesh is gone\n", 404)
+        return FileResponse(path, media_type=MEDIA[f".{ending}"])
+
+    async def report(self, request: Request) -> Response:
+        """A report of the panel's recordings, with a stricter policy than its page."""
+        path = self._state.recordings.report(request.path_params["name"])
         if path is None or not path.is_file():
             return PlainTextResponse("no such report\n", 404)
         policy = {"Content-Security-Policy": REPORT_POLICY}
         return FileResponse(path, media_type=TYPES[".html"], headers=policy)
-
-    return serve_report
-
-
-def by_number(hub: Hub, number: int) -> Any:
-    return next((board for board in hub.state.boards.values() if board.number == number), None)
 
 
 def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:
