@@ -23,7 +23,7 @@ from .robots import ROBOTS, find, poses
 from .rows import ROWS
 from .scenes import SCENES, play
 from .wire_rows import ROWS as DRIVE_ROWS
-from .wire_rows import STALLS, WIRES, print_wires
+from .wire_rows import STALLS, STARVED, WIRES, print_changes, print_wires
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,6 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     if asked.tables:
         print(tables(load(FIGURES), load(BEFORE), load(DRIVES)), end="")
+        return 0
+    if asked.changes:
+        print_changes([asked.drive] if asked.drive else DRIVE_ROWS, asked.changes)
         return 0
     if asked.wire:
         return _wires(parser, asked)
@@ -129,7 +132,12 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         const="all",
         help="move behind bad wires, by each kind of set-point or by --drive: all, or of "
-        + ", ".join((*WIRES, *STALLS)).replace("%", "%%"),
+        + ", ".join((*WIRES, *STALLS, *STARVED)).replace("%", "%%"),
+    )
+    parser.add_argument(
+        "--changes",
+        type=int,
+        help="likewise, in place of a move: so many changes of mode at random",
     )
     parser.add_argument("--tables", action="store_true", help="print every recorded figure")
     parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")
@@ -138,7 +146,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _wires(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> int:
     """Print the table of wires; exit code."""
-    known = [*WIRES, *STALLS]
+    known = [*WIRES, *STALLS, *STARVED]
     wires = known if asked.wire == "all" else asked.wire.split(",")
     if unknown := [wire for wire in wires if wire not in known]:
         parser.error(f"--wire {unknown[0]!r} unknown; choose from {','.join(known)}")

@@ -7,6 +7,7 @@ of their speed limit on average, 0.94 of it at most. The plant is that of test/p
 
 from __future__ import annotations
 
+import random
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 SUPPORT = Path(__file__).resolve().parents[2] / "test" / "support"
 sys.path.insert(0, str(SUPPORT))
 try:
-    from bad_wire import ROWS, BadWire, worst
+    from bad_wire import GAPS, ROWS, BadWire, change_at_random, turn_round, worst
+    from bad_wire import WIRES as LATE
 finally:
     sys.path.remove(str(SUPPORT))
 
@@ -35,6 +37,8 @@ WIRES: dict[str, dict[str, float]] = {
 }
 #: Cycles for which the control loop stands still amid a move, by name.
 STALLS = {f"loop stalls {ms} ms": ms for ms in (12, 40, 80)}
+#: Periods from one cycle to the next from amid a move on, by name.
+STARVED = {f"loop starved {name}": gaps for name, gaps in GAPS.items()}
 WAYS = (1.0, -1.0)
 DISTANCE, SETTLING, BEFORE, AFTER = 0.8, 100, 350, 1350
 
@@ -56,7 +60,9 @@ class WireFigures:
     faults: tuple[str, ...]
 
 
-def moved(row: str, wire: dict[str, float], stall: int = 0) -> tuple[BadWire, NDArray[np.float64]]:
+def moved(
+    row: str, wire: dict[str, float], stall: int = 0, gaps: Sequence[int] = (1,)
+) -> tuple[BadWire, NDArray[np.float64]]:
     """A bench after the move, and where its joints were in each cycle of it, rad."""
     bench = BadWire(row, wire)
     bench.run(SETTLING)
@@ -69,7 +75,7 @@ def moved(row: str, wire: dict[str, float], stall: int = 0) -> tuple[BadWire, ND
     bench.run(BEFORE)
     if stall:
         bench.stall(stall)
-    bench.run(AFTER - stall)
+    bench.starve(gaps, AFTER - stall)
     way = np.cumsum(bench.speeds * bench.limit * bench.period, axis=0)
     return bench, way[: BEFORE + AFTER]
 
@@ -79,11 +85,32 @@ def figures(rows: Sequence[str], wires: Sequence[str]) -> Iterator[WireFigures]:
     for row in rows:
         _, good = moved(row, {})
         for wire in wires:
-            bench, way = moved(row, WIRES.get(wire, {}), STALLS.get(wire, 0))
+            loop = STALLS.get(wire, 0), STARVED.get(wire, (1,))
+            bench, way = moved(row, WIRES.get(wire, {}), *loop)
             speed, reversal = worst(bench.speeds, WAYS)
             deviation = 1e3 * float(np.abs(way - good).max())
             yield WireFigures(
                 row, wire, speed, max(reversal, 0.0), deviation, tuple(sorted(bench.faults))
+            )
+
+
+def print_changes(rows: Sequence[str], count: int) -> None:
+    """Some changes of mode at random, over all rows and the wires of the tests: one table."""
+    print("| drive | wire | changes | top speed, × limit | reversal, % of it | faults |")
+    print("|---|---|---|---|---|---|", flush=True)
+    each = -(-count // (len(rows) * len(LATE)))
+    for row in rows:
+        for name, wire in LATE.items():
+            bench, rng = BadWire(row, wire), random.Random(row)
+            bench.run(SETTLING)
+            turns = [turn_round(bench, rng) for _ in range(each // 4)]  # two changes each
+            top, back = np.max(turns, axis=0)
+            change_at_random(bench, rng, each - 2 * len(turns))
+            top = max(top, np.abs(bench.speeds).max())
+            print(
+                f"| `{row}` | {name} | {each} | {top:.3f} | {100.0 * back:.1f} "
+                f"| {'; '.join(bench.faults) or '0'} |",
+                flush=True,
             )
 
 
@@ -99,4 +126,4 @@ def print_wires(rows: Sequence[str], wires: Sequence[str]) -> None:
         )
 
 
-__all__ = ["ROWS", "STALLS", "WIRES", "figures", "print_wires"]
+__all__ = ["ROWS", "STALLS", "STARVED", "WIRES", "figures", "print_changes", "print_wires"]

@@ -74,11 +74,11 @@ class Bench:
         self.rows["temperature"][0] = 25.0
         self.monitor = monitor_of([self.one], blocks(1), self.rows)
 
-    def step(self, cycles: int = 1, **readings: float) -> bool:
-        """Cycles with these readings, which stay; whether the joint is healthy then."""
+    def step(self, cycles: int = 1, periods: float = 1.0, **readings: float) -> bool:
+        """Cycles, each of some periods, with these readings, which stay; whether it is healthy."""
         for name, value in readings.items():
             self.rows[name][0] = value
-        return [bool(self.monitor.step()) for _ in range(cycles)][-1]
+        return [bool(self.monitor.step(periods)) for _ in range(cycles)][-1]
 
     def failed(self) -> Check | None:
         found = self.one.failed()
@@ -217,6 +217,32 @@ def test_checks_run_at_a_fixed_number_of_cycles() -> None:
         seen.append(bench.monitor.countdown)
     assert seen == [3, 2, 1, 4] * 3
     assert bench.rows["travelled"][0] == pytest.approx(0.01 * 10.0 * 3 * SLOW)
+
+
+def test_checks_run_in_periods_where_cycles_are_lost() -> None:
+    """B6, F1, F6: errors are forgotten, and heat counts, by the time that passed."""
+    bench = Bench(fed=1.0)
+    bench.step(joint_current=1.0)
+    bench.one.travel = 1.0
+    bench.step(joint_current=5.0, current=5.0, periods=2.5 * SLOW)
+    passed = 2.5 * SLOW + 1.0
+    assert bench.one.overload == pytest.approx((25.0 - 4.0) * passed * PERIOD)
+    travelled = bench.rows["travelled"][0]
+    assert bench.one.travel == pytest.approx(FORGET ** (passed / SLOW) + travelled)
+    assert bench.monitor.countdown == SLOW
+
+
+def test_what_an_encoder_moved_unseen_is_in_doubt() -> None:
+    """B6: a motor is read in one phase of each step; of an encoder that stands nothing is unseen.
+
+    Doubt that is not needed is forgotten at once.
+    """
+    bench = Bench(max_travel=0.03)
+    for k in range(8):
+        assert bench.step(position=0.1 * k, applied=2.0, periods=3.0)  # 0.06 of it
+    assert bench.one.travel < -0.1
+    assert [bench.step(periods=3.0) for _ in range(2)] == [True, False]
+    assert bench.failed() is Check.TRAVEL
 
 
 def test_without_power_a_motor_shows_nothing() -> None:

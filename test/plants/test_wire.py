@@ -11,18 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_wire import ROWS, WIRES, BadWire, worst
+from bad_wire import GAPS, MODES, ROWS, WIRES, BadWire, change_at_random, offers, turn_round, worst
 from iiwa import JOINTS
 
 from control_board_ros.core.terms.measurement import Row
-from control_board_ros.core.terms.vocabs import ControlMode
 
 #: Worst measured speed after a stall of the loop: its end is a step of the set-point.
 STALLED_SPEED = {"position": 1.06}
-#: Periods from one cycle to the next on a computer without the time for each; and the worst speed
-#: where each set-point of positions is a step of up to ten.
-GAPS = {"every fourth": [1, 1, 1, 5], "uneven": [1, 9, 3, 10, 2, 7]}
-STARVED_SPEED = {"position": 1.15}
 #: What a change of mode may add to a speed: that of uneven set-points swings by as much.
 FASTER = {"position": 0.05}
 #: A current loop of the board, as quick as it can be without a wire.
@@ -34,8 +29,7 @@ CURRENT_LOOP = {
 }
 #: The wires, of which make test takes one.
 QUICK_WIRES = [w if w == "all" else pytest.param(w, marks=pytest.mark.slow) for w in WIRES]
-MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl"]
-#: Those that drop a load on purpose.
+#: Modes that drop a load on purpose.
 LIMP = ["open", "idl", "fidl"]
 
 
@@ -144,21 +138,8 @@ def test_a_change_of_mode_turns_no_joint_round(wire: str, row: str, count: int) 
     bench = BadWire(row, WIRES[wire])
     bench.run(100)
     rng = random.Random(row)
-    modes = [mode for mode in ("pos", "posd", "vel", "mix", "torq") if mode in offers(bench, 0)]
     for _ in range(count):
-        before, after = rng.sample(modes, 2)
-        if before not in ("pos", "vel", "mix"):
-            before = "pos" if after != "pos" else "mix"
-        bench.enter(before, settle=150)
-        way = -1.0 if bench.position.mean() > 0.0 else 1.0
-        speeds = rng.uniform(0.1, 0.5) * bench.limit
-        bench.board.position_move(None, (bench.position + 0.5 * way).tolist(), speeds.tolist())
-        bench.board.velocity_move(None, (way * speeds).tolist())
-        bench.run(rng.randrange(30, 200))
-        bench.enter(after, settle=0)
-        bench.run(150)
-        _, back = worst(bench.speeds, [way, way])
-        assert back <= 0.02, (before, after)
+        assert turn_round(bench, rng)[1] <= 0.02
     assert not bench.faults
 
 
@@ -308,14 +289,7 @@ def test_random_modes_on_a_bad_wire_raise_no_fault(row: str, count: int) -> None
     """
     bench = BadWire(row, WIRES["all"])
     bench.run(100)
-    rng = random.Random(row)
-    for _ in range(count):
-        joint = rng.choice(bench.board.names)
-        offered = [code for code in MODES if code in offers(bench, joint)]
-        bench.board.set_control_mode(joint, rng.choice(offered))
-        bench.board.position_move(joint, float(bench.position.mean()) + rng.uniform(-0.3, 0.3))
-        bench.board.velocity_move(joint, rng.uniform(-0.3, 0.3))
-        bench.run(rng.randrange(10, 60))
+    change_at_random(bench, random.Random(row), count)
     assert not bench.faults
     assert np.abs(bench.speeds).max() <= 1.05
 
@@ -402,11 +376,6 @@ def answer_at(bench: BadWire, rate: float) -> None:
     bench.plant.read = answer  # type: ignore[method-assign]
 
 
-def offers(bench: BadWire, joint: str) -> set[str]:
-    modes: tuple[ControlMode, ...] = bench.board.get_available_modes(joint)[0][0]
-    return {mode.code for mode in modes} | {"fidl"}
-
-
 def test_before_the_first_reading_nothing_is_published_and_no_mode_accepted() -> None:
     """B7, N4: NaN, not an angle of 0."""
     bench = BadWire("torque", {"latency": 0.05})
@@ -442,11 +411,39 @@ def test_no_joint_runs_on_where_the_loop_is_starved(row: str, gaps: str) -> None
     bench.enter("pos")
     ways = [1.0, -1.0]
     target = move(bench, ways, 0.3)
-    bench.starve(GAPS[gaps], 500)
+    bench.starve(GAPS[gaps], 1500)
     bench.run(300)
     assert not bench.faults
-    assert worst(bench.speeds, ways)[0] <= STARVED_SPEED.get(row, 1.05)
-    assert np.abs(bench.position - target).max() < 2e-3
+    assert worst(bench.speeds, ways)[0] <= 1.05
+    assert np.abs(bench.position - target).max() < 5e-3  # and closer, as a slower loop settles
+
+
+@pytest.mark.parametrize("kind", ["encoder_frozen", "encoder_reversed"])
+@pytest.mark.parametrize("gaps", [name for name in GAPS if name != "to forty"])
+@pytest.mark.parametrize("row", ["torque", "position"])
+def test_an_encoder_that_lies_is_found_where_the_loop_is_starved(
+    row: str, gaps: str, kind: str
+) -> None:
+    """F1, B6: amid motion; later by what a cycle hides. Its own loop may keep a joint from moving.
+
+    Readings further apart than MAX_GAP_S are not compared.
+    """
+    bench = BadWire(row, {})
+    bench.run(100)
+    bench.enter("pos")
+    move(bench, [1.0, -1.0])
+    bench.starve(GAPS[gaps], 500)
+    assert not bench.faults
+    before = bench.position
+    bench.plant.inject([0], kind, persistent=True)
+    move(bench, [-1.0, 1.0])
+    hidden = 2.0 * bench.limit[0] * max(GAPS[gaps]) * bench.period
+    for _ in range(600):
+        bench.starve(GAPS[gaps], 1)
+        if bench.faults:
+            break
+    assert abs(bench.position - before)[0] < np.radians(5.0) + hidden
+    assert "encoder" in str(bench.faults) or row == "position"
 
 
 def until_so(bench: BadWire, reached: Callable[[], bool], longest: float) -> float:

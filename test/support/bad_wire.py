@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import Array
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.settings import loading
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.simulation import made_board
@@ -23,6 +25,15 @@ WIRES = {
     "loss": {"loss": 0.1},
     "all": {"latency": 0.005, "jitter": 0.005, "loss": 0.1},
 }
+#: Periods from one cycle to the next on a computer without the time for each.
+GAPS = {
+    "each three": [3],
+    "each twenty": [20],
+    "every fourth": [1, 1, 1, 5],
+    "uneven": [1, 9, 3, 10, 2, 7],
+    "to forty": random.Random(5).choices(range(1, 41), k=97),
+}
+MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl"]
 PARAMETERS = {
     "joints": ["lbr_iiwa_joint_1", "lbr_iiwa_joint_4"],
     "joint_defaults.calibration.required": False,
@@ -59,6 +70,7 @@ class BadWire:
         simulation = replace(made.simulation, urdf=None) if ideal else made.simulation
         self.plant = SimulatedPlant(made.board, simulation)
         self._speeds: list[Array] = []
+        self._gap, self._gaps = 1, 0  # the last, and how many there were
         self.faults: set[str] = set()
 
     @property
@@ -83,18 +95,19 @@ class BadWire:
             self._note()
         self._pass_on(elapsed=cycles * self.period)
 
-    def starve(self, gaps: Sequence[int], cycles: int) -> None:
-        """Let cycles pass, these periods apart in turn; the drives keep what they have."""
-        elapsed = self.period
-        for gap in (gaps[k % len(gaps)] for k in range(cycles)):
+    def starve(self, gaps: Sequence[int], periods: int) -> None:
+        """Let periods pass, of which these have one cycle; the drives keep what they have."""
+        end = len(self._speeds) + periods
+        while len(self._speeds) < end:
             reading = self.plant.read()
-            reading.elapsed = elapsed
+            reading.elapsed = self._gap * self.period
             actuation = self.board.tick(reading)
             reading.elapsed = None
-            for _ in range(gap):
+            self._gap = gaps[self._gaps % len(gaps)]
+            self._gaps += 1
+            for _ in range(self._gap):
                 self.plant.write(actuation)
                 self._note()
-            elapsed = gap * self.period
 
     def _pass_on(self, elapsed: float | None = None) -> None:
         reading = self.plant.read()
@@ -118,3 +131,40 @@ def worst(speeds: Array, ways: Sequence[float]) -> tuple[float, float]:
     """The greatest speed along the way of each joint, and against it, in speed limits."""
     along = speeds * np.asarray(ways)
     return float(along.max()), float(-along.min())
+
+
+def offers(bench: BadWire, joint: int) -> set[str]:
+    modes: tuple[ControlMode, ...] = bench.board.get_available_modes(joint)[0][0]
+    return {mode.code for mode in modes} | {"fidl"}
+
+
+def change_at_random(bench: BadWire, rng: random.Random, count: int) -> None:
+    """Some changes of mode of a joint, to any; a move and a velocity for it, up to its limit."""
+    for _ in range(count):
+        j = rng.randrange(len(bench.limit))
+        offered = [code for code in MODES if code in offers(bench, j)]
+        bench.board.set_control_mode(j, rng.choice(offered))
+        place, speed = bench.position[j] + rng.uniform(-1.0, 1.0), rng.uniform(0.05, 0.53)
+        bench.board.position_move(j, float(place), speed * bench.limit[j])
+        bench.board.velocity_move(j, rng.uniform(-1.0, 1.0) * bench.limit[j])
+        bench.run(rng.randrange(10, 160))
+
+
+def turn_round(bench: BadWire, rng: random.Random) -> tuple[float, float]:
+    """A change of mode amid motion, of all joints, to one that brakes: the worst speeds then.
+
+    It takes two changes.
+    """
+    modes = [mode for mode in ("pos", "posd", "vel", "mix", "torq") if mode in offers(bench, 0)]
+    before, after = rng.sample(modes, 2)
+    if before not in ("pos", "vel", "mix"):
+        before = "pos" if after != "pos" else "mix"
+    bench.enter(before, settle=150)
+    way = -1.0 if bench.position.mean() > 0.0 else 1.0
+    speeds = rng.uniform(0.1, 0.5) * bench.limit
+    bench.board.position_move(None, (bench.position + 0.5 * way).tolist(), speeds.tolist())
+    bench.board.velocity_move(None, (way * speeds).tolist())
+    bench.run(rng.randrange(30, 200))
+    bench.enter(after, settle=0)
+    bench.run(150)
+    return worst(bench.speeds, [way, way])

@@ -24,6 +24,7 @@ from .joint import (
     OUTPUT,
     POSITION,
     REST_SPEED,
+    STARVED,
     WIRE_PHASE,
     Joint,
     come_in,
@@ -108,7 +109,8 @@ def keep_near(j: Joint) -> cython.void:
     """Bound the lead of the followed reference by the torque and speed limits (P14)."""
     p: Pid = j.position_pid
     if p.kp > 0.0 and not j.blind:
-        lead = (j.delay + 2.0 * j.wire) * fabs(j.followed_velocity)  # either way
+        late = j.delay + 2.0 * j.wire + max(j.held - j.period, 0.0)
+        lead = late * fabs(j.followed_velocity)  # either way
         lead += LEAD * j.max_torque / (p.kp * j.calm)
         if fabs(j.followed - j.position) > lead:
             if j.kind == AS_POSITION:
@@ -314,7 +316,11 @@ def control(j: Joint) -> cython.void:
     if j.coasts and j.law != POSITION and not j.settling:
         coast(j)
         return
-    if j.kind == AS_IMPEDANCE and j.wire > 0.0 and (j.law == POSITION or j.settling):
+    if (
+        j.kind == AS_IMPEDANCE
+        and (j.wire > 0.0 or j.held > STARVED * j.period)
+        and (j.law == POSITION or j.settling)
+    ):
         hand_down_spring(j, feed)
         return
     if j.law == OUTPUT:
@@ -583,6 +589,7 @@ def hand_down_spring(j: Joint, feed: cython.double) -> cython.void:
     """The followed reference for the drive's own spring and damper, where readings are late (B7).
 
     The drive knows the present error, the board an old one: of its own it adds the integral part.
+    Where the loop is starved, the board knows each step in one phase only.
     """
     p: Pid = j.position_pid
     keep_near(j)

@@ -19,6 +19,7 @@ from .joint import (
     HOLD_FILTER,
     POSITION,
     REST_TIME,
+    STARVED,
     WIRE_PHASE,
     Joint,
     friction,
@@ -36,9 +37,11 @@ MAX_SETTLING_TIME = cython.declare(cython.double, 0.5)
 MAX_WAIT_TIME = cython.declare(cython.double, 3.0)
 #: Memory of the age of readings, s.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
-#: Speed that uneven ages add behind a drive's loop of position, over their deviation × ``pursuit``
-#: × the speed; the most of both, in speed limits (B7).
+#: Speed that is added behind a drive's loop of position, over ``pursuit`` × the speed: by uneven
+#: ages, of their deviation; by the time for which a set-point stands, v ω t/(1 − e^(−ω t)) or some
+#: v (1 + ω t/2). The most of all, in speed limits (B7).
 UNEVEN_SPEED = cython.declare(cython.double, 2.5)
+HELD_SPEED = cython.declare(cython.double, 0.5)
 MAX_UNEVEN_SPEED = cython.declare(cython.double, 1.04)
 #: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
 SEPARATION = cython.declare(cython.double, 0.25)
@@ -56,9 +59,12 @@ def pass_time(j: Joint, elapsed: cython.double) -> cython.void:
     before = j.elapsed if j.elapsed > 0.0 else j.period
     j.elapsed = elapsed if elapsed > 0.0 else j.period
     j.gap = j.elapsed > GAP * max(j.usual, j.period)
+    held = min(j.elapsed, GAP * max(j.held, j.period))
     if j.usual > j.elapsed:  # a division less in simulations, where they are equal
-        j.usual *= 1.0 - min(j.elapsed / WIRE_MEMORY, 1.0)
-    j.usual = max(j.elapsed, j.usual)
+        fade = 1.0 - min(j.elapsed / WIRE_MEMORY, 1.0)
+        j.usual *= fade
+        j.held *= fade
+    j.usual, j.held = max(j.elapsed, j.usual), max(held, j.held)
     j.span = 0.5 * (before + j.elapsed)
 
 
@@ -79,7 +85,8 @@ def observe(
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         j.behind = 0.0
         return
-    if age > 0.0 or j.wire > 0.0 or j.missed > 0.0 or j.usual > GAP * j.period or j.calm < 1.0:
+    late: cython.bint = age > 0.0 or j.wire > 0.0 or j.missed > 0.0
+    if late or j.held > STARVED * j.period or j.calm * j.steady < 1.0:
         note_feed(j)
         heed(j, age, between)
         ahead = fed_since(j, age)
@@ -142,8 +149,9 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit,
     and so does a set-point that is held for more than GAP periods, by half of that time;
     within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``,
-    with a position loop in it as fast as SEPARATION allows, if not as configured. Of uneven ages a
-    drive that closes the loop of position makes speed, which the reference leaves room for.
+    with a position loop in it as fast as SEPARATION allows, if not as configured. Of uneven ages,
+    and set-points that stand, a drive that closes the loop of position makes speed, which the
+    reference leaves room for.
     """
     p: Pid = j.position_pid
     speed = p.kd / j.inertia_min  # of the loop, 1/s
@@ -165,9 +173,10 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
         if j.kind < AS_VELOCITY and p.kp > 0.0:
             j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
     j.steady = 1.0
-    if j.kind >= AS_POSITION and j.age_variance > 0.0:
-        speed *= sqrt(j.age_variance) * (j.calm if j.kind == AS_IMPEDANCE else 1.0)
-        j.steady = min(MAX_UNEVEN_SPEED / (1.0 + UNEVEN_SPEED * speed), 1.0)
+    if j.kind >= AS_POSITION:
+        off = UNEVEN_SPEED * sqrt(j.age_variance) + HELD_SPEED * max(j.held - j.period, 0.0)
+        off *= speed * (j.calm if j.kind == AS_IMPEDANCE else 1.0)
+        j.steady = min(MAX_UNEVEN_SPEED / (1.0 + off), 1.0)
     j.blind = j.missed > GAP * j.period + j.wire
     if j.blind and j.kind < AS_VELOCITY:
         j.coasts = True

@@ -6,7 +6,7 @@
                      valid reading replaces them from here on
 3. ``integrate``     of each new reading the motor's output and current, over the time since the
                      last one; ``restart`` where its bridge was switched, or readings stayed away
-4. ``look``          every SLOW cycles the slow checks: travel of encoder against motor, hard
+4. ``look``          every SLOW periods the slow checks: travel of encoder against motor, hard
                      limits, I²t; and the warnings
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
@@ -190,7 +190,8 @@ def integrate(
 
     What a reading shows acted in its own period; between two that are further apart it is taken
     to have changed evenly. How far their speeds differ is the doubt: a set-point that came late to
-    a drive's own loop shows a voltage that is none of the motion.
+    a drive's own loop shows a voltage that is none of the motion. So is what the encoder moved:
+    such a loop takes each set-point as a step, in the same phase of which it may always be read.
     """
     if periods > 1.0:
         unseen = 0.5 * (periods - 1.0)
@@ -199,6 +200,7 @@ def integrate(
         m.doubt += unseen * fabs(
             m.travel_per_output * (output - m.drove) - m.travel_per_current * (current - m.current)
         )
+        m.doubt += (1.0 - 1.0 / periods) * fabs(m.moved)
         periods = 1.0
     m.currents += current * periods
     m.outputs += output * periods
@@ -246,14 +248,16 @@ def check_travel(
 ) -> cython.void:
     """Compare the travel of motor and encoder, with slow forgetting (F1).
 
-    Where readings are late, the output that acts may be known that much earlier, or later; the
-    doubt of what was not read fades as the travel does.
+    Where readings are late, the output that acts may be known that much earlier, or later. The
+    doubt of what was not read fades as the travel does, and what was not needed of it at once: an
+    encoder that fails amid motion is found as if there had been none.
     """
     m.travel = forget * m.travel + (travelled - (position - m.mark) * m.live)
     m.mark, m.first = position, current
     m.currents = m.outputs = 0.0
-    m.slipped = not fabs(m.travel) <= m.max_travel + m.travel_per_age * m.age + m.doubt
-    m.doubt *= forget
+    error = fabs(m.travel)
+    m.slipped = not error <= m.max_travel + m.travel_per_age * m.age + m.doubt
+    m.doubt = forget * min(m.doubt, error)
 
 
 @cython.cfunc
@@ -300,20 +304,19 @@ class Monitor:
         rows: Position, current and output asked for of the joint (read; the current differs
             from that of its motor where motors are coupled), output that acts, travel of the
             motors since power-on and part of the I²t budget used (written), the same.
-        slow: Cycles from one slow check to the next.
+        slow: Periods from one slow check to the next.
         period: Of control, s.
         forget: Factor of a travel error from one slow check to the next.
 
     Attributes:
         news: A warning of heat has begun or ended since this was set to false.
-        countdown: Cycles until the next slow check.
+        countdown: Periods until the next slow check.
     """
 
     news = cython.declare(cython.bint, visibility="public")
-    countdown = cython.declare(cython.int, visibility="public")
-    slow: cython.int
+    countdown = cython.declare(cython.double, visibility="public")
+    slow: cython.double
     period: cython.double
-    elapsed: cython.double
     forget: cython.double
     joints: list[JointMonitor]
     sources: tuple[object, object]  # of the views below: made anew where other arrays come
@@ -334,13 +337,13 @@ class Monitor:
         blocks: list[object],
         readings: list[object],
         rows: list[object],
-        slow: int,
+        slow: float,
         period: float,
         forget: float,
     ) -> None:
         self.joints = joints
         self.slow = self.countdown = slow
-        self.period, self.elapsed, self.forget = period, slow * period, forget
+        self.period, self.forget = period, forget
         self.news = False
         self.sources = (None, None)
         self.raw, self.measured, self.before, self.motors = blocks
@@ -382,10 +385,8 @@ class Monitor:
         """
         m: JointMonitor
         healthy: cython.bint = True
-        self.countdown -= 1
-        slowly: cython.bint = self.countdown == 0
-        if slowly:
-            self.countdown = self.slow
+        self.countdown -= periods
+        slowly: cython.bint = self.countdown < 0.5
         for k in range(len(self.joints)):
             m = self.joints[k]
             between = periods
@@ -415,6 +416,8 @@ class Monitor:
                 self.look(m, k, m.last, m.current)
             if m.passed or m.slipped or m.overran or m.overloaded or m.raced:
                 healthy = False
+        if slowly:
+            self.countdown = self.slow
         return healthy
 
     @cython.cfunc
@@ -455,11 +458,12 @@ class Monitor:
     ) -> cython.void:
         """The slow checks of a joint, from its position and current of the last reading."""
         travelled = motor_travel(m, current)
+        periods = self.slow - self.countdown  # since the last
         self.travelled[k] += travelled
-        check_travel(m, travelled, position, current, self.forget)
+        check_travel(m, travelled, position, current, self.forget ** (periods / self.slow))
         if fabs(self.joint_position[k]) <= CREDIBLE_BOUND:
             check_overrun(m, self.joint_position[k])
-        check_overload(m, m.drawn, self.elapsed)
+        check_overload(m, m.drawn, periods * self.period)
         self.used[k] = m.used
         if warn(m, known(self.temperature[k], m.temperature)):
             self.news = True
