@@ -211,7 +211,7 @@ def test_the_description_has_what_was_found() -> None:
     assert (first.resolution, second.resolution) == (0.005, 0.01)
     assert (first.turn, second.turn) == (0.25, 0.5)
     assert [first.motor_encoder, second.motor_encoder] == [True, False]
-    rig.plant._turned[0] = 3.0
+    rig.plant._zeros[0].shift = 3.0
     turned = rig.plant.describe().joints[0]
     assert (turned.turned, turned.limits.upper) == (-1.5, -0.5)
     assert turned.torque_estimate
@@ -232,7 +232,7 @@ def test_power_comes_with_a_goal_of_rest_then_goals_follow() -> None:
     assert order.action is Action.GOAL
     assert (order.values[Value.POSITION], order.values[Value.VELOCITY]) == (0.5, -2.0)
     assert order.values[Value.TORQUE] == -2.0
-    rig.plant._turned[0] = 0.25
+    rig.plant._zeros[0].shift = 0.25
     rig.go(POSITION, **wanted)
     assert rig.driver.told[0].values[Value.POSITION] == 0.25
 

@@ -43,8 +43,8 @@ def connect_certainly(bench: Bench) -> None:
     """At the start its turns are certain, later they are not."""
     bench.connect()
     bench.follow(OFF, 5)
-    bench.plant.axes = tuple(replace(axis, turns="") for axis in bench.plant.axes)
-    bench.plant._turn_steps = [STEP] * len(bench.plant.axes)
+    for zero in bench.plant._zeros:
+        zero.axis, zero.turn = replace(zero.axis, turns=""), TURN
 
 
 def turn(bench: Bench, turns: int, joint: int = 0) -> None:

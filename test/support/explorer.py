@@ -192,8 +192,8 @@ class Run:
             bench.bus.step([])
             bench.connect()
             if self.geared:  # its turns were certain so far
-                bench.plant.axes = tuple(replace(axis, turns="") for axis in bench.plant.axes)
-                bench.plant._turn_steps = [2.0 * math.pi / RATIO] * len(bench.drives)
+                for zero in bench.plant._zeros:
+                    zero.axis, zero.turn = replace(zero.axis, turns=""), 2.0 * math.pi
             bench.bus.to_drives, bench.bus.from_drives = self._wires["to"], self._wires["from"]
             kinds = bench.accepts
             for number, kind in enumerate((OFF, *kinds[:3], kinds[0], OFF)):

@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.config.config import JointConfig
 from ...core.terms.drives import DriveReport, OnSilence, SetPoint
-from ...core.terms.joint_kind import JointKind
 from ...core.terms.measurement import Array, SetPoints, Value
 from ..interface import Description, DriveFault, JointDescription, Readings, Setup
 from .axes import Axes, Axis
@@ -39,7 +37,7 @@ from .reconcile import (
     step,
     unconfirmed,
 )  # fmt: skip
-from .turns import NEAR, missing
+from .turns import Zero
 
 #: A drive that did not answer yet.
 UNKNOWN = Identity(id=0, type="")
@@ -54,8 +52,6 @@ REPORT = 1.0
 UNPOWERED = Desired(None)
 #: By their numbers.
 KINDS = tuple(SetPoint)
-#: Times its limit of velocity at which a joint jumps, by a turn that its drive lost.
-LEAP = 4.0
 #: Actions after which a drive that had power still has it.
 HOLDING = (GOAL, POWER_ON, Action.ASK)
 Fault = str | DriveFault
@@ -83,11 +79,7 @@ class DrivesPlant:
         self._free = [True] * len(axes)
         self._identities: list[Identity | None] = [None] * len(axes)
         self._off = SetPoints.off(len(axes))
-        #: Last position of each joint while its zero was certain, rad; NaN: there is none.
-        self._seen, self._seen_at = [math.nan] * len(axes), [math.nan] * len(axes)
-        #: By which each can be wrong, rad at the joint, inf: never; fastest motion, rad/s.
-        self._turn_steps, self._speeds = [math.inf] * len(axes), [math.inf] * len(axes)
-        self._joints: Sequence[JointConfig | None] = [None] * len(axes)
+        self._zeros = [Zero(axis) for axis in axes]
         self._begin()
 
     def _begin(self) -> None:
@@ -104,11 +96,6 @@ class DrivesPlant:
         #: Since when each drive does not report what is desired, s; inf: it does.
         self._undone = [math.inf] * n
         self._had_power = [False] * n
-        #: What is added to the drives' positions for lost turns, rad at their outputs (S9).
-        self._turned = [0.0] * n
-        #: Whose turns are to be found; whose are not certain, in words; whose zero is lost.
-        self._turns_due, self._turn_faults = [False] * n, [""] * n
-        self._zero_lost = [False] * n
         #: What the drives reported last, and when they report again, s.
         self._said: list[tuple[Any, ...]] = []
         self._says_at = -math.inf
@@ -125,19 +112,21 @@ class DrivesPlant:
                 resolution=traits.resolution / axis.ratio,
                 limits=NONE
                 if identity is None
-                else axis.limits_at_joint(identity.limits, self._turned[k]),
+                else axis.limits_at_joint(identity.limits, zero.shift),
                 stiffness=(identity or UNKNOWN).stiffness * axis.ratio**2
                 if traits.stiffness
                 else None,
-                turn=self._turn(k) / axis.ratio,
-                turned=self._turned[k] / axis.factor,
+                turn=zero.turn / axis.ratio,
+                turned=zero.shift / axis.factor,
                 on_silence=traits.on_silence,
                 torque_estimate=traits.torque,
                 current_sensor=traits.current,
                 temperature_sensor=traits.temperature,
                 motor_encoder=axis.motor_turns > 0.0 or k in traits.motor_encoders,
             )
-            for k, (axis, identity) in enumerate(zip(self.axes, self._identities, strict=True))
+            for k, (axis, identity, zero) in enumerate(
+                zip(self.axes, self._identities, self._zeros, strict=True)
+            )
         )
         return Description(joints=tuple(joints))
 
@@ -152,10 +141,8 @@ class DrivesPlant:
         self._begin()
         self._timeout, self._period = setup.timeout, setup.period
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
-        self._joints = setup.joints
-        self._speeds = [
-            math.inf if joint is None else joint.limits.velocity for joint in setup.joints
-        ]
+        for zero, joint in zip(self._zeros, setup.joints, strict=True):
+            zero.begin(joint)
         self.driver.line.clock = self.clock
         self.driver.open(setup, self.answers)
         reported, everyone = self.answers.reported, range(len(self.axes))
@@ -197,14 +184,14 @@ class DrivesPlant:
 
     def _orders(self, wanted: SetPoints) -> dict[int, Order]:
         sent = self._axes.to_drive(wanted)
-        if any(self._turned):
-            sent[Value.POSITION] -= self._turned
+        if any(shifts := self._shifts):
+            sent[Value.POSITION] -= shifts
         orders: dict[int, Order] = {}
         for k, (number, values) in enumerate(
             zip(wanted.kinds.tolist(), sent.T.tolist(), strict=True)
         ):
             if kind := KINDS[number]:
-                self._zero_lost[k] = False  # its calibration began
+                self._zeros[k].lost = False  # its calibration began
             try:
                 orders[k] = self._order(k, self._wish(k, kind), kind, values)
             except (OSError, ValueError) as error:  # of the set-up of this drive alone
@@ -245,7 +232,7 @@ class DrivesPlant:
     def _wish(self, k: int, kind: SetPoint) -> Desired:
         """What the board wants of a drive; nothing while a fault lasts, or it was never read."""
         unread = math.isnan(self.answers.position[k])
-        if not kind or unread or self._latched[k] is not None or self._turn_faults[k]:
+        if not kind or unread or self._latched[k] is not None or self._zeros[k].fault:
             reset, self._resets[k] = self._resets[k], False
             return Desired(None, reset=True) if reset else UNPOWERED
         law, last = self.driver.law(k, kind), self._wishes[k]
@@ -280,8 +267,7 @@ class DrivesPlant:
         if action is Action.SET_UP:
             self._identities[k], reported.lost = interview.result, False
             reported.confirmed = True
-            self._turns_due[k], self._turn_faults[k] = (turn := self._turn(k)) > 0.0, ""
-            self._turn_steps[k] = turn / self.axes[k].ratio if turn > 0.0 else math.inf
+            self._zeros[k].set_up(math.nan if interview.result is None else interview.result.turn)
         elif action is Action.SET_LAW:
             reported.law = interview.result
         elif interview.result:
@@ -311,6 +297,8 @@ class DrivesPlant:
         position, velocity, torque, current, temperature, voltage = self._axes.from_drive(
             answers.values
         )
+        if any(shifts := self._shifts):
+            position = self._axes.position(answers.position + shifts)
         position = self._watch_turns(position, late)
         shafts = self._at_shafts() if self._shafts or traits.motor_encoders else (None, None)
         return Readings(
@@ -325,7 +313,7 @@ class DrivesPlant:
             ages=ages,
             dropped=self._dropped(),
             faults=[self._fault(k, now) for k in range(len(late))],
-            lost=np.array(self._zero_lost) if any(self._zero_lost) else None,
+            lost=np.array(lost) if any(lost := [zero.lost for zero in self._zeros]) else None,
             drives=self._reports(now),
         )
 
@@ -373,56 +361,24 @@ class DrivesPlant:
         count = getattr(self.driver.line, "dropped", 0)
         return np.full(len(self.axes), float(count)) if count else None
 
-    def _turn(self, k: int) -> float:
-        """By which the position of a drive can be wrong after a restart, rad at its output."""
-        option, identity = self.axes[k].turn, self._identities[k]
-        turn = option if option is not None else 0.0 if identity is None else identity.turn
-        return 0.0 if math.isnan(turn) else turn
-
     def _watch_turns(self, position: Array, late: Sequence[bool]) -> Array:
         """Positions with turns corrected after a set-up; a jump shows a restart, too (S9)."""
         answers = self.answers
-        if any(self._turned):
-            position = self._axes.position(answers.position + self._turned)
-        for k, place in enumerate(position.tolist()):
-            way = abs(place - self._seen[k])
-            if way > NEAR * self._turn_steps[k] and not self._turns_due[k]:
-                seconds = answers.times[k] - self._seen_at[k] + self._period
-                if way > LEAP * self._speeds[k] * seconds:
-                    self._lose(k, RESTARTED)
+        for k, (zero, place) in enumerate(zip(self._zeros, position.tolist(), strict=True)):
+            if zero.turn and zero.jumps(place, answers.times[k] + self._period):
+                self._lose(k, RESTARTED)
             if late[k] or answers.reported[k].lost or math.isnan(place):
                 continue
-            if self._turns_due[k]:
-                self._find_turns(k)
-                position = self._axes.position(answers.position + self._turned)
-            if not self._turn_faults[k]:
-                self._seen[k], self._seen_at[k] = position.item(k), answers.times[k]
+            if zero.due:
+                zero.find(float(self._axes.position(answers.position)[k]))
+                position = self._axes.position(answers.position + self._shifts)
+            if not zero.fault:
+                zero.keep(position.item(k), answers.times[k])
         return position
 
-    def _find_turns(self, k: int) -> None:
-        """Correct the turns that a drive lost, or say that they are not certain (S9)."""
-        self._turns_due[k] = False
-        axis, joint = self.axes[k], self._joints[k]
-        before = None if math.isnan(self._seen[k]) else self._seen[k]
-        place = float(self._axes.position(self.answers.position)[k])
-        turn = self._turn(k) / axis.ratio
-        calibrates = joint is not None and joint.requires_calibration
-        if calibrates and before is None:
-            return  # it is calibrated before it moves
-        way = missing(place, turn, range_of(joint), before)
-        if way is not None:
-            self._turned[k], self._turn_faults[k] = way * axis.factor, ""
-        elif calibrates:
-            self._zero_lost[k] = True
-        else:
-            text_of = (JointKind.REVOLUTE if joint is None else joint.kind).position
-            near = "" if before is None else f", or near {text_of(before)}, where it was read last"
-            by = "" if math.isinf(turn) else f" by multiples of {text_of(turn)}"
-            self._turn_faults[k] = (
-                f"its drive may have lost turns: {text_of(place)} may be wrong{by}; move it to "
-                f"where one only is within its limits{near}; or give it a calibration, or set "
-                f"{axis.name}.turns=absolute"
-            )
+    @property
+    def _shifts(self) -> list[float]:
+        return [zero.shift for zero in self._zeros]
 
     def _fault(self, k: int, now: float) -> Fault | None:
         """The fault of a drive: its own, or one of those that are judged here."""
@@ -445,12 +401,12 @@ class DrivesPlant:
                 self._latched[k] = DriveFault(UNCONFIRMED, unconfirmed(wish, reported))
         holds = self._actions[k] in HOLDING and not reported.stale
         self._had_power[k] = reported.power and holds
-        return self._latched[k] or self._turn_faults[k] or None
+        return self._latched[k] or self._zeros[k].fault or None
 
     def _at_shafts(self) -> tuple[Array, Array]:
         """Position and velocity of the motors' shafts; NaN where they are not measured."""
         axes, answers = self._axes, self.answers
-        position = axes.shaft * (answers.position + self._turned)
+        position = axes.shaft * (answers.position + self._shifts)
         velocity = axes.shaft * answers.velocity
         own = ~np.isnan(answers.motor_position)
         position[own], velocity[own] = (axes.sign * answers.motor_position)[own], math.nan
@@ -477,7 +433,7 @@ class DrivesPlant:
         self._resets[joint] = reported.fault is not None
         if not (reported.power or reported.lost):
             self._latched[joint], self._undone[joint] = None, math.inf
-            self._turns_due[joint] = self._turns_due[joint] or bool(self._turn_faults[joint])
+            self._zeros[joint].due = self._zeros[joint].due or bool(self._zeros[joint].fault)
 
     def let_go(self) -> None:
         """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
@@ -488,13 +444,6 @@ class DrivesPlant:
         self.driver.close()
         if self.far_end is not None:
             self.far_end.close()
-
-
-def range_of(joint: JointConfig | None) -> tuple[float, float] | None:
-    """Where a joint can be, as its drive reads it; None: that is not known, or anywhere."""
-    if joint is None or joint.calibration is not None or joint.kind is JointKind.CONTINUOUS:
-        return None
-    return joint.limits.hard_lower, joint.limits.hard_upper
 
 
 def silent(axis: Axis, age: float) -> str:
