@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import context_of, panel_beside
+from browsing import context_of, operate, panel_beside
 from cbctl_process import interrupted
 from waiting import GUARD, insist, until
 
@@ -58,7 +58,7 @@ def test_the_good_board_keeps_running(
 
 
 def drive_beside_it(page: Any, address: str, client: ControlBoardClient) -> None:
-    """Move a joint of the good board."""
+    """Move a joint of the good board; the page before may have left after this one came."""
     page.goto(address)
     page.get_by_label("More of joint_7").wait_for()
     until(lambda: page.evaluate("panel.model.boards.has('/hostile')"))
@@ -68,7 +68,7 @@ def drive_beside_it(page: Any, address: str, client: ControlBoardClient) -> None
     box = page.get_by_label("Position reference of joint_7, typed; Enter sends").first
     wanted = here + (5.0 if here < 0.0 else -5.0)
     insist(
-        lambda: (box.fill(f"{wanted:.3f}"), box.press("Enter")),
+        lambda: (operate(page), box.fill(f"{wanted:.3f}"), box.press("Enter")),
         lambda: abs(math.degrees(client.get_encoder("lbr_iiwa_joint_7")[0]) - wanted) < 0.5,
     )
     joint = "panel.model.boards.get('/control_board').joints[6]"
