@@ -308,7 +308,7 @@ class LocalServices:
     def __init__(self, link: LocalLink) -> None:
         self._link, self._group, self._simulation = link, link.group, link.simulation
         self.poses = Poses(
-            link.group, lambda: nullcontext(link.group), lambda: link.settings.poses, Saved()
+            link.group, lambda: nullcontext(link.group), lambda: link.settings.poses, SavedPoses()
         )
 
     def send_reference(self, request: Any) -> Fields:
@@ -384,7 +384,7 @@ class LocalServices:
         return self.poses.save_pose(request)
 
 
-class Saved(dict[str, Pose]):
+class SavedPoses(dict[str, Pose]):
     """The poses that a client has saved."""
 
     kept = "until the client is closed"

@@ -183,13 +183,13 @@ class RosLink:
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
             raise self.not_offered(service) if self.is_there() else self.not_found()
         sent = await self._ask(client, fields, self.answer_timeout)
-        if not (answers := done(sent)):
+        if not answers(sent):
             for future in sent:
                 client.remove_pending_request(future)
             raise self.timed_out(service)
         # a repetition that is still on its way would stop what the caller does next
-        await self.thread.until(lambda: done(sent) == sent, REPEAT_TIME)
-        response = answers[0].result()
+        await self.thread.until(lambda: answers(sent) == sent, REPEAT_TIME)
+        response = answers(sent)[0].result()
         check_response(service, response, self.name)
         return response
 
@@ -197,9 +197,9 @@ class RosLink:
         """The futures of a request, repeated until one of them, maybe a late one, is answered."""
         end = time.monotonic() + patience
         sent: list[Any] = []
-        while not done(sent) and time.monotonic() < end:
+        while not answers(sent) and time.monotonic() < end:
             sent.append(client.call_async(client.srv_type.Request(**fields)))
-            await self.thread.until(lambda: bool(done(sent)), REPEAT_TIME)
+            await self.thread.until(lambda: bool(answers(sent)), REPEAT_TIME)
         return sent
 
     async def call(self, service: Endpoint, **fields: Any) -> Any:
@@ -326,7 +326,7 @@ class RosLink:
         try:
             end = time.monotonic() + patience
             ready = await self.thread.until(later.service_is_ready, patience)
-            if not ready or not done(await self._ask(later, {}, end - time.monotonic())):
+            if not ready or not answers(await self._ask(later, {}, end - time.monotonic())):
                 raise self.timed_out(endpoint, patience)
             self._acquainted[endpoint] = self._identity()
         finally:
@@ -438,8 +438,8 @@ def boards_on(node: Node) -> list[str]:
     )
 
 
-def done(futures: Iterable[Any]) -> list[Any]:
-    """Those that have their result."""
+def answers(futures: Iterable[Any]) -> list[Any]:
+    """The futures that have their result."""
     return [future for future in futures if future.done()]
 
 

@@ -19,7 +19,7 @@ from control_board_ros.text import clean, clean_lines
 from .. import __version__
 from ..program_options import CONFORMANCE, seconds
 from ..startup import announce_often
-from .bench import Allowed, Bench
+from .bench import Bench, Permissions
 from .channel import Channel
 from .report import as_json, as_junit, as_line, as_text, too_few
 from .rules import RULES, NotTestable, OutOfTime, Rule, in_order
@@ -133,7 +133,7 @@ def try_board(
             client,
             joint=options.joint,
             fraction=options.range,
-            allowed=Allowed(options.calibrate, options.power_cycle),
+            allowed=Permissions(options.calibrate, options.power_cycle),
             rule_time=options.rule_time,
         )
     except Malformed as error:

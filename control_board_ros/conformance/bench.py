@@ -74,7 +74,7 @@ class Fate(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Allowed:
+class Permissions:
     """Permissions beyond moving: calibrate (may leave the range), power_cycle."""
 
     calibrate: bool = False
@@ -104,7 +104,7 @@ class Bench:
         joint: int,
         partner: str | None,
         limits: Range,
-        allowed: Allowed,
+        allowed: Permissions,
         kind: JointKind = JointKind.REVOLUTE,
     ) -> None:
         self._client, self.channel, self.range, self.allowed = client, channel, limits, allowed

@@ -19,7 +19,7 @@ from ..core.terms.reply import Reply
 from ..core.terms.vocabs import ControlMode, InteractionMode
 from ..interface import GET_CONTROL_MODE
 from ..protocols import Floats
-from .bench import Allowed, Bench, M
+from .bench import Bench, M, Permissions
 from .channel import Channel
 from .limits import Range, described, read_limits
 from .rules import NotHeld, NotTestable, NotTested, OutOfTime, Rule
@@ -195,19 +195,19 @@ class Session:
         *,
         joint: str | None = None,
         fraction: float = 0.1,
-        allowed: Allowed | None = None,
+        allowed: Permissions | None = None,
         rule_time: float = RULE_TIME,
     ) -> None:
         self.rule_time, self.channel = rule_time, channel
         try:
             with reading():
-                self._look(client, joint, fraction, allowed or Allowed())
+                self._look(client, joint, fraction, allowed or Permissions())
         except BaseException:
             self.channel.close()
             raise
 
     def _look(
-        self, client: ControlBoardClient, joint: str | None, fraction: float, allowed: Allowed
+        self, client: ControlBoardClient, joint: str | None, fraction: float, allowed: Permissions
     ) -> None:
         """Read the initial state of the board, and choose a joint."""
         channel = self.channel

@@ -63,7 +63,7 @@ def required_torque(load: Load, velocity: float) -> float:
     return load.gravity + ACCELERATION_RATE * velocity * (1.0 + ROTOR_SHARE) * load.inertia_max
 
 
-def speed_limit(values: dict[str, Any], joint: UrdfJoint, assumed: Assumed) -> None:
+def speed_limit(values: dict[str, Any], joint: UrdfJoint, assumed: Assumptions) -> None:
     """The URDF's where plausible."""
     name, kind = joint.name, joint.kind
     if "limits.velocity" in values:
@@ -81,7 +81,7 @@ def speed_limit(values: dict[str, Any], joint: UrdfJoint, assumed: Assumed) -> N
 
 
 def torque_limit(
-    values: dict[str, Any], joint: UrdfJoint, load: Load, shared: float, assumed: Assumed
+    values: dict[str, Any], joint: UrdfJoint, load: Load, shared: float, assumed: Assumptions
 ) -> bool:
     """The URDF's where plausible; else what all joints ask for when they accelerate together.
 
@@ -133,7 +133,7 @@ def stable_damping(load: Load) -> float:
     return max(load.inertia_min, LEAST_INERTIA) / (4.0 * STEP)
 
 
-def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
+def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumptions) -> None:
     """Friction: the URDF's <dynamics>, else a share of the torque limit."""
     velocity, torque = values["limits.velocity"], values["limits.torque"]
     viscous = joint.damping or 0.5 * FRICTION_SHARE * torque / velocity
@@ -219,7 +219,7 @@ def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load, torque_assumed: 
     values.setdefault("motor.inertia", heavy / gear**2)
 
 
-def thermal(values: dict[str, Any], name: str, assumed: Assumed) -> None:
+def thermal(values: dict[str, Any], name: str, assumed: Assumptions) -> None:
     """A winding rated for continuous nominal current, with a time constant of minutes."""
     give = values.setdefault
     limit, ambient = values["limits.temperature"], values["motor.ambient"]
@@ -248,7 +248,7 @@ def complete(
     gravity: tuple[float, float, float],
     control_rate: float,
     motors: Coupling | None = None,
-) -> Assumed:
+) -> Assumptions:
     """Complete the parameters of all joints of a board, in place.
 
     Args:
@@ -265,7 +265,7 @@ def complete(
         ConfigError: an axis could move a joint beyond its limits (Y3).
     """
     joints = {joint.name: joint for joint in urdf.axes}
-    assumed = Assumed()
+    assumed = Assumptions()
     for name, entry in values.items():
         assumed.count(name, entry)
         _travel(entry, joints[name])
@@ -350,7 +350,7 @@ PARTS = {"motor.torque_constant": "motors", "position_pid.kp": "gains"}
 MAX_NAMES = 6
 
 
-class Assumed:
+class Assumptions:
     """Collects assumptions, grouped by kind."""
 
     def __init__(self) -> None:

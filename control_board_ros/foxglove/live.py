@@ -53,7 +53,7 @@ class CannotServe(OSError):  # noqa: N818
     """The address or the port is not available; one line."""
 
 
-class Forwarded:
+class ForwardedTopic:
     """A topic of the board as a channel; subscribed on ROS while a client subscribes to it.
 
     ``node`` is not spun.
@@ -140,7 +140,7 @@ class Live(ServerListener):
         self._operate = operate
         self._context = context = foxglove.Context()  # channels do not hold it
         self._topics = {
-            topic: Forwarded(node, topic, board, context)
+            topic: ForwardedTopic(node, topic, board, context)
             for topic in (*PUBLISHED, ROSOUT)
             if topic not in (TF, TF_STATIC)
         }

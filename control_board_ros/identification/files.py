@@ -16,7 +16,7 @@ from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, document, table, write_page
 from ..whole_file import yaml_text
 from .equations import FRICTION, MOTOR, SENSOR, WINDING
-from .fit import Traced
+from .fit import Equation
 from .outcome import QUANTITIES, THRESHOLD, Finding, Outcome
 
 #: Names of the quantities.
@@ -162,7 +162,7 @@ def external_chart(outcome: Outcome, joint: str, kind: JointKind) -> Chart:
     return Chart(title, kind.force_unit, [trace], limits=limits, show_limits=True)
 
 
-def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
+def charts(traces: dict[str, Equation], kind: JointKind) -> list[Chart]:
     """Both sides of each equation over time, their difference, and friction over speed."""
     force = kind.force_unit
     names = {
@@ -193,16 +193,16 @@ def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
     return made
 
 
-def parted(traced: Traced, pause: float) -> Traced:
+def parted(traced: Equation, pause: float) -> Equation:
     """The same with pauses shortened to ``pause``, s, and no line across gaps."""
     steps = np.diff(traced.time, prepend=traced.time[0])
     time = np.cumsum(np.minimum(steps, pause))
     breaks = np.flatnonzero(steps > GAP)
     rows = (np.insert(row, breaks, np.nan) for row in (traced.measured, traced.model))
-    return Traced(np.insert(time, breaks, time[breaks] - 0.5 * GAP), *rows)
+    return Equation(np.insert(time, breaks, time[breaks] - 0.5 * GAP), *rows)
 
 
-def friction_charts(traced: Traced, kind: JointKind) -> list[Chart]:
+def friction_charts(traced: Equation, kind: JointKind) -> list[Chart]:
     """Friction over speed, mean of the samples of each speed; none where all have too few."""
     speed = traced.time
     edges = np.linspace(speed.min(), speed.max() + 1e-9, SPEEDS + 1)

@@ -53,7 +53,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Traced:
+class Equation:
     """Both sides of an equation over its samples, for a report: time (s), measured, model.
 
     Of FRICTION over speed (rad/s): torque of the motor beyond the load, and its model.
@@ -72,7 +72,7 @@ class Traced:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fitted:
+class Fit:
     """Result of a fit.
 
     Attributes: joints, estimates (by joint and unknown), payload (MASS and CENTER's x, y, z by
@@ -83,7 +83,7 @@ class Fitted:
     estimates: dict[tuple[str, str], Estimate]
     payload: dict[str, Estimate]
     carrier: str
-    traces: dict[tuple[str, str], Traced]
+    traces: dict[tuple[str, str], Equation]
 
     @property
     def carries(self) -> bool:
@@ -132,7 +132,7 @@ def uncertainty(jacobian: Floats, residuals: Floats, blocks: np.ndarray) -> tupl
     return covariance, np.maximum(used.sum(axis=0) - 1.0, 1.0)
 
 
-def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool = True) -> Fitted:
+def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool = True) -> Fit:
     """Fit the unknowns of joints, and the payload of the last link, from samples of all joints.
 
     Raises:
@@ -159,7 +159,7 @@ def solved(
     carrier: str,
     *,
     with_payload: bool,
-) -> Fitted:
+) -> Fit:
     """A fit with a payload, or without one."""
     problem = Problem(robot, joints, samples, loads, with_payload=with_payload)
     x, widths, covariance = solve(problem)
@@ -188,14 +188,14 @@ def solved(
             if used.any():
                 order = np.argsort(samples.time[used], kind="stable")
                 rows = (samples.time[used], measured[used, k], model[used, k])
-                traces[joint, name] = Traced(*(row[order] for row in rows))
+                traces[joint, name] = Equation(*(row[order] for row in rows))
     rubbed, friction = problem.friction(x)
     for k, joint in enumerate(joints):
         used = problem.uses[MOTOR][:, k] & (problem.start_of(k) == 0.0)
         if used.any():
             rows = (problem.velocity[used, k], rubbed[used, k], friction[used, k])
-            traces[joint, FRICTION] = Traced(*rows)
-    return Fitted(tuple(joints), estimates, payload, carrier, traces)
+            traces[joint, FRICTION] = Equation(*rows)
+    return Fit(tuple(joints), estimates, payload, carrier, traces)
 
 
 def payload_of(x: Floats, widths: Floats, covariance: Floats) -> dict[str, Estimate]:

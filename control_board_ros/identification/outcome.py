@@ -23,7 +23,7 @@ from .equations import (
     VISCOUS,
 )
 from .external import External, Threshold, bandwidth, external, threshold
-from .fit import NO_MASS, Estimate, Fitted, fit
+from .fit import NO_MASS, Estimate, Fit, fit
 from .robot import Robot
 from .samples import Record, samples_of
 from .troubles import troubles_of
@@ -146,7 +146,7 @@ class Outcome:
     robot: Robot
     findings: Sequence[Finding]
     troubles: dict[str, str]
-    fitted: Fitted | None
+    fitted: Fit | None
     external: Sequence[External] = ()
 
     @property
@@ -236,7 +236,7 @@ def of_threshold(
     return Finding(joint, THRESHOLD, (value.value,), (value.sure,), before, why, remark)
 
 
-def findings_of(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
+def findings_of(robot: Robot, fitted: Fit) -> tuple[list[Finding], dict[str, str]]:
     """The findings of a fit, and joints with impossible motor constants."""
     findings, wrong = [], {}
     for joint in fitted.joints:
@@ -262,9 +262,7 @@ def findings_of(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, 
     return [*findings, *of_payload(robot, fitted)], wrong
 
 
-def without_constant(
-    robot: Robot, fitted: Fitted, findings: Sequence[Finding], joint: str
-) -> bool:
+def without_constant(robot: Robot, fitted: Fit, findings: Sequence[Finding], joint: str) -> bool:
     """Whether a current is all that tells the torque of a joint, and its constant is unknown."""
     told = (joint, SENSOR) in fitted.traces or joint not in robot.derived
     return not told and any(
@@ -279,7 +277,7 @@ def without_torque(finding: Finding) -> Finding:
     return replace(finding, why=finding.why or NO_CONSTANT)
 
 
-def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
+def off_plate(robot: Robot, fitted: Fit, joint: str) -> str:
     """Why motor constants are beyond a motor's tolerance; empty: within it."""
     estimate, key = fitted.estimates.get((joint, KT)), "motor.torque_constant"
     if estimate is None or estimate.relative > WRONG:
@@ -351,7 +349,7 @@ def unsure(value: Estimate, quantity: str) -> str:
     return f"not shown: {width}, ±{100.0 * allowed:.0f} % allowed; move it {helps}"
 
 
-def of_payload(robot: Robot, fitted: Fitted) -> list[Finding]:
+def of_payload(robot: Robot, fitted: Fit) -> list[Finding]:
     """Mass and centre of the payload, both or neither."""
     if not fitted.payload:
         return []

@@ -163,14 +163,14 @@ def make_app(
         serving.cancel()
         await asyncio.gather(serving, return_exceptions=True)
 
-    found = Found(hub)
+    content = Content(hub)
     app = Starlette(
         routes=[
             Route("/", page),
             Route("/page/{path:path}", file),
-            Route("/robot/{number:int}.urdf", found.urdf),
-            Route("/mesh/{number:int}/{mesh}", found.mesh),
-            Route("/report/{name}", found.report),
+            Route("/robot/{number:int}.urdf", content.urdf),
+            Route("/mesh/{number:int}/{mesh}", content.mesh),
+            Route("/report/{name}", content.report),
             WebSocketRoute("/ws", socket),
         ],
         lifespan=lifespan,
@@ -178,7 +178,7 @@ def make_app(
     return Guard(app, token, cookie, names, policy_of(index))
 
 
-class Found:
+class Content:
     """What the hub has found for a page: the robots of its boards, and reports of recordings."""
 
     def __init__(self, hub: Hub) -> None:

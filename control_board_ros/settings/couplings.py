@@ -70,7 +70,7 @@ class Motors(NamedTuple):
     coupling: Coupling
 
 
-class Coupled(NamedTuple):
+class CouplingEntries(NamedTuple):
     """The couplings of a configuration: their parameters, and the axes with coupled motors."""
 
     entries: Entries

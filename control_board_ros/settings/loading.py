@@ -33,7 +33,7 @@ from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build, stability
 from .couplings import (
     COUPLINGS,
-    Coupled,
+    CouplingEntries,
     axes_of,
     coupled,
     prefixed_couplings,
@@ -100,7 +100,7 @@ class Settings:
     where: dict[str, str] = field(default_factory=dict)
     poses: dict[str, Pose] = field(default_factory=dict)
     parts: Table = field(default_factory=dict)
-    coupled: Coupled = field(default_factory=lambda: Coupled({}, ()))
+    coupled: CouplingEntries = field(default_factory=lambda: CouplingEntries({}, ()))
 
     @property
     def robot_name(self) -> str:
@@ -255,7 +255,7 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     entries = merged([typed(layer, urdf.independent) for layer in ours], urdf)
     if "robot" in entries:
         entries["robot"] = Entry(located(robot, folder), where)
-    return _settings(entries, urdf, ros, table, Coupled(couplings, motors))
+    return _settings(entries, urdf, ros, table, CouplingEntries(couplings, motors))
 
 
 def _settings(
@@ -263,7 +263,7 @@ def _settings(
     urdf: Urdf,
     ros: dict[str, Any],
     table: Entries,
-    coupled: Coupled,
+    coupled: CouplingEntries,
 ) -> Settings:
     """Settings of the given entries, completed by defaults and derived values."""
     parts = check_parts(table, entries)

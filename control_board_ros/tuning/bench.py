@@ -44,7 +44,7 @@ class Motion:
     output: Array
 
 
-class Faulted(Exception):  # noqa: N818
+class GainsError(Exception):
     """A joint faulted, or the plant is gone: unusable gains."""
 
 
@@ -67,7 +67,7 @@ class Bench:
         """The motions of a stage, in each scene, or in the ``first`` ones.
 
         Raises:
-            Faulted: a joint faulted.
+            GainsError: a joint faulted.
         """
         board = with_gains(self._settings, changes)
         j = board.names.index(joint)
@@ -79,7 +79,7 @@ class Bench:
                 stand.start()
                 played.append(motions(stand, float(scene.pose[j])))
             except PlantGone as error:
-                raise Faulted(str(error)) from error
+                raise GainsError(str(error)) from error
         return played
 
 
@@ -116,7 +116,7 @@ class Stand:
         """Advance time and record the joint's motion.
 
         Raises:
-            Faulted: a joint faulted.
+            GainsError: a joint faulted.
         """
         count = max(round(seconds * self._whole.control_rate / EVERY), 2)
         rows = np.empty((5, count))
@@ -132,7 +132,7 @@ class Stand:
             )
         for fault in self.board.get_faults():
             if fault.active:
-                raise Faulted(f"{fault.name}: {fault.text}")
+                raise GainsError(f"{fault.name}: {fault.text}")
         return Motion(what, np.arange(1, count + 1) * EVERY / self._whole.control_rate, *rows)
 
 

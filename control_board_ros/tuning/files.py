@@ -20,7 +20,7 @@ from ..text import count_of
 from ..whole_file import yaml_text
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
-from .outcome import Outcome, Played
+from .outcome import Outcome, Playback
 from .search import Plan
 from .space import POSITION
 
@@ -118,7 +118,7 @@ def kinds_of(plan: Plan) -> Mapping[str, JointKind]:
     return {joint.name: joint.kind for joint in plan.settings.board.joints}
 
 
-def mean_text(name: str, played: Played, kind: JointKind) -> str:
+def mean_text(name: str, played: Playback, kind: JointKind) -> str:
     """The mean of a figure with its unit; a lower bound where not settled."""
     text = value_text(name, played.mean(name), kind)
     late = sum(not f.settled for f in played.figures)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..settings.loading import Settings
-from .bench import Bench, Faulted, Motion
+from .bench import Bench, GainsError, Motion
 from .cost import GUARDED, SLACK, WEIGHTS, Figures, cost, figures
 from .scenes import Scene, scenes
 from .search import Plan, SearchResult
@@ -31,7 +31,7 @@ GAIN_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Played:
+class Playback:
     """Motions in fresh scenes: figures of each, motions of the first; reason of a fault."""
 
     figures: Sequence[Figures]
@@ -54,24 +54,24 @@ class Outcome:
     joint: str
     stage: str
     changes: Changes
-    before: Played
-    derived: Played | None
-    after: Played
+    before: Playback
+    derived: Playback | None
+    after: Playback
     why: str
 
 
-def measured(bench: Bench, fresh: Sequence[Scene], key: Key, changes: Changes) -> Played:
+def measured(bench: Bench, fresh: Sequence[Scene], key: Key, changes: Changes) -> Playback:
     """Play a stage of a joint with some gains of all joints."""
     joint, stage = key
     try:
         played = bench.play(joint, stage, changes)
-    except Faulted as error:
+    except GainsError as error:
         nothing = {name: float("nan") for name in WEIGHTS[stage]}
-        return Played([Figures(nothing, float("nan"))] * len(fresh), [], str(error))
-    return Played([figures(stage, motions) for motions in played], played[0])
+        return Playback([Figures(nothing, float("nan"))] * len(fresh), [], str(error))
+    return Playback([figures(stage, motions) for motions in played], played[0])
 
 
-def objection(stage: str, before: Played, after: Played, least: float = LEAST_GAIN) -> str:
+def objection(stage: str, before: Playback, after: Playback, least: float = LEAST_GAIN) -> str:
     """Why gains are rejected; empty where they improve by ``least`` and degrade nothing."""
     if after.reason:
         return after.reason
@@ -83,7 +83,7 @@ def objection(stage: str, before: Played, after: Played, least: float = LEAST_GA
     return harm(stage, before, after)
 
 
-def harm(stage: str, before: Played, after: Played) -> str:
+def harm(stage: str, before: Playback, after: Playback) -> str:
     """The first degraded guarded figure; empty if none."""
     if after.reason or before.reason:
         return "" if before.reason else after.reason
@@ -99,7 +99,7 @@ def accept(plan: Plan, searches: Sequence[SearchResult]) -> list[Outcome]:
     fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
     bench = Bench(settings, fresh)
 
-    def play(key: Key, changes: Changes) -> Played:
+    def play(key: Key, changes: Changes) -> Playback:
         return measured(bench, fresh, key, changes)
 
     try:
@@ -123,7 +123,7 @@ def derived_gains(settings: Settings, joint: str, stage: str) -> Changes:
 def decide(
     results: Sequence[SearchResult],
     derived: Mapping[Key, Changes],
-    play: Callable[[Key, Changes], Played],
+    play: Callable[[Key, Changes], Playback],
 ) -> list[Outcome]:
     """Choose the gains of each controller, the best first, and evaluate their combination."""
     searches = {(f.joint, f.stage): f for f in results}
@@ -156,9 +156,9 @@ def revert_worse(
     selection: dict[Key, Changes],
     why: dict[Key, str],
     searches: Mapping[Key, SearchResult],
-    before: Mapping[Key, Played],
-    play: Callable[[Key, Changes], Played],
-) -> dict[Key, Played]:
+    before: Mapping[Key, Playback],
+    play: Callable[[Key, Changes], Playback],
+) -> dict[Key, Playback]:
     """Revert gains until no controller is worse than before; returns the motions of all.
 
     Where a controller with present gains degrades, the least useful gains of another revert.

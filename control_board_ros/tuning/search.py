@@ -20,7 +20,7 @@ from typing import Any
 
 from ..settings.loading import Settings, load
 from . import TuningError
-from .bench import Bench, Faulted
+from .bench import Bench, GainsError
 from .cost import FAULTED, Figures, cost, figures
 from .scenes import scenes
 from .space import Space, space_of
@@ -161,7 +161,7 @@ def base_figures(plan: Plan, space: Space) -> list[Figures]:
                 figures(space.stage, motions)
                 for motions in bench.play(space.joint, space.stage, changes)
             ]
-        except Faulted as error:
+        except GainsError as error:
             reason = str(error)
     raise TuningError(f"{space.joint} cannot be moved with its present gains: {reason}")
 
@@ -178,7 +178,7 @@ def value_of(
             for motions in bench.play(space.joint, stage, space.changes(exponents))
         ]
         (edge,) = bench.play(space.joint, stage, space.changes(harder), first=1)
-    except Faulted:
+    except GainsError:
         return FAULTED
     at_edge = cost(stage, [figures(stage, edge)], before[:1])
     return (1.0 - MARGIN_SHARE) * cost(stage, measured, before) + MARGIN_SHARE * at_edge

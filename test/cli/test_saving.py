@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from control_board_ros.cli.verbs.param import Saved, of_one_part, of_robot
+from control_board_ros.cli.verbs.param import SavedFile, of_one_part, of_robot
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.settings.schema import PART_ROWS
 
@@ -35,7 +35,7 @@ def shown_by_parts(settings: Settings) -> dict[str, dict[str, Any]]:
     return found
 
 
-def reloaded(saved: Saved, folder: Path) -> Settings:
+def reloaded(saved: SavedFile, folder: Path) -> Settings:
     """The settings of what was saved."""
     path = folder / "saved.yaml"
     values = json.loads(json.dumps(saved.values))  # no list twice, as from a board

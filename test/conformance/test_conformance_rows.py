@@ -9,7 +9,7 @@ from bad_wire import WIRES
 from conformance_sessions import ARM, RATE, not_held, tried
 
 from control_board_ros.conformance import Outcome
-from control_board_ros.conformance.bench import Allowed
+from control_board_ros.conformance.bench import Permissions
 from control_board_ros.core.terms.drives import KINDS, SetPoint
 from control_board_ros.settings.loading import load
 from control_board_ros.testing import board_process
@@ -39,7 +39,7 @@ def test_all_rules_are_held_on_each_row(kind: SetPoint) -> None:
     """S7: no rule fails; what is not testable is for want of a mode, or of a permission."""
     params = RATE | {"physics": "mujoco", "joint_defaults.drive": [kind.code]}
     with board_process(params, config=ARM) as board:
-        results = tried(board, joint="left", allowed=Allowed(calibrate=True, power_cycle=True))
+        results = tried(board, joint="left", allowed=Permissions(calibrate=True, power_cycle=True))
     assert not not_held(results)
     held = [name for name, one in results.items() if one.outcome is Outcome.HELD]
     assert len(held) >= (HELD_BY_ALL if kind in WITHOUT_TORQUE else HELD_WITH_TORQUE), results

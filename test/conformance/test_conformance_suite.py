@@ -16,7 +16,7 @@ import pytest
 from conformance_sessions import ARM, RATE, session_on
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
-from control_board_ros.conformance.bench import Allowed
+from control_board_ros.conformance.bench import Permissions
 from control_board_ros.conformance.rules import NotTestable, in_order
 from control_board_ros.conformance.runner import lightest, run
 from control_board_ros.testing import board_process
@@ -71,7 +71,7 @@ def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) 
 @pytest.mark.parametrize(("joint", "count"), [("left", 48), ("bare", 38)])
 def test_our_board_keeps_all_in_process(joint: str, count: int) -> None:
     """B1: the same rules without ROS and without a clock, with all permissions."""
-    results = board_in_process.tried(joint=joint, allowed=Allowed(True, True))
+    results = board_in_process.tried(joint=joint, allowed=Permissions(True, True))
     outcomes = [outcome for outcome, _ in results.values()]
     assert set(outcomes) == {Outcome.HELD, Outcome.NOT_TESTABLE}, results
     assert outcomes.count(Outcome.HELD) == count, results

@@ -16,7 +16,7 @@ from control_board_ros.identification import IdentificationError
 from control_board_ros.identification.app import main
 from control_board_ros.identification.external import external
 from control_board_ros.identification.files import charts
-from control_board_ros.identification.fit import FRICTION, Traced
+from control_board_ros.identification.fit import FRICTION, Equation
 from control_board_ros.identification.outcome import Finding, Outcome, identify
 from control_board_ros.identification.robot import Robot
 from control_board_ros.identification.samples import Record
@@ -288,7 +288,7 @@ def test_the_command_writes_what_identify_writes(
 def test_friction_is_drawn_where_speeds_have_samples(count: int) -> None:
     """G3: of too few samples at each speed there is no chart, and the report is written."""
     speed = np.linspace(-1.0, 1.0, count)
-    drawn = charts({FRICTION: Traced(speed, speed, speed)}, JointKind.REVOLUTE)
+    drawn = charts({FRICTION: Equation(speed, speed, speed)}, JointKind.REVOLUTE)
     assert [chart.title for chart in drawn] == ["Friction over speed"] * (count == 400)
     assert all(chart.x_range() for chart in drawn)
 

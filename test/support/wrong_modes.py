@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from breaking import around, breaks, replaces
 
-from control_board_ros.conformance.bench import Allowed
+from control_board_ros.conformance.bench import Permissions
 from control_board_ros.core.terms import modes
 from control_board_ros.core.terms.modes import (
     ACCEPTS,
@@ -153,7 +153,7 @@ def recover_leads_to_position(old: Any, self: Any, joints: Any = None, **how: An
 @replaces(
     "E2",
     "core.watch.fault_monitor:FaultMonitor.unhealthy",
-    allowed=Allowed(power_cycle=True),
+    allowed=Permissions(power_cycle=True),
 )
 def a_joint_ignores_an_emergency_stop(old: Any, self: Any) -> list[int]:
     found: list[int] = old(self)
@@ -489,8 +489,8 @@ def a_fault_is_stamped_when_cleared() -> None:
 
 
 #: Options of a session that calibrates, or that disables all joints.
-CALIBRATES = {"joint": "left", "allowed": Allowed(calibrate=True)}
-POWERS = {"allowed": Allowed(power_cycle=True)}
+CALIBRATES = {"joint": "left", "allowed": Permissions(calibrate=True)}
+POWERS = {"allowed": Permissions(power_cycle=True)}
 
 
 @breaks("K1", **CALIBRATES)

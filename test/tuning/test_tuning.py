@@ -20,10 +20,10 @@ from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.description.urdf import Urdf
 from control_board_ros.settings.loading import load
 from control_board_ros.tuning import TuningError
-from control_board_ros.tuning.bench import Bench, Faulted, Motion, with_gains
+from control_board_ros.tuning.bench import Bench, GainsError, Motion, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
 from control_board_ros.tuning.files import line_of, mean_text, parameters, write_parameters
-from control_board_ros.tuning.outcome import Played, accept, decide, objection
+from control_board_ros.tuning.outcome import Playback, accept, decide, objection
 from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload, with_payload
 from control_board_ros.tuning.search import Plan, SearchResult, run, run_all, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, space_of
@@ -149,7 +149,7 @@ def test_gains_that_shake_cost_most(bench: Bench) -> None:
     wild = {"lift.position_pid.kd": 60e3, "lift.direct_pid.kd": 60e3}
     try:
         after = [figures(POSITION, motions) for motions in bench.play("lift", POSITION, wild)]
-    except Faulted:
+    except GainsError:
         return
     assert cost(POSITION, after, before) > 1.0
 
@@ -204,17 +204,20 @@ def test_objections() -> None:
     """No better, worse in what counts, faulted; a joint that faulted before accepts any gains."""
     good, bad = (Figures(dict.fromkeys(WEIGHTS[POSITION], v), 0.0) for v in (0.1, 1.0))
     mixed = Figures(dict(good.values) | {"tracking": 1.1, "push": 0.01}, 0.0)
-    assert objection(POSITION, Played([bad], []), Played([good], [])) == ""
-    assert "no better" in objection(POSITION, Played([good], []), Played([bad], []))
-    assert "no better" in objection(POSITION, Played([bad], []), Played([bad], []))
-    assert objection(POSITION, Played([bad], []), Played([mixed], [])) == "tracking would be worse"
-    assert objection(POSITION, Played([bad], []), Played([good], [], "a: hot")) == "a: hot"
-    assert objection(POSITION, Played([], [], "a: hot"), Played([good], [])) == ""
+    assert objection(POSITION, Playback([bad], []), Playback([good], [])) == ""
+    assert "no better" in objection(POSITION, Playback([good], []), Playback([bad], []))
+    assert "no better" in objection(POSITION, Playback([bad], []), Playback([bad], []))
+    assert (
+        objection(POSITION, Playback([bad], []), Playback([mixed], []))
+        == "tracking would be worse"
+    )
+    assert objection(POSITION, Playback([bad], []), Playback([good], [], "a: hot")) == "a: hot"
+    assert objection(POSITION, Playback([], [], "a: hot"), Playback([good], [])) == ""
 
 
-def played(value: float) -> Played:
+def played(value: float) -> Playback:
     """Motions whose figures are all of a value."""
-    return Played([Figures(dict.fromkeys(WEIGHTS[POSITION], value), 0.0)], [])
+    return Playback([Figures(dict.fromkeys(WEIGHTS[POSITION], value), 0.0)], [])
 
 
 #: Three searches, the best first, each with one gain; the derived gains of the last.
@@ -235,7 +238,7 @@ def test_better_gains_are_accepted() -> None:
 def test_incompatible_gains_are_not_combined() -> None:
     """The better search stays; what it shakes keeps its gains, with the reason."""
 
-    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
+    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Playback:
         return played(5.0 if {"a", "b"} <= gains.keys() else 0.5 if key[0] in gains else 1.0)
 
     a, b, c = decide(SEARCHES, DERIVED, play)
@@ -246,7 +249,7 @@ def test_incompatible_gains_are_not_combined() -> None:
 def test_better_derived_gains_are_accepted() -> None:
     """Better than the found and the present ones; with their figures."""
 
-    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
+    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Playback:
         return played({1.0: 0.5, 2.0: 0.2}.get(gains.get(key[0], 0.0), 1.0))
 
     c = decide(SEARCHES, DERIVED, play)[2]
@@ -259,7 +262,7 @@ def test_better_derived_gains_are_accepted() -> None:
 def test_gains_that_shake_another_joint_are_reverted() -> None:
     """A joint that keeps its gains is no worse in the end, either."""
 
-    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
+    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Playback:
         if key[0] == "c":
             return played(1.0 if "b" not in gains else 1.5)
         return played(0.5 if key[0] in gains else 1.0)
@@ -374,11 +377,11 @@ def test_a_window_s_length_is_no_settling_time(tmp_path: Path) -> None:
     quick = Figures({**slow.values, "settling": 0.2}, 0.0)
     unit = JointKind.REVOLUTE
     assert (
-        mean_text("settling", Played([slow, quick], []), unit)
+        mean_text("settling", Playback([slow, quick], []), unit)
         == "more than 0.300 s (not settled in 1 of 2 poses)"
     )
-    assert mean_text("settling", Played([quick], []), unit) == "0.200 s"
-    assert "settled" not in mean_text("tracking", Played([slow], []), unit)
+    assert mean_text("settling", Playback([quick], []), unit) == "0.200 s"
+    assert "settled" not in mean_text("tracking", Playback([slow], []), unit)
     path = tmp_path / "tuned.yaml"
     write_parameters(path, [], Plan("iiwa", 0.5, 6, 1, ""))
     head = " ".join(line.strip("# ") for line in path.read_text("utf-8").splitlines())

@@ -14,7 +14,7 @@ from ...interface import LIFECYCLE
 from ...joint_limits import JointLimits
 from ...startup import announce_often, leave_out_the_generator
 from ...urdf_xml import DescribedJoint, published_joints
-from ..line.offers import Typed
+from ..line.offers import TypedLine
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, assignments, find_joints
 from ..text.output import load_drawing
@@ -195,7 +195,7 @@ class Session:
     def names(self) -> tuple[str, ...]:
         return self.client.names
 
-    def typed(self, before: Sequence[str], incomplete: str) -> Typed:
+    def typed(self, before: Sequence[str], incomplete: str) -> TypedLine:
         """A line at the cursor; its joints and poses are none where the board does not answer."""
 
         def known(ask: Callable[[], Sequence[str]]) -> Sequence[str]:
@@ -207,7 +207,7 @@ class Session:
             except (BoardError, RequestError):
                 return ()
 
-        return Typed(
+        return TypedLine(
             before,
             incomplete,
             joints=lambda: known(lambda: self.names),

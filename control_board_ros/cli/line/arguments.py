@@ -11,7 +11,7 @@ from typing import Any, NoReturn, TypeVar
 
 from control_board_ros.text import nearest
 
-from .offers import Offers, Typed, assignments, joints_or_all, joints_then
+from .offers import Offers, TypedLine, assignments, joints_or_all, joints_then
 from .words import EXAMPLES, UsageError, quantity
 
 Verb = TypeVar("Verb", bound=Callable[..., Any])
@@ -106,7 +106,7 @@ def arguments_of(verb: Callable[..., Any]) -> tuple[Argument, ...]:
     return arguments
 
 
-def offered(verb: Callable[..., Any], typed: Typed) -> list[str]:
+def offered(verb: Callable[..., Any], typed: TypedLine) -> list[str]:
     """The words that may follow on the line of a verb; no options."""
     if typed.incomplete.startswith("-"):
         return []

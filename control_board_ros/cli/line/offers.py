@@ -9,7 +9,7 @@ from typing import NamedTuple
 from .words import short_names
 
 
-class Typed(NamedTuple):
+class TypedLine(NamedTuple):
     """A line at the cursor, and its board.
 
     Attributes: before (the words between the verb and the one that is typed), incomplete (what is
@@ -23,21 +23,21 @@ class Typed(NamedTuple):
 
 
 #: The words of an argument; the caller drops those that do not begin with the typed characters.
-Offers = Callable[[Typed], Iterable[str]]
+Offers = Callable[[TypedLine], Iterable[str]]
 
 
-def joints(typed: Typed) -> list[str]:
+def joints(typed: TypedLine) -> list[str]:
     """Joints: short names where one begins with the typed characters."""
     names = typed.joints()
     shorts = list(short_names(names).values())
     return shorts if any(short.startswith(typed.incomplete) for short in shorts) else [*names]
 
 
-def joints_or_all(typed: Typed) -> list[str]:
+def joints_or_all(typed: TypedLine) -> list[str]:
     return [*joints(typed), "all"]
 
 
-def assignments(typed: Typed) -> list[str]:
+def assignments(typed: TypedLine) -> list[str]:
     return [f"{joint}=" for joint in joints(typed)]
 
 
@@ -47,7 +47,7 @@ def one_of(words: Sequence[str]) -> Offers:
 
 
 def joints_then(words: Sequence[str]) -> Offers:
-    def offered(typed: Typed) -> Sequence[str]:
+    def offered(typed: TypedLine) -> Sequence[str]:
         last = [word for word in words if word.startswith(typed.incomplete)]
         return last if typed.before and last else joints_or_all(typed)
 

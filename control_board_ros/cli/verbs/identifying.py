@@ -219,7 +219,7 @@ def stiff(session: Session, names: list[str]) -> Iterator[None]:
         client.set_interaction_mode(names, before)
 
 
-class Stopped(Exception):  # noqa: N818
+class StoppedMotion(Exception):  # noqa: N818
     """A motion that is stopped, with the reason."""
 
 
@@ -233,10 +233,10 @@ def follow(session: Session, motion: Motion, bounds: dict[str, Bounds]) -> dict[
         state = client.get_state()
         for name, column in zip(names, columns, strict=True):
             if abs(state.torque[column]) > bounds[name].torque:
-                raise Stopped(f"{name} needs more torque than allowed")
+                raise StoppedMotion(f"{name} needs more torque than allowed")
             behind = abs(state.position_reference[column] - state.position[column])
             if behind > LAG * bounds[name].reach:
-                raise Stopped(f"{name} does not follow its reference")
+                raise StoppedMotion(f"{name} does not follow its reference")
 
     begin = client.get_state().stamp
     try:
@@ -244,7 +244,7 @@ def follow(session: Session, motion: Motion, bounds: dict[str, Bounds]) -> dict[
             names, motion.times, motion.positions, motion.velocities, look
         )
         ended = "" if reply else reply.message
-    except Stopped as error:
+    except StoppedMotion as error:
         ended = str(error)
     end = client.get_state().stamp
     faults = [fault for fault in client.get_faults(names) if fault.active]

@@ -36,7 +36,7 @@ Values = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
+class SavedFile:
     """The content of a parameter file, and how to start it.
 
     Attributes: section (name of the node, or one for all nodes of a robot), values (by name),
@@ -49,7 +49,7 @@ class Saved:
     left_out: list[str] = field(default_factory=list)
 
 
-def gather(session: Session) -> Saved:
+def gather(session: Session) -> SavedFile:
     """All parameters of a board; of a robot of several parts, those of its parts, too.
 
     Raises:
@@ -67,10 +67,10 @@ def gather(session: Session) -> Saved:
         with session.beside(f"{folder}/{ROBOT}") as whole:
             return of_one_part(folder, values, all_values(whole))
     renaming = [f"-r __ns:={folder}"] * bool(folder) + [f"-r __node:={name}"] * (name != SECTION)
-    return Saved(board, values, renaming)
+    return SavedFile(board, values, renaming)
 
 
-def of_robot(folder: str, robot: Values, parts: Mapping[str, Values]) -> Saved:
+def of_robot(folder: str, robot: Values, parts: Mapping[str, Values]) -> SavedFile:
     """The file of a whole robot.
 
     Args:
@@ -92,10 +92,10 @@ def of_robot(folder: str, robot: Values, parts: Mapping[str, Values]) -> Saved:
         else:
             each = ", ".join(f"{part} {value}" for part, value in part_values.items())
             left_out.append(f"{name}, which has one value for all parts in a file: {each}")
-    return Saved(SECTION, in_order(values, robot[JOINTS]), above(folder), left_out)
+    return SavedFile(SECTION, in_order(values, robot[JOINTS]), above(folder), left_out)
 
 
-def of_one_part(folder: str, part: Values, robot: Values) -> Saved:
+def of_one_part(folder: str, part: Values, robot: Values) -> SavedFile:
     """The file of a part's joints; it starts the whole robot, the other parts as configured.
 
     Args:
@@ -105,7 +105,7 @@ def of_one_part(folder: str, part: Values, robot: Values) -> Saved:
     """
     identity = {name: v for name, v in robot.items() if name.startswith(IDENTITY)}
     values = in_order(identity | of_joints(part), robot[JOINTS])
-    return Saved(SECTION, values, above(folder))
+    return SavedFile(SECTION, values, above(folder))
 
 
 def in_order(values: Values, joints: Sequence[str]) -> Values:

@@ -11,7 +11,7 @@ from control_board_ros.text import nearest
 
 from ..board.session import Session
 from ..line.arguments import FOR, argument, number, with_arguments
-from ..line.offers import Typed, joints
+from ..line.offers import TypedLine, joints
 from ..line.words import UsageError, find_joint, short_names
 from ..text.output import console, put, put_json
 from ..text.plotting import SIGNALS, Signal, Trace, chart, signal_of
@@ -22,7 +22,7 @@ MIN_LINES, MAX_LINES = 5, 16
 PERIOD = 0.05
 
 
-def signals_offered(typed: Typed) -> list[str]:
+def signals_offered(typed: TypedLine) -> list[str]:
     """``joint_1.``, then its kinds; or a kind of all joints."""
     joint, dot, _ = typed.incomplete.rpartition(".")
     kinds = [f"{joint}{dot}{kind}" for kind in SIGNALS]

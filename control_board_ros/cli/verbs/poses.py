@@ -10,7 +10,7 @@ from ..board.progress import Bar, Standstill
 from ..board.session import Session
 from ..board.status import cancelled
 from ..line.arguments import amount, argument, several, with_arguments
-from ..line.offers import Typed, joints
+from ..line.offers import TypedLine, joints
 from ..line.words import UsageError, short_names
 from ..text.output import conclude, show
 from ..text.tables import grid
@@ -60,7 +60,7 @@ def poses_table(session: Session, rows: Rows) -> Any:
     return grid(columns, names=names, right=list(rows))
 
 
-def poses_offered(typed: Typed) -> list[str]:
+def poses_offered(typed: TypedLine) -> list[str]:
     """Poses and ``save``; no new names; then joints."""
     if not typed.before:
         return [*typed.poses(), "save"]

@@ -36,7 +36,7 @@ class Pulse:
         self.busy = False
 
 
-class Watched:
+class WatchedThread:
     """A thread with its pulse, as it was when it last made progress."""
 
     def __init__(self, thread: threading.Thread, pulse: Pulse) -> None:
@@ -92,7 +92,7 @@ class ThreadWatch:
     """
 
     def __init__(self, threads: Mapping[str, tuple[threading.Thread, Pulse]]) -> None:
-        self._threads = {name: Watched(*pair) for name, pair in threads.items()}
+        self._threads = {name: WatchedThread(*pair) for name, pair in threads.items()}
 
     def wait(self, ended: threading.Event) -> str:
         """Wait for the end; returns the reason if it is a thread, else an empty text."""

@@ -25,7 +25,7 @@ from ...core.terms.measurement import Array
 from ..config import SimulationConfig
 from ..errors import PlantError, PlantGone
 from .mujoco_spec import FOLLOWER_ARMATURE, GEAR, Builder
-from .prepare import Fitted, fit
+from .prepare import FittedRobot, fit
 from .transmission import Followers
 
 Indices = slice | NDArray[np.intp]
@@ -223,7 +223,7 @@ class RayCamera:
         PlantError: the description cannot be loaded with its visual shapes.
     """
 
-    def __init__(self, fitted: Fitted, simulation: SimulationConfig) -> None:
+    def __init__(self, fitted: FittedRobot, simulation: SimulationConfig) -> None:
         self._described = fitted, simulation
         self._boxes: list[Box] | None = None
 

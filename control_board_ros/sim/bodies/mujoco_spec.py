@@ -31,7 +31,7 @@ from ...description.merge import NOTHING, inertial_of
 from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
 from ..errors import PlantError
-from .prepare import Fitted
+from .prepare import FittedRobot
 
 
 def read_obj(path: Path) -> tuple[Array, NDArray[np.int32]]:
@@ -92,7 +92,7 @@ class Builder:
         spec: The specification; can be extended before compilation.
     """
 
-    def __init__(self, fitted: Fitted, simulation: SimulationConfig, shapes: str) -> None:
+    def __init__(self, fitted: FittedRobot, simulation: SimulationConfig, shapes: str) -> None:
         self._tree, self._shapes, self._rotors = fitted.tree, shapes, fitted.rotors
         self._stops = {stop.name: stop for stop in fitted.joints}
         self._solref = [STIFFEST * simulation.physics_step, DAMPING_RATIO]

@@ -23,7 +23,7 @@ SHAPES = ("visual", "collision")
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class FittedRobot:
     """A robot with the joints of its board and their followers, without fixed ones.
 
     Attributes: tree (modifiable by its owner), joints (that the board moves, and their stops; in
@@ -69,7 +69,7 @@ class Stops(NamedTuple):
     upper: float
 
 
-def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
+def fit(board: BoardConfig, simulation: SimulationConfig) -> FittedRobot:
     """Fit the robot of a simulation to its board.
 
     Joints that are neither driven nor followers of driven ones become fixed, and links on fixed
@@ -100,7 +100,7 @@ def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
             axis.set("xyz", as_text(axis_of(element)))
     reflected = dict(zip(board.names, rotors_at_axes(board, simulation).tolist(), strict=True))
     rotors = dict.fromkeys(names, 0.0) | rotors_at_joints(urdf, reflected)
-    return Fitted(merge_fixed(tree), stops, tuple(mimics.values()), rotors, coupling)
+    return FittedRobot(merge_fixed(tree), stops, tuple(mimics.values()), rotors, coupling)
 
 
 def _coupled(board: BoardConfig, urdf: Urdf) -> tuple[Coupling | None, tuple[Stops, ...]]:

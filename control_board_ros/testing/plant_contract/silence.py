@@ -19,7 +19,7 @@ from .checks import cleared
 PATIENCE, LOOK = 60.0, 2e-3
 
 
-class Noted:
+class CallRecorder:
     """A DrivePlant around another one that records calls, and hangs or raises on request.
 
     Attributes: driven, left (there was an exchange with power; it was let go), gate (exchanges
@@ -68,7 +68,7 @@ class Loop:
     Attributes: time (of the guard, s: only checks let it pass, whatever the load of the machine).
     """
 
-    def __init__(self, noted: Noted, timeout: float) -> None:
+    def __init__(self, noted: CallRecorder, timeout: float) -> None:
         self.time, self._noted = 0.0, noted
         board = board_for(noted.describe())
         self.guarded = GuardedPlant(noted, board, timeout, lambda: self.time, first=PATIENCE)
@@ -105,10 +105,12 @@ class Loop:
 
 
 @contextlib.contextmanager
-def looped(subject: Subject, timeout: float) -> Iterator[tuple[Noted, Loop, Actuation, Actuation]]:
+def looped(
+    subject: Subject, timeout: float
+) -> Iterator[tuple[CallRecorder, Loop, Actuation, Actuation]]:
     """A plant behind its guard; set-points that hold its joints, and that disable them."""
     with subject.made() as plant:
-        noted, n = Noted(plant), len(plant.describe().joints)
+        noted, n = CallRecorder(plant), len(plant.describe().joints)
         loop, on, none = Loop(noted, timeout), np.ones(n), np.zeros(n)
         try:
             idle = Actuation(none, none)
