@@ -10,7 +10,7 @@ from typing import Any
 import can
 import pytest
 from far_drives import far_drives, near, until
-from robstride_dynamics import Motor, ParameterType, RobstrideBus
+from robstride_dynamics import CommunicationType, Motor, ParameterType, RobstrideBus
 
 PARAMETERS = [
     parameter for name, parameter in vars(ParameterType).items() if not name.startswith("_")
@@ -76,3 +76,24 @@ def test_its_faults_are_understood(far: Any, bus: Any) -> None:
         far.drive.fail(1 << 14)
     with pytest.raises(RuntimeError, match="fault frame from joint"):
         until(lambda: False, lambda: held(bus, 0.0))
+
+
+def test_a_fault_is_cleared_its_zero_set_and_it_takes_another_id(far: Any, bus: Any) -> None:
+    """By its frames: it has no call for the first two, and ``write_id`` names a kind of frame that
+    it does not have.
+    """
+    frames, one = CommunicationType, b"\x01" + bytes(7)
+    with far.world.lock:
+        far.drive.fail(1 << 14)
+    bus.transmit(frames.DISABLE, bus.host_id, 1, one)
+    until(lambda: far.drive.faults == 0)
+    bus.receive()  # of the fault
+    bus.enable("joint")
+    until(lambda: near(held(bus, 0.3)[0], 0.3))
+    bus.disable("joint")
+    bus.transmit(frames.SET_ZERO_POSITION, bus.host_id, 1, one)
+    until(lambda: far.drive._zero > 0.25)
+    with pytest.raises(AttributeError, match="SET_CAN_ID"):
+        bus.write_id("joint", 5)
+    bus.transmit(frames.SET_DEVICE_ID, 5 << 8 | bus.host_id, 1)
+    until(lambda: far.drive.id == 5)
