@@ -126,6 +126,27 @@ def test_a_change_of_mode_leaves_its_set_point(way: float) -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_reference_is_where_it_creeps_and_swings(way: float) -> None:
+    """M9: 10 mrad of creep, and the middle of a swing that has not ended; its set-point stays."""
+    servo = Servo(LOAD)
+    changed(servo)
+    servo.run(100)
+    before, joint = servo.goal, servo.joint
+    for _ in range(400):
+        servo.load += way * 5e-4
+        servo.run(1)
+    assert joint.reference == pytest.approx(before - servo.load / STIFFNESS, abs=2.5e-3)
+    middle, turning = servo.place - way * 0.03, 8.0
+    for k in range(200):
+        angle = turning * k * PERIOD
+        swing, speed = 2.5e-3 * math.cos(angle), -2.5e-3 * turning * math.sin(angle)
+        servo.set(position=middle + swing, velocity=speed, current=LOAD)
+        servo.step()
+    assert joint.reference == pytest.approx(middle, abs=2.5e-3)
+    assert servo.goal == pytest.approx(before, abs=1e-12)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("cycles", [20, 60, 90, 130, 138])
 def test_it_stops_from_where_its_set_point_is(cycles: int, way: float) -> None:
     """M9, P5: no step and no way back; where it comes to rest is the reference."""

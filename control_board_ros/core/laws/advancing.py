@@ -30,6 +30,10 @@ FREQUENCY_INTERVAL = cython.declare(cython.double, 1.2)
 #: Time over which braking fades out on a wire, in ages of late readings; at most, s.
 FADE_TIME_AGES = cython.declare(cython.double, 12.0)
 MAX_FADE_TIME = cython.declare(cython.double, 0.12)
+#: Of a swing whose middle is near: way, of the limit's edge, speed and torque, of their limits.
+SWING = cython.declare(cython.double, 0.04)
+SWING_SPEED = cython.declare(cython.double, 0.01)
+SWING_TORQUE = cython.declare(cython.double, 0.05)
 #: Time in which a reference that brakes on a wire yields to a joint ahead of it, s.
 YIELD_TIME = cython.declare(cython.double, 0.015)
 
@@ -67,14 +71,21 @@ def advance(j: Joint) -> cython.void:
 
 @cython.cfunc
 def rest_in_place(j: Joint) -> cython.void:
-    """Where a drive of positions came to rest becomes the reference; its set-point stays (M9).
+    """Where a drive of positions comes to rest becomes the reference; its set-point stays (M9).
 
-    The drive holds beyond it by the sag, load/stiffness.
+    The drive holds beyond it by the sag, load/stiffness. A soft one swings and creeps for a second;
+    the resolution of its velocity hides when that ends. So the reference follows, as soon as a
+    swing is small, until there is another.
     """
     if not j.comes_to_rest or j.kind != AS_POSITION or j.active or j.braked:
         return
-    if j.holds_place() and j.rest_cycles * j.period >= REST_TIME:
-        j.comes_to_rest = False
+    off = fabs(j.position - j.followed)
+    swings: cython.bint = (
+        off > SWING * j.limit_edge
+        and fabs(j.velocity) <= SWING_SPEED * j.max_velocity
+        and fabs(j.inertia * j.acceleration) <= SWING_TORQUE * j.max_torque
+    )
+    if j.holds_place() and (swings or (off > 0.0 and j.rest_cycles * j.period >= REST_TIME)):
         j.sag, j.trail = j.set_position - j.position, 0.0
         j.moved = j.reference = j.followed = j.position
         j.ramped, j.active = 0.0, True
