@@ -73,9 +73,9 @@ def advance(j: Joint) -> cython.void:
 def rest_in_place(j: Joint) -> cython.void:
     """Where a drive of positions comes to rest becomes the reference; its set-point stays (M9).
 
-    The drive holds beyond it by the sag, load/stiffness. A soft one swings and creeps for a second;
-    the resolution of its velocity hides when that ends. So the reference follows, as soon as a
-    swing is small, until there is another.
+    The drive holds beyond it by the sag, load/stiffness. A soft one swings and creeps for a
+    second, and the resolution of its velocity hides when that ends: the reference follows, as
+    soon as a swing is small, until there is another one.
     """
     if not j.comes_to_rest or j.kind != AS_POSITION or j.active or j.braked:
         return
