@@ -12,15 +12,16 @@ model of the arm. In each step of a prediction few joints yield, and the others 
     min Σ w_i (q̈_i + 2 a_i sign q̇_i)²,  |M(q) q̈ + h(q, q̇)| ≤ SHARE τ_max,  |q̈_i| ≤ a_i
     w_i = ω_i (|q̇_i|/a_i + EASE) (1 + URGE z_i)²
 
-The aim lies beyond full braking, so that a joint yields only where it relieves the motor by
-enough for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes before a_i: a light
-joint that heavy ones pull along may have LEAP a_i, and its reference does too. z_i: what the joint
-runs beyond its braking distance v²/(2a), or comes back. The further a joint runs, the greater its
-ω_i in the next prediction. The best one is that whose furthest joint runs least, the way back of
+The aim lies beyond full braking, so that a joint yields only where it relieves the motor by enough
+for what it costs; |q̇_i|/a_i is how long it pays for it. Torque comes before a_i: a light joint
+that heavy ones pull along may have LEAP a_i, and its reference does too. z_i: what the joint runs
+beyond its braking distance v²/(2a), or comes back. The further a joint runs, the greater its ω_i
+in the next prediction. The best one is that whose furthest joint runs least, the way back of
 another counted as BACK_WEIGHT, time as LATE_WEIGHT. In the first predictions no joint turns round,
-so that it rests, or goes on; where torque does not suffice for that, others follow in which joints
-may. Turning its torque round takes a motor its winding's time, L/R, in which the plan
-brakes already; the torque to make up for it is left, Δτ (L/R)/T, and at most LOST of it.
+so that it rests, or goes on; where torque does not suffice for that, or a joint runs little
+further than KEEPING, others follow in which joints may. Turning its torque round takes a motor its
+winding's time, L/R, in which the plan brakes already; the torque to make up for it is left, Δτ
+(L/R)/T, and at most LOST of it.
 
 Plain Python in Cython's pure mode, as the laws are. Units: rad, rad/s, N·m, s; m and N where
 joints slide.
@@ -49,7 +50,7 @@ MAX_STEPS = cython.declare(cython.int, 64)
 ROUNDS = cython.declare(cython.int, 6)
 GOOD_SCORE = cython.declare(cython.double, 1e-3)
 #: Weights: of joints at rest, s; of the way beyond the braking distance, 1/rad.
-EASE = cython.declare(cython.double, 0.05)
+EASE = cython.declare(cython.double, 0.02)
 URGE = cython.declare(cython.double, 20.0)
 #: Factor of ω from one prediction to the next: from this, to this and 1 for the furthest joint.
 GROWTH = cython.declare(cython.double, 0.3)
@@ -264,7 +265,7 @@ class Stops:
             self.wanted[k] = self.hardest[k]
             self.limit[k] -= self.lost_torque(k)
         least = self.try_some(True, 1e300)
-        if self.back >= GOOD_SCORE:
+        if self.back >= GOOD_SCORE or KEEPING < self.furthest < 2.0 * KEEPING:
             self.try_some(False, least)
 
     @cython.cfunc
