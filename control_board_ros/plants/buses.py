@@ -94,22 +94,24 @@ class Bus:
     def exchange(self, wanted: SetPoints) -> Future[Readings]:
         """Start an exchange, unless one is pending."""
         if self._pending is None:
-            own = self.columns
-            mine = SetPoints(
-                wanted.kinds[own].copy(), wanted.values[:, own].copy(), wanted.released[own].copy()
+            k = self.columns
+            part = SetPoints(
+                wanted.kinds[k].copy(), wanted.values[:, k].copy(), wanted.released[k].copy()
             )
             resets, self._resets = self._resets, []
             self.started = time.monotonic()
-            self._pending = self.do(lambda: self._exchange(mine, resets))
+            self._pending = self.do(lambda: self._exchange(part, resets))
         return self._pending
 
     def begin(self, plant: Polled, wanted: SetPoints) -> None:
         """Send its set-points, after the faults that are to be reset."""
-        own, resets = self.columns, self._resets
+        columns, resets = self.columns, self._resets
         self._resets, self.started = [], time.monotonic()
         for joint in resets:
             plant.clear_fault(joint)
-        plant.begin(SetPoints(wanted.kinds[own], wanted.values[:, own], wanted.released[own]))
+        plant.begin(
+            SetPoints(wanted.kinds[columns], wanted.values[:, columns], wanted.released[columns])
+        )
 
     def clear_fault(self, joint: int) -> None:
         """Reset the fault of a drive with the next exchange."""
@@ -182,9 +184,9 @@ class Buses:
         self.late = [0] * len(plants)
 
     def describe(self) -> Description:
-        own = [bus.plant.describe() for bus in self._buses]
-        rates = [one.rate for one in own if one.rate is not None]
-        joints = tuple(joint for one in own for joint in one.joints)
+        descriptions = [bus.plant.describe() for bus in self._buses]
+        rates = [description.rate for description in descriptions if description.rate is not None]
+        joints = tuple(joint for description in descriptions for joint in description.joints)
         return Description(joints=joints, rate=min(rates, default=None))
 
     def connect(self, setup: Setup) -> None:
@@ -257,23 +259,23 @@ class Buses:
             if all(there):
                 rows[name] = np.concatenate(parts)
             elif any(there) and name in ABSENT:
-                filled = [np.full(len(one.position), ABSENT[name]) for one in readings]
+                filled = [np.full(len(reading.position), ABSENT[name]) for reading in readings]
                 rows[name] = np.concatenate(
                     [f if p is None else p for p, f in zip(parts, filled, strict=True)]
                 )
-        if any(one.drives for one in readings):
+        if any(reading.drives for reading in readings):
             rows["drives"] = [
-                one._replace(late=(one.late or 0) + late)
+                reading._replace(late=(reading.late or 0) + late)
                 for bus, late in zip(self._buses, self.late, strict=True)
-                for one in bus.drives
+                for reading in bus.drives
             ]
-        own = rows.get("ages")
-        rows["ages"] = ages if own is None else np.maximum(own, ages)
+        oldest = rows.get("ages")
+        rows["ages"] = ages if oldest is None else np.maximum(oldest, ages)
         faults: list[str | DriveFault | None] = []
-        for k, (bus, one) in enumerate(zip(self._buses, readings, strict=True), start=1):
-            silent = f"bus {k} of {len(self._buses)} does not answer" if bus.last is None else ""
-            everybody = [bus.error or silent or None] * (bus.columns.stop - bus.columns.start)
-            faults += everybody if everybody[0] else one.faults or everybody
+        for k, (bus, reading) in enumerate(zip(self._buses, readings, strict=True), start=1):
+            silence = f"bus {k} of {len(self._buses)} does not answer" if bus.last is None else ""
+            everybody = [bus.error or silence or None] * (bus.columns.stop - bus.columns.start)
+            faults += everybody if everybody[0] else reading.faults or everybody
         return Readings(**rows, faults=faults)
 
     def clear_fault(self, joint: int) -> None:

@@ -25,21 +25,21 @@ def find(name: str) -> Maker:
         PlantSettingsError: no package offers it, or its module cannot be imported.
     """
     if name in DRIVERS:
-        made: Maker = import_module(f".{name}.driver", __package__).make
-        return made
+        maker: Maker = import_module(f".{name}.driver", __package__).make
+        return maker
     offered = {point.name: point for point in entry_points(group=GROUP)}
     if name not in offered:
-        known = [*DRIVERS, *sorted(offered), *(f"virtual/{driver}" for driver in DRIVERS)]
-        text = unknown_word("plant:", name, known, "known:")
+        names = [*DRIVERS, *sorted(offered), *(f"virtual/{driver}" for driver in DRIVERS)]
+        text = unknown_word("plant:", name, names, "known:")
         raise PlantSettingsError(f"{text}; packages offer others by the entry point {GROUP}")
     try:
-        made = offered[name].load()
+        maker = offered[name].load()
     except Exception as error:  # noqa: BLE001 - third-party module
         raise PlantSettingsError(
             f"plant: {name!r} cannot be imported ({type(error).__name__}: {error}); "
             f"check {offered[name].value}"
         ) from None
-    return made
+    return maker
 
 
 def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPlant | DrivePlant:
@@ -48,10 +48,10 @@ def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPla
     Raises:
         PlantSettingsError: it is unknown, or refuses these joints or arguments.
     """
-    given = pairs(arguments)
+    options = pairs(arguments)
     maker = find(name)
     try:
-        return maker(tuple(joints), given)
+        return maker(tuple(joints), options)
     except Exception as error:  # noqa: BLE001 - third-party code
         raise PlantSettingsError(
             f"plant: {name!r} cannot be made ({type(error).__name__}: {error}); "
@@ -65,12 +65,12 @@ def pairs(arguments: Sequence[str]) -> dict[str, str]:
     Raises:
         PlantSettingsError: an argument has another form.
     """
-    given = {}
+    values = {}
     for argument in arguments:
         key, mark, value = argument.partition("=")
         if not mark or not key.strip():
             raise PlantSettingsError(
                 f"plant_arguments: {argument[:60]!r} is not allowed; use name=value"
             )
-        given[key.strip()] = value.strip()
-    return given
+        values[key.strip()] = value.strip()
+    return values

@@ -122,16 +122,18 @@ class Exchange:
         released[self.numbers] = wanted.released
         return SetPoints(kinds, values, released)
 
-    def _sample(self, found: Readings, wanted: SetPoints) -> Sample:
-        if not isinstance(found, Readings):
-            raise NonsenseError(f"a reading is {type(found).__name__}; Readings is required")
+    def _sample(self, readings: Readings, wanted: SetPoints) -> Sample:
+        if not isinstance(readings, Readings):
+            raise NonsenseError(f"a reading is {type(readings).__name__}; Readings is required")
         values = np.zeros((ROWS, len(self.numbers)))
-        values[Row.POSITION] = position = self._row("position", found.position)
-        age = np.zeros_like(position) if found.ages is None else self._row("ages", found.ages)
+        values[Row.POSITION] = position = self._row("position", readings.position)
+        age = (
+            np.zeros_like(position) if readings.ages is None else self._row("ages", readings.ages)
+        )
         age[np.isnan(position) & (age == 0.0)] = self._elapsed  # not read yet
         between = self._elapsed + self._age - age  # the last two readings of each joint
-        if found.velocity is not None:
-            velocity = self._row("velocity", found.velocity)
+        if readings.velocity is not None:
+            velocity = self._row("velocity", readings.velocity)
         elif self._before is None:
             velocity = np.zeros_like(position)
         else:
@@ -141,24 +143,32 @@ class Exchange:
         values[Row.VELOCITY] = self._rate = velocity
         values[Row.ENCODER_AGE] = self._age = age
         self._before = position
-        if found.torque is not None:
-            values[Row.TORQUE] = self._row("torque", found.torque)
-        applied = wanted.pwm if found.applied is None else self._row("applied", found.applied)
-        if found.current is not None:
-            values[Row.CURRENT] = self._row("current", found.current)
+        if readings.torque is not None:
+            values[Row.TORQUE] = self._row("torque", readings.torque)
+        applied = (
+            wanted.pwm if readings.applied is None else self._row("applied", readings.applied)
+        )
+        if readings.current is not None:
+            values[Row.CURRENT] = self._row("current", readings.current)
         else:
             values[Row.CURRENT] = self._settled(applied, velocity, values[Row.TORQUE], wanted)
-        warm = found.temperature
-        values[Row.TEMPERATURE] = self._ambient if warm is None else self._row("temperature", warm)
+        temperature = readings.temperature
+        values[Row.TEMPERATURE] = (
+            self._ambient if temperature is None else self._row("temperature", temperature)
+        )
         late = values[Row.ENCODER_AGE] > 0.0
         dropped = (
-            np.zeros_like(age) if found.dropped is None else self._row("dropped", found.dropped)
+            np.zeros_like(age)
+            if readings.dropped is None
+            else self._row("dropped", readings.dropped)
         )
         lost: tuple[int, ...] = ()
-        if found.lost is not None:
-            lost = tuple(np.flatnonzero(self._row("lost", found.lost)).tolist())
-        faults, motors = self._faults(found), self._motors(found)
-        return Sample(values, faults, applied, late, dropped, motors, lost, self._reports(found))
+        if readings.lost is not None:
+            lost = tuple(np.flatnonzero(self._row("lost", readings.lost)).tolist())
+        faults, motors = self._faults(readings), self._motors(readings)
+        return Sample(
+            values, faults, applied, late, dropped, motors, lost, self._reports(readings)
+        )
 
     def _settled(self, applied: Array, velocity: Array, torque: Array, wanted: SetPoints) -> Array:
         """The steady current of the winding, i = (V − Ke dq)/R, or that of the torque."""
@@ -168,13 +178,13 @@ class Exchange:
         settled: Array = np.clip(current, -self._peak, self._peak)
         return settled
 
-    def _motors(self, found: Readings) -> Array | None:
+    def _motors(self, readings: Readings) -> Array | None:
         """Readings of motors; a velocity that is not read is the change of the position."""
-        read = [getattr(found, name) for name in OF_MOTORS]
-        if all(value is None for value in read):
+        rows_read = [getattr(readings, name) for name in OF_MOTORS]
+        if all(value is None for value in rows_read):
             return None
         rows = np.full((MOTOR_ROWS, len(self.numbers)), np.nan)
-        for row, name, value in zip(Motor, OF_MOTORS, read, strict=True):
+        for row, name, value in zip(Motor, OF_MOTORS, rows_read, strict=True):
             if value is not None:
                 rows[row] = self._row(name, value)
         velocity, position = rows[Motor.VELOCITY], rows[Motor.POSITION]
@@ -184,31 +194,35 @@ class Exchange:
         self._turned = position.copy()
         return rows
 
-    def _reports(self, found: Readings) -> tuple[DriveReport, ...]:
+    def _reports(self, readings: Readings) -> tuple[DriveReport, ...]:
         """What the drives report of themselves, in the board's order; empty: nothing new."""
-        if found.drives is None:
+        if readings.drives is None:
             return ()
-        if len(found.drives) != self._count:
-            raise NonsenseError(f"drives has {len(found.drives)} entries; {self._count} or None")
-        return tuple(DriveReport(*found.drives[number]) for number in self.numbers)
+        if len(readings.drives) != self._count:
+            raise NonsenseError(
+                f"drives has {len(readings.drives)} entries; {self._count} or None"
+            )
+        return tuple(DriveReport(*readings.drives[number]) for number in self.numbers)
 
-    def _faults(self, found: Readings) -> dict[int, str]:
-        if len(found.faults) not in (0, self._count):
-            raise NonsenseError(f"faults has {len(found.faults)} entries; {self._count} or none")
-        if not found.faults:
+    def _faults(self, readings: Readings) -> dict[int, str]:
+        if len(readings.faults) not in (0, self._count):
+            raise NonsenseError(
+                f"faults has {len(readings.faults)} entries; {self._count} or none"
+            )
+        if not readings.faults:
             return {}
-        texts = [clean(str(found.faults[number] or "")) for number in self.numbers]
+        texts = [clean(str(readings.faults[number] or "")) for number in self.numbers]
         return {j: text for j, text in enumerate(texts) if text}
 
-    def _row(self, what: str, found: object) -> Array:
+    def _row(self, what: str, value: object) -> Array:
         """An array of the plant, in the board's order."""
-        if found is None:
+        if value is None:
             raise NonsenseError(f"{what} is None; {self._count} numbers are required")
         try:
-            row = np.array(found, dtype=np.float64)
+            row = np.array(value, dtype=np.float64)
         except (TypeError, ValueError):
             raise NonsenseError(
-                f"{what} is {clean(repr(found), 60)}; {self._count} numbers are required"
+                f"{what} is {clean(repr(value), 60)}; {self._count} numbers are required"
             ) from None
         if row.shape != (self._count,):
             raise NonsenseError(f"{what} has shape {row.shape}; ({self._count},) is required")

@@ -59,11 +59,11 @@ class Watchdog:
                 self._struck = {}
             wanted = self._off
         self._last = wanted
-        found = self._plant.exchange(wanted)
-        if self._struck and isinstance(found, Readings):
-            faults = found.faults or [None] * len(self._off.kinds)
-            found.faults = [self._struck.get(joint, text) for joint, text in enumerate(faults)]
-        return found
+        readings = self._plant.exchange(wanted)
+        if self._struck and isinstance(readings, Readings):
+            faults = readings.faults or [None] * len(self._off.kinds)
+            readings.faults = [self._struck.get(joint, text) for joint, text in enumerate(faults)]
+        return readings
 
     def clear_fault(self, joint: int) -> None:
         self._plant.clear_fault(joint)

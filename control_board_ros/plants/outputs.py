@@ -44,10 +44,10 @@ class OutputDrives:
                 (plant.enable if on else plant.disable)(joint)
             self._on[joint] = on
         applied = plant.write(wanted.pwm.copy())
-        found = plant.read()
-        if isinstance(found, Readings):
-            found.applied = applied
-        return found
+        readings = plant.read()
+        if isinstance(readings, Readings):
+            readings.applied = applied
+        return readings
 
     def clear_fault(self, joint: int) -> None:
         self._plant.clear_fault(joint)

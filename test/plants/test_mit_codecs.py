@@ -399,20 +399,20 @@ def test_a_robstride_without_torque_has_lost_its_power(
     faults.command = command
     for _ in range(19):
         faults.compare(*answer)
-    assert faults.found is None
+    assert faults.fault is None
     faults.compare(*answer)
-    assert (faults.found == robstride.POWERLESS) == missing
+    assert (faults.fault == robstride.POWERLESS) == missing
     faults.command = (0.0, 0.0, 0.0, 0.0, 0.0)
     faults.compare(*answer)
-    assert (faults.found == robstride.POWERLESS) == missing  # it stays
+    assert (faults.fault == robstride.POWERLESS) == missing  # it stays
     faults.reset()
-    assert faults.found is None
+    assert faults.fault is None
     faults.command = command
     for _ in range(2):
         for _ in range(19):
             faults.compare(*answer)
         faults.compare(0.0, 0.0, 17.0)
-    assert faults.found is None
+    assert faults.fault is None
 
 
 @pytest.mark.parametrize("action", [Action.POWER_ON, Action.RESET])

@@ -142,5 +142,5 @@ def value_of(number: int, low: float, high: float, bits: int) -> float:
 def given(ranges: Ranges, command: Sequence[float], position: float, velocity: float) -> float:
     """Torque of a motor that follows a command, N·m: τ + k (q - position) + d (q̇ - velocity)."""
     q, dq, k, damping, torque = command
-    wanted = torque + k * (q - position) + damping * (dq - velocity)
-    return max(-ranges.torque, min(ranges.torque, wanted))
+    effort = torque + k * (q - position) + damping * (dq - velocity)
+    return max(-ranges.torque, min(ranges.torque, effort))

@@ -128,7 +128,7 @@ class Faults:
         self._without = 0
 
     @property
-    def found(self) -> DriveFault | None:
+    def fault(self) -> DriveFault | None:
         """Those that it reports, or a loss of power."""
         lost = POWERLESS if self._without >= PATIENT else None
         return flagged(self.word, FAULTS) or lost
@@ -138,8 +138,8 @@ class Faults:
         if self._without >= PATIENT:
             return
         at, rate, k, d, forward = self.command
-        wanted = min(abs(forward + k * (at - q) + d * (rate - dq)), self._most)
-        none = wanted > ASKED * self._most and abs(torque) < GIVEN * wanted
+        effort = min(abs(forward + k * (at - q) + d * (rate - dq)), self._most)
+        none = effort > ASKED * self._most and abs(torque) < GIVEN * effort
         self._without = self._without + 1 if none else 0
 
 
@@ -224,7 +224,7 @@ class RobStride:
         data, reported = bytes(message.data), answers.reported[k]
         if (word := fault_word(data)) is not None:
             self._faults.word, answers.raw[k][data] = word, None
-            reported.fault = self._faults.found
+            reported.fault = self._faults.fault
             if self._action is ASK:
                 answers.heard(k)
             return self._action is ASK
@@ -239,5 +239,5 @@ class RobStride:
             reported.power = False
         elif reported.power:
             self._faults.compare(*moved)
-        reported.law, reported.fault = self.law, self._faults.found
+        reported.law, reported.fault = self.law, self._faults.fault
         return self._action is not POWER_ON or self._answered > 1
