@@ -19,14 +19,17 @@ from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
 ROS_PREFIXES = ("qos_overrides.",)
 
-#: Names not allowed for joints, and the owner of the parameters with this prefix.
+#: Names not allowed for joints, and why.
 RESERVED = {
-    JOINT_DEFAULTS: "all joints",
-    "parts": "the parts",
-    "couplings": "the couplings",
-    "poses": "the poses",
-    "qos_overrides": "ROS",
-}
+    name: f"the parameters {name}.* are those of {whose}"
+    for name, whose in {
+        JOINT_DEFAULTS: "all joints",
+        "parts": "the parts",
+        "couplings": "the couplings",
+        "poses": "the poses",
+        "qos_overrides": "ROS",
+    }.items()
+} | {"all": "it stands for every joint, as in cbctl stop all"}
 
 #: Parameters with names of joints.
 LISTS, GROUPS = ("joints", "parts"), "calibration_groups"
@@ -153,11 +156,11 @@ def joints_of(
             hint = nearest(name, urdf.independent)
             reason = f"{hint}; joints: {', '.join(urdf.independent)}"
         raise SettingsError(f"{at}{key}: {shown(name)} is not allowed{reason}")
-    for reserved, whose in RESERVED.items():
+    for reserved, reason in RESERVED.items():
         if reserved in names:
             raise SettingsError(
-                f"{at}joints: {reserved!r} is not allowed as a joint's name: the parameters "
-                f"{reserved}.* are those of {whose}; rename the joint in the URDF, or leave it out"
+                f"{at}joints: {reserved!r} is not allowed as a joint's name: {reason}; rename the "
+                "joint in the URDF, or leave it out"
             )
     return names
 

@@ -144,6 +144,7 @@ def test_assignments() -> None:
         "l_elbow": Quantity(math.pi / 2, "angle"),
         "l_shoulder_pitch": Quantity(1.0, ""),
     }
+    assert assignments(["a=b=1"], "position") == [("a=b", Quantity(1.0, ""))]
     with pytest.raises(Refused, match="'l_elbow' has two values"):
         assigned(assignments(["elbow=1", "2=1"], "position"), NAMES)
     for word in ("elbow", "elbow=", "=3"):

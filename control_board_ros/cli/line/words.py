@@ -83,7 +83,7 @@ def assignments(words: Sequence[str], kind: str) -> list[tuple[str, Quantity]]:
     """
     pairs = []
     for word in words:
-        joint, equals, text = word.partition("=")
+        joint, equals, text = word.rpartition("=")  # a joint's name can hold it, too
         if not equals or not joint or not text:
             raise UsageError(
                 f"{word[:60]!r} is not valid; write JOINT=VALUE, e.g. joint_1={EXAMPLES[kind]}"
