@@ -356,7 +356,11 @@ class RosLink:
             for name, value in values.items()
         ]
         response = await self.call(SET_PARAMETERS, parameters=parameters)
-        return response.result.successful, response.result.reason
+        reason = response.result.reason
+        name = reason.removeprefix("Trying to set a read-only parameter: ")  # rclpy's words
+        if name != reason:
+            reason = f"{name.rstrip('.')}: is fixed while the board runs; set it at start"
+        return response.result.successful, reason
 
     # Discovery
 

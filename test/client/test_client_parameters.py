@@ -59,7 +59,9 @@ class TestOnABoard:
         reply = client.set_parameters({name: 2.4, f"{JOINT}.limit.lower": 0.0})
         assert reply.message.startswith(f"no parameter '{JOINT}.limit.lower'; did you mean ")
         assert not reply
-        assert not client.set_parameters({name: 2.4, "robot": "panda"})
+        fixed = client.set_parameters({name: 2.4, "robot": "panda"})
+        assert not fixed
+        assert fixed.message == "robot: is fixed while the board runs; set it at start"
         assert not client.set_parameters({name: 99.0})
         assert client.get_limits(0)[1][0] == upper
 
