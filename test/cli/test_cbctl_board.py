@@ -326,6 +326,7 @@ def test_no_log_folder_is_needed(cbctl: Any, ask: Any) -> None:
 
 def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
     """E1 to E3: one line each, with what to type next; the fault as a picture and as numbers."""
+    assert cbctl("estop", "release").out == "released; no joint is in fault\n"
     stopped = cbctl("estop")
     assert stopped.code == 0, stopped.err
     assert stopped.out.startswith("all joints are unpowered and fall where no brake holds them")

@@ -67,11 +67,14 @@ def estop(session: Session, word: str | None) -> int:
         raise Refused(f"{word[:40]!r} is not valid; cbctl estop, or cbctl estop release")
     session.gathering = HASTE  # of a robot that is discovered in parts, each one stops it whole
     reply = session.client.emergency_stop(word is None)
-    recover_with = f"recover with: {session.line('recover')}"
-    text = f"released; the joints are still in HW_FAULT; {recover_with}"
     if word is None:
         fall = "all joints are unpowered and fall where no brake holds them"
         text = f"{fall}; release with: {session.line('estop', 'release')}"
+    elif faults_now(session, list(session.names)):
+        recover_with = f"recover with: {session.line('recover')}"
+        text = f"released; the joints are still in HW_FAULT; {recover_with}"
+    else:
+        text = "released; no joint is in fault"
     if reply.message:  # not in effect: simulated time is stopped
         text = ""
     return conclude(session, reply, text)
