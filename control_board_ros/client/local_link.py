@@ -221,7 +221,7 @@ class LocalLink:
             kind = topic.short.rpartition("/")[2]
             if topic.reference is None:  # of feed-forward either may be there
                 values = [fields.get(name) for name in ("outputs", "torques")]
-            references, along = [*values, ()][:2]
+            references, along = [*values, (), ()][:2]
             sent = Message(kind=kind, names=names, values=references or (), along=along or ())
             send_reference(self.group, sent)
             self.follower.check()

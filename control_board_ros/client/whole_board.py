@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 from operator import index
 
+import numpy as np
+
 from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.selection import RequestError, one_text
 from control_board_ros.core.terms.faults import FaultRecord
@@ -103,12 +105,13 @@ class WholeBoard(Interface):
 
     @operation
     async def emergency_stop(self, stop: bool = True) -> Reply:
-        """Disable every joint of the robot in the next cycle, or release the stop (E2).
+        """Disable every joint of the robot in the next cycle, or with False release the stop (E2).
 
+        Whatever else is given stops, as None for all joints, where other methods have them.
         Answered when complete; the reply's message names a paused simulation that must resume
         first. After release, joints stay in HW_FAULT until ``recover``.
         """
-        if not stop:
+        if isinstance(stop, bool | np.bool_) and not stop:
             return await self._services.trigger(EMERGENCY_STOP, data=False)
         response = await self._link.stop(EMERGENCY_STOP, data=True)
         self._services.states.changed()

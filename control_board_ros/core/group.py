@@ -119,11 +119,12 @@ class JointGroup(ModeShortcuts):
         return reply.with_modes(self.get_control_mode(reply.joints))
 
     def emergency_stop(self, stop: bool = True) -> None:
-        """Put every joint of the whole board into HW_FAULT in the next cycle, or release it (E2).
+        """Put every joint of the whole board into HW_FAULT in the next cycle (E2).
 
+        False releases the stop; whatever else is given stops, as None for all joints.
         Released, the joints stay there until FORCE_IDLE, or ``recover`` (F2).
         """
-        self.engine.emergency.ask(stop)
+        self.engine.emergency.ask(not (isinstance(stop, bool | np.bool_) and not stop))
 
     def beat(self, now: float | None = None) -> None:
         """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""

@@ -243,6 +243,27 @@ def test_a_value_of_another_type_is_refused_in_words(
     assert text in reply.message
 
 
+@pytest.mark.parametrize("given", [None, 0, [], "left", np.array([0, 1])])
+def test_only_false_releases_an_emergency_stop(
+    simulation: Simulation, client: ControlBoardClient, given: Any
+) -> None:
+    """E2: what would select joints in other methods stops all; here and on the board itself."""
+    client.emergency_stop(given)
+    assert set(client.get_control_mode()) == {M.HW_FAULT}
+    client.emergency_stop(np.False_)
+    assert client.recover()
+    simulation.board.emergency_stop(given)
+    simulation.step()
+    assert set(client.get_control_mode()) == {M.HW_FAULT}
+
+
+def test_a_stream_of_nothing_moves_nothing(client: ControlBoardClient) -> None:
+    """M4: None for all joints, and then no values, is a reference that the board ignores."""
+    client.set_control_mode(None, "posd")
+    assert client.set_position(None, None)
+    assert not client.set_position(None, None, answered=True)
+
+
 def test_flags_of_numpy_are_flags(client: ControlBoardClient) -> None:
     """A message has those of Python only: with one of numpy a program over ROS was aborted."""
     assert client.position_move(0, 0.1, together=np.True_)
