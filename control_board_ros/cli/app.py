@@ -35,12 +35,23 @@ def run(arguments: Sequence[str] | None = None) -> int:
     line, ros_arguments = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: motion stops first
+        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup
+            screens = [stream for stream in (1, 2) if os.isatty(stream)]
+            signal.signal(signal.SIGHUP, partial(hang_up, screens))
     with Session(Options(ros_arguments=ros_arguments)) as session:
         return invoke(session, line)
 
 
 def interrupt(*_: Any) -> None:
     """Handle a signal as Ctrl-C."""
+    raise KeyboardInterrupt
+
+
+def hang_up(screens: Sequence[int], *_: Any) -> None:
+    """The terminal was closed: as Ctrl-C, once, and what is printed goes nowhere."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    for stream in screens:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
     raise KeyboardInterrupt
 
 

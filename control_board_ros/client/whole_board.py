@@ -111,7 +111,7 @@ class WholeBoard(Interface):
         Answered when complete; the reply's message names a paused simulation that must resume
         first. After release, joints stay in HW_FAULT until ``recover``.
         """
-        if isinstance(stop, bool | np.bool_) and not stop:
+        if type(stop) in (bool, np.bool_) and not stop:
             return await self._services.trigger(EMERGENCY_STOP, data=False)
         response = await self._link.stop(EMERGENCY_STOP, data=True)
         self._services.states.changed()

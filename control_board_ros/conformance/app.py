@@ -93,7 +93,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.list:
         print("\n".join(f"{rule.name:<5}{rule.title}" for rule in rules))
         return HELD
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: joints are restored
+    for number in (signal.SIGTERM, signal.SIGHUP):  # as Ctrl-C: joints are restored
+        if signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
     from ..client import BoardError
 
     try:

@@ -124,7 +124,7 @@ class JointGroup(ModeShortcuts):
         False releases the stop; whatever else is given stops, as None for all joints.
         Released, the joints stay there until FORCE_IDLE, or ``recover`` (F2).
         """
-        self.engine.emergency.ask(not (isinstance(stop, bool | np.bool_) and not stop))
+        self.engine.emergency.ask(not (type(stop) in (bool, np.bool_) and not stop))
 
     def beat(self, now: float | None = None) -> None:
         """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""

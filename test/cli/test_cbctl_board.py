@@ -202,6 +202,17 @@ def test_velocity_streams_and_stops(cbctl: Any, ask: Any) -> None:
     assert ask("velocity", "0=-0.1", "--once")["joints"] == {FIRST: "accepted"}
 
 
+def test_a_terminal_that_closes_ends_a_move(cbctl: Any, ask: Any) -> None:
+    """As Ctrl-C does: nobody is there any more to stop the joint."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it, and cbctl inherits that
+    here = lambda: ask("watch", "0", "--once")[FIRST]["position"]  # noqa: E731
+    move, begun = cbctl.start("move", "0=1.5", "--speed", "0.1"), here()
+    until(lambda: move.poll() is not None or here() > begun + 0.01)
+    stopped = interrupted(move, signal.SIGHUP)
+    assert (stopped.code, f"move cancelled: {FIRST} holds" in stopped.err) == (1, True), stopped
+    assert here() < 1.0
+
+
 @pytest.mark.slow
 def test_velocity_until_it_is_interrupted(cbctl: Any, ask: Any) -> None:
     """Without --for it goes on until SIGTERM or, alike, Ctrl-C, which stop the joint."""

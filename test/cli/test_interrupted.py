@@ -166,7 +166,7 @@ def test_whatever_ends_a_stream_the_joint_is_given_zero() -> None:
     assert session.torques == [0.2, 0.2, 0.0]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_recording_is_completed_first(number: signal.Signals) -> None:
     """Signals amid its end do nothing; after it they act as before."""
     before = signal.getsignal(number)

@@ -99,7 +99,8 @@ class Cbctl:
     @contextlib.contextmanager
     def _as_a_process(self) -> Iterator[tuple[io.StringIO, io.StringIO]]:
         """Give this process the environment and the outputs of another, and no input."""
-        out, err, handler = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
+        out, err = io.StringIO(), io.StringIO()
+        handlers = {n: signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGHUP)}
         try:
             with (
                 mock.patch.dict(os.environ, self.environment, clear=True),
@@ -109,7 +110,8 @@ class Cbctl:
             ):
                 yield out, err
         finally:
-            signal.signal(signal.SIGTERM, handler)
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
 
     def run(self, *words: str, text: str | None = None) -> Result:
         """Run the executable, and wait for its end."""
