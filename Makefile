@@ -57,9 +57,10 @@ motion: ## Measure how well joints move, write docs/motion.md
 	@$(SETUP) test dev icub
 	@$(BIN)/python benchmark/motion.py $(or $(ARGS),--page --plots)
 
-soak: ## Run the board for a long time under load
-	@$(SETUP) test dev
+soak: ## Run the board for a long time under load, then the tests that take minutes each
+	@$(SETUP) test dev icub
 	@$(BIN)/python benchmark/soak.py $(ARGS)
+	@$(PYTEST) -m soak
 
 conformance: ## Print rule -> tests -> result, write docs/conformance.md
 	@$(SETUP) test

@@ -135,9 +135,8 @@ class Trial:
             if kind is SetPoint.IMPEDANCE:  # a tenth of the torque, when it is stuck
                 values[Value.STIFFNESS, joint] = SHARE * limits.torque / abs(way)
                 values[Value.DAMPING, joint] = 0.1 * values[Value.STIFFNESS, joint]
-            kinds = np.zeros(len(self.joints), dtype=np.int8)
-            kinds[joint] = kind
-            released = (kinds > 0).astype(np.float64)
+            kinds, released = np.zeros(len(self.joints), dtype=np.int8), np.zeros(len(self.joints))
+            kinds[joint], released[joint] = kind, 1.0
             readings = self._plant.exchange(SetPoints(kinds, values, released))
             if any(readings.faults):
                 faults = zip(self.joints, readings.faults, strict=True)
