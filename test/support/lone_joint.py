@@ -33,7 +33,8 @@ def joint(**changes: float) -> Any:
         setattr(made, name, 100.0 + k)
     quiet = ("age", "wire", "missed", "blind", "coasts", "stepping", "smooth", "sampled", "behind",
              "contact", "had_contact", "max_jerk", "move_acceleration", "gap", "usual", "held",
-             "moved_acceleration", "dead_band", "sag", "trail", "comes_to_rest")  # fmt: skip
+             "moved_acceleration", "dead_band", "sag", "trail", "comes_to_rest",
+             "lost")  # fmt: skip
     fresh = dict.fromkeys(quiet, 0.0) | {"calm": 1.0, "spring": 1.0, "steady": 1.0}
     for name, value in (GIVEN | fresh | changes).items():
         setattr(made, name, value)

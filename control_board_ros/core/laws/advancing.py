@@ -27,7 +27,8 @@ from .stream import MIN_STREAM_INTERVAL, STREAM_END_AGE, Stream, TimeBase, sine,
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
 MAX_FREQUENCY = cython.declare(cython.double, 60.0)
 FREQUENCY_INTERVAL = cython.declare(cython.double, 1.2)
-#: Time over which braking fades out on a wire, in ages of late readings; at most, s.
+#: Time over which braking fades out on a wire, in ages of late readings, or of those that were
+#: not there; at most, s.
 FADE_TIME_AGES = cython.declare(cython.double, 12.0)
 MAX_FADE_TIME = cython.declare(cython.double, 0.12)
 #: Of a swing whose middle is near: way, of the limit's edge, speed and torque, of their limits.
@@ -151,7 +152,7 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
 
     A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
     """
-    time = min(FADE_TIME_AGES * j.wire, MAX_FADE_TIME)
+    time = min(FADE_TIME_AGES * max(j.wire, j.lost), MAX_FADE_TIME)
     if time <= 0.0:
         return INFINITE
     return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)

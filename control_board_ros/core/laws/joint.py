@@ -160,6 +160,7 @@ class Joint:
     span = cython.declare(cython.double, visibility="public")  # between middles of cycles
     age = cython.declare(cython.double, visibility="public")  # of the reading, s
     wire = cython.declare(cython.double, visibility="public")  # greatest age of late, s
+    lost = cython.declare(cython.double, visibility="public")  # likewise, without a reading, s
     mean_age = cython.declare(cython.double, visibility="public")  # of fresh readings of late, s
     age_variance = cython.declare(cython.double, visibility="public")  # likewise, s²
     steady = cython.declare(cython.double, visibility="public")  # top speed that this allows, 0…1

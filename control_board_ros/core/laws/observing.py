@@ -85,7 +85,7 @@ def observe(
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         j.behind = 0.0
         return
-    late: cython.bint = age > 0.0 or j.wire > 0.0 or j.missed > 0.0
+    late: cython.bint = age > 0.0 or j.wire > 0.0 or j.missed > 0.0 or j.lost > 0.0
     if late or j.held > STARVED * j.period or j.calm * j.steady < 1.0:
         note_feed(j)
         heed(j, age, between)
@@ -158,11 +158,14 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     if between < 0.5 * j.elapsed:  # it is the same reading
         j.missed += j.elapsed
     else:
-        j.missed = 0.0
         note_age(j, age)
-        j.wire = max(age, j.wire * (1.0 - j.elapsed / WIRE_MEMORY))
+        fade = 1.0 - j.elapsed / WIRE_MEMORY
+        j.wire, j.lost = max(age, j.wire * fade), max(j.missed, j.lost * fade)
+        j.missed = 0.0
         if j.wire < 0.1 * j.period:
             j.wire = 0.0
+        if j.lost < 0.1 * j.period:
+            j.lost = 0.0
     if j.kind >= AS_VELOCITY:
         speed = j.pursuit
     late = j.wire + (0.5 * j.usual if j.usual > GAP * j.period else 0.0)
