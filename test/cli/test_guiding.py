@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cbctl_process import Asker, Cbctl, interrupted
+from cbctl_process import Asker, Cbctl
 from cbctl_terminal import terminal
 from hand import JOINT, Hand
 from waiting import until
@@ -32,38 +31,10 @@ def as_set(ask: Asker) -> tuple[list[tuple[float, float]], dict[str, bool]]:
 
 @pytest.mark.slow
 def test_a_guided_way_is_replayed(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path: Path) -> None:
-    """G1, G2, T1: pushed along, recorded, left as found; then it goes there by itself."""
-    way = tmp_path / "way.mcap"
-    before = as_set(ask)
-    words = ("guide", "--for", "60s", "--record", str(way), "--json")
-    guiding = cbctl.start(*words, TMPDIR=str(tmp_path))
-    until(lambda: {row["interaction_mode"] for row in ask("modes").values()} == {"comp"})
-    until(lambda: as_set(ask)[1] != before[1])
-    until(lambda: list(tmp_path.glob("cbctl*/way/*")))  # it records
-    time.sleep(1.0)  # the load is taken over: a push before that would be load
-    hand.push(4.0)
-    until(lambda: hand.position() > 0.3)
-    hand.push(0.0)
-    time.sleep(1.0)
-    guided = hand.position()
-    guidance = interrupted(guiding)
-    assert guidance.code == 0, guidance.err
-    assert "recording" in guidance.out
-    assert {row["interaction_mode"] for row in ask("modes").values()} == {"stif"}
-    assert {row["control_mode"] for row in ask("modes").values()} == {"pos"}
-    assert as_set(ask) == before
-    assert hand.position() == pytest.approx(guided, abs=0.01)
-    assert cbctl("home").code == 0
-    answer = ask("replay", str(way), JOINT, "--speed", "0.5", "--yes")
-    assert answer["success"] is True
-    assert hand.position() == pytest.approx(guided, abs=0.01)
-    assert {row["control_mode"] for row in ask("modes").values()} == {"pos"}
-
-
-@pytest.mark.slow
-def test_a_key_saves_a_pose(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path: Path) -> None:
-    """G1: p saves where the hand has put the joints, q ends; the way there is recorded."""
-    way = tmp_path / "way.mcap"
+    """G1, G2, T1: p saves where the hand has put the joints, q ends, all is left as found; the way
+    there is recorded, and the arm goes it by itself.
+    """
+    way, before = tmp_path / "way.mcap", as_set(ask)
     with terminal(cbctl, "guide", "joint_7", "--record", str(way)) as at:
         at.see("joint_7: p saves a pose, q ends")
         at.type("p")
@@ -79,13 +50,16 @@ def test_a_key_saves_a_pose(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path: Path
         at.type("q")
         at.see(f"recorded: {way}; follow it with: cbctl ")
     guided = hand.position()
+    assert {row["interaction_mode"] for row in ask("modes").values()} == {"stif"}
+    assert as_set(ask) == before
     poses = ask("poses")
     assert poses["guided_1"]["positions"] == {JOINT: pytest.approx(0.0, abs=0.01)}
     assert poses["guided_2"]["positions"] == {JOINT: pytest.approx(guided, abs=0.01)}
-    assert way.is_file()
-    assert cbctl("home").code == 0
-    assert ask("pose", "guided_2")["success"] is True
-    assert hand.position() == pytest.approx(guided, abs=0.01)
+    for words in (("replay", str(way), JOINT, "--speed", "0.5", "--yes"), ("pose", "guided_2")):
+        assert cbctl("home").code == 0
+        assert ask(*words)["success"] is True
+        assert hand.position() == pytest.approx(guided, abs=0.01)
+        assert {row["control_mode"] for row in ask("modes").values()} == {"pos"}
 
 
 def test_a_replay_asks_first(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:
