@@ -151,7 +151,11 @@ class Bag:
             raise RecordingError(f"{folder} exists already; choose another folder") from None
         except OSError as error:
             raise RecordingError(f"cannot make {folder}: {error.strerror}") from None
-        self._check_disk()
+        try:
+            self._check_disk()
+        except RecordingError:
+            folder.rmdir()
+            raise
 
     @property
     def messages(self) -> int:

@@ -159,6 +159,7 @@ def test_a_full_disk_ends_it_cleanly(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert 0 < len(contents(tmp_path / "bag")) < 1000
     with pytest.raises(RecordingError, match="nearly full"):
         Bag(tmp_path / "another", reserve=2**62)
+    assert not (tmp_path / "another").exists()  # the same command may be given again
 
 
 def test_a_disk_that_refuses_keeps_the_files_before(

@@ -126,14 +126,15 @@ def test_what_is_refused(cbctl: Cbctl, tmp_path: Path) -> None:
 
 def test_a_report_of_it(cbctl: Cbctl, tmp_path: Path) -> None:
     """One file, from a recording of a second; what is no recording is refused in one line."""
-    folder = tmp_path / "bag"
-    assert cbctl("record", "-o", str(folder), "--for", "1s").code == 0
+    folder = tmp_path / "my bag"
+    recorded = cbctl("record", "-o", str(folder), "--for", "1s")
+    assert recorded.out.endswith(f"see it with: cbctl report '{folder}' -o report.html\n")
     made = cbctl("report", str(folder), "-o", str(tmp_path / "r.html"))
     assert (made.code, made.out) == (0, f"report: {tmp_path / 'r.html'}\n")
     assert "/control_board" in (tmp_path / "r.html").read_text("utf-8")
     refused = cbctl("report", str(tmp_path))
     assert refused.code == 1
-    assert "it is no finished recording; recordings in it are: bag" in refused.err
+    assert "it is no finished recording; recordings in it are: my bag" in refused.err
 
 
 def test_a_step_is_measured(cbctl: Cbctl, tmp_path: Path) -> None:

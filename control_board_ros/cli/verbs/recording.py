@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time as clock
 from collections.abc import Sequence
 from pathlib import Path
@@ -234,7 +235,7 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
         *(f"table: {table}" for table in tables),
     ]
     if folders:
-        lines.append(f"see it with: cbctl report {folders[-1]} -o report.html")
+        lines.append(f"see it with: cbctl report {shlex.quote(str(folders[-1]))} -o report.html")
     show(session, result, lambda: "\n".join(lines))
     if why and not session.options.json:
         complain(f"the recording ended early: {why}")
