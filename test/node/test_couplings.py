@@ -79,7 +79,9 @@ def test_motor_torque_parameters_are_set_by_yarps_names(client: ControlBoardClie
     after = client.get_motor_torque_params("l_pinky")
     assert (after.ktau, after.coulomb_pos) == (wanted, 0.02)
     assert (after.bemf, after.coulomb_neg) == (before.bemf, before.coulomb_neg)
-    assert "up to" in set_params("l_pinky", MotorTorqueParameters(ktau=10.0)).message
+    assert "send a number from 0.002 to 0.2" in (
+        set_params("l_pinky", MotorTorqueParameters(ktau=10.0)).message
+    )
     refused = set_params("l_pinky", MotorTorqueParameters(ktau=wanted, ktau_scale=3.0))
     assert "send 0" in refused.message
     assert set_params("l_pinky", before)
