@@ -25,7 +25,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -46,7 +46,7 @@ from ..core.terms.measurement import (
 )
 from ..text import clean
 from .exchange import Exchange, Sample
-from .interface import Clock, DrivePlant, JointDescription, RobotPlant
+from .interface import Clock, DriveLimits, DrivePlant, JointDescription, RobotPlant
 from .offers import bounded, corrected_turns, different_gain, limit_differences
 from .outputs import as_drives
 
@@ -120,7 +120,9 @@ class GuardedPlant:
     ) -> None:
         self._plant, self._timeout, self._clock = as_drives(plant), timeout, clock
         self._board, self._remark, self._derived = board, remark, derived
-        self.has = self._acting = self._describe()
+        self.has = self._acting = tuple(  # none keeps the board within anything yet
+            replace(one, limits=DriveLimits(), stiffness=None) for one in self._describe()
+        )
         self._refusal = ""
         self._lines: set[str] = set()  # about what differs, already reported
         self._news: deque[str] = deque(maxlen=NEWS)

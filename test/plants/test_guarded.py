@@ -531,6 +531,17 @@ def test_the_smaller_limits_act_when_a_drive_comes_back() -> None:
         assert bench.board.engine.limits.velocity[0] == 0.5
 
 
+def test_limits_that_are_known_before_a_connection_act_too() -> None:
+    """S4: whatever is configured later."""
+    with benched(Levers("left", limits=DriveLimits(velocity=1.0))) as bench:
+        bench.until(lambda: not bench.guarded.read().reasons)
+        bench.guarded.keep_within(bench.board, 0.0)
+        wider = replace(bench.board.config.joints[0].limits, velocity=2.0)
+        joint = replace(bench.board.config.joints[0], limits=wider)
+        bench.board.reconfigure(replace(bench.board.config, joints=(joint,)))
+        assert bench.board.config.joints[0].limits.velocity == 1.0
+
+
 def test_a_drive_that_leaves_a_joint_no_room_is_a_fault() -> None:
     """S4, B3: the joint gets no power, and the reason is reported."""
     plant = Telling("left")
