@@ -137,7 +137,8 @@ def advance_stop(j: Joint) -> cython.void:
         j.stopping = j.smooth = j.move_cycles * j.period < j.brake_time
     else:
         j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
-    known_to = REST_SPEED * j.max_velocity + j.max_acceleration * j.wire  # late set-points (B7)
+    late = max(j.wire, j.lost)  # set-points, by as much (B7)
+    known_to = REST_SPEED * j.max_velocity + j.max_acceleration * late
     if not j.stopping and fabs(over) > known_to and j.kind != AS_POSITION:
         ahead = j.position - j.moved - j.ramped
         # it runs past the end, for want of torque
