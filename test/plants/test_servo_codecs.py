@@ -121,7 +121,7 @@ def test_what_a_dynamixel_is_told(kind: SetPoint) -> None:
     on = (64, {1: "01"})
     found = said(codec, line, Action.POWER_ON, kind, **SOME)
     assert found == [goal, on, goal, reads, ("hold", 1, 0.5)]
-    assert said(codec, line, Action.ASK, kind, **SOME) == [reads, ("hold", 1, 0.0)]
+    assert said(codec, line, Action.ASK, kind, **SOME) == [reads, ("hold", 1, 0.5)]
     assert said(codec, line, Action.OFF, kind, **SOME) == [reads, ("hold", 1, 0.0)]
     codec.reported.power = True
     off = (64, {1: "00"})
