@@ -56,4 +56,8 @@ def yaml_text(tree: Any) -> str:
 
 def yaml_value(text: str) -> Any:
     """The value of a YAML text; raises yaml.YAMLError."""
-    return yaml.load(text, Loader)
+    loader = Loader(text)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()

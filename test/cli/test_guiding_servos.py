@@ -88,6 +88,6 @@ def guided_held_and_replayed(cbctl: Cbctl, tmp_path: Path) -> bool:
     answer = ask("replay", str(way), "--yes")
     if "there are no states from" in answer["message"]:
         return False
-    assert answer["success"], answer
+    assert answer["success"], (answer, ask("faults"))
     assert places(ask)[PUSHED] == pytest.approx(guided[PUSHED], abs=0.03)
     return True

@@ -150,7 +150,10 @@ COMMAND = """    K.CRAWL: Command(
     ),
 """
 JOINT = "lbr_iiwa_joint_7"
-ENDPOINT = 'CRAWL = command("~/command/crawl", "VelocityDirectCommand", "Crawls.", K.CRAWL)\n'
+ENDPOINT = """CRAWL = command(
+    "~/command/crawl", "Crawls.", K.CRAWL, type_="VelocityDirectCommand"
+)
+"""
 METHOD = """    def crawl(self, joints: Joints, velocities: Values) -> Reply:
         return self.command(K.CRAWL, joints, velocities)
 
@@ -165,7 +168,7 @@ MODE = (
     ),
     ("core/terms/modes.py", "M.CRAWL, ", "M.VELOCITY_DIRECT, M.CURRENT)"),
     ("core/terms/modes.py", "    M.CRAWL: frozenset({K.CRAWL}),\n", "    M.CURRENT: frozenset({K"),
-    ("core/terms/modes.py", "            M.CRAWL,\n", "        )\n    },\n    M.TORQUE"),
+    ("core/terms/modes.py", "M.CRAWL, ", "M.VELOCITY_DIRECT})\nAT_REST"),
     ("core/terms/modes.py", "M.CRAWL, ", "M.VELOCITY_DIRECT})\n\n#: Modes in fault"),
     ("core/machine/commands.py", COMMAND, "    K.CURRENT: Command("),
     ("interface.py", ENDPOINT, "CURRENT_COMMAND = "),
