@@ -277,6 +277,36 @@ def test_a_build_without_a_compiler_continues_with_one_warning(tmp_path: Path) -
     assert not leftover.exists()
 
 
+#: Takes a module from the store, into a folder that is given; both times of change, s.
+KEPT = """
+import os, sys
+from pathlib import Path
+from types import SimpleNamespace
+from distutils.core import run_setup
+build = run_setup("setup.py", stop_after="init").get_command_obj("build_ext")
+import store
+build.build_lib = sys.argv[1]
+build.ensure_finalized()
+build.translation = SimpleNamespace(key=lambda name: "1")
+extension = build.extensions[0]
+built = Path(build.get_ext_fullpath(extension.name))
+made = Path(sys.argv[1], "made")
+made.mkdir(parents=True)
+(made / built.name).write_bytes(b"of an earlier commit")
+os.utime(made / built.name, (1, 1))
+store.keep(extension.name, "1", made)
+build.build_extension(extension)
+print(built.read_bytes().decode(), built.stat().st_mtime > 1)
+"""
+
+
+def test_a_module_from_the_store_replaces_a_newer_one_beside_its_source(tmp_path: Path) -> None:
+    """Setuptools copies into the sources what is newer: a kept module counts as made now."""
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = python(KEPT, tmp_path / "lib", cwd=ROOT, env=environment)
+    assert done.stdout.splitlines()[-1] == "of an earlier commit True"
+
+
 def test_version_reports_which_laws_run() -> None:
     done = ended(sys.executable, "-m", "control_board_ros.node.main", "--version")
     version, laws, physics = done.stdout.splitlines()
