@@ -282,6 +282,7 @@ KEPT = """
 import os, sys
 from pathlib import Path
 from types import SimpleNamespace
+import setuptools
 from distutils.core import run_setup
 build = run_setup("setup.py", stop_after="init").get_command_obj("build_ext")
 import store
