@@ -6,10 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 from operator import index
 
-import numpy as np
-
 from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.selection import RequestError, one_text
+from control_board_ros.core.terms.arguments import releases
 from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import parse_control_mode
@@ -111,7 +110,7 @@ class WholeBoard(Interface):
         Answered when complete; the reply's message names a paused simulation that must resume
         first. After release, joints stay in HW_FAULT until ``recover``.
         """
-        if type(stop) in (bool, np.bool_) and not stop:
+        if releases(stop):
             return await self._services.trigger(EMERGENCY_STOP, data=False)
         response = await self._link.stop(EMERGENCY_STOP, data=True)
         self._services.states.changed()

@@ -39,7 +39,7 @@ from .selection import (
     spread,
 )
 from .state import Snapshot, StateArrays
-from .terms.arguments import Array, Flags, Joints, Values
+from .terms.arguments import Array, Flags, Joints, Values, releases
 from .terms.drives import DriveReport, DriveUse
 from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
@@ -124,7 +124,7 @@ class JointGroup(ModeShortcuts):
         False releases the stop; whatever else is given stops, as None for all joints.
         Released, the joints stay there until FORCE_IDLE, or ``recover`` (F2).
         """
-        self.engine.emergency.ask(not (type(stop) in (bool, np.bool_) and not stop))
+        self.engine.emergency.ask(not releases(stop))
 
     def beat(self, now: float | None = None) -> None:
         """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""

@@ -32,9 +32,9 @@ def joint(**changes: float) -> Any:
     for k, name in enumerate(NUMBERS):
         setattr(made, name, 100.0 + k)
     quiet = ("age", "wire", "missed", "blind", "coasts", "stepping", "smooth", "sampled", "behind",
-             "contact", "had_contact", "max_jerk", "move_acceleration", "gap", "usual", "held",
-             "moved_acceleration", "dead_band", "sag", "trail", "comes_to_rest",
-             "lost")  # fmt: skip
+             "contact", "had_contact", "max_jerk", "move_acceleration", "gap", "usual",
+             "hold_time", "moved_acceleration", "dead_band", "sag", "trail", "comes_to_rest",
+             "outage")  # fmt: skip
     fresh = dict.fromkeys(quiet, 0.0) | {"calm": 1.0, "spring": 1.0, "steady": 1.0}
     for name, value in (GIVEN | fresh | changes).items():
         setattr(made, name, value)

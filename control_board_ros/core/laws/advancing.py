@@ -137,7 +137,7 @@ def advance_stop(j: Joint) -> cython.void:
         j.stopping = j.smooth = j.move_cycles * j.period < j.brake_time
     else:
         j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
-    late = max(j.wire, j.lost)  # set-points, by as much (B7)
+    late = max(j.wire, j.outage)  # set-points, by as much (B7)
     known_to = REST_SPEED * j.max_velocity + j.max_acceleration * late
     if not j.stopping and fabs(over) > known_to and j.kind != AS_POSITION:
         ahead = j.position - j.moved - j.ramped
@@ -153,7 +153,7 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
 
     A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
     """
-    time = min(FADE_TIME_AGES * max(j.wire, j.lost), MAX_FADE_TIME)
+    time = min(FADE_TIME_AGES * max(j.wire, j.outage), MAX_FADE_TIME)
     if time <= 0.0:
         return INFINITE
     return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)

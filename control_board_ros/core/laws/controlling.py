@@ -24,7 +24,7 @@ from .joint import (
     OUTPUT,
     POSITION,
     REST_SPEED,
-    STARVED,
+    STARVED_PERIODS,
     WIRE_PHASE,
     Joint,
     come_in,
@@ -109,7 +109,7 @@ def keep_near(j: Joint) -> cython.void:
     """Bound the lead of the followed reference by the torque and speed limits (P14)."""
     p: Pid = j.position_pid
     if p.kp > 0.0 and not j.blind:
-        late = j.delay + 2.0 * j.wire + max(j.held - j.period, 0.0)
+        late = j.delay + 2.0 * j.wire + max(j.hold_time - j.period, 0.0)
         lead = late * fabs(j.followed_velocity)  # either way
         lead += LEAD * j.max_torque / (p.kp * j.calm)
         if fabs(j.followed - j.position) > lead:
@@ -318,7 +318,7 @@ def control(j: Joint) -> cython.void:
         return
     if (
         j.kind == AS_IMPEDANCE
-        and (j.wire > 0.0 or j.held > STARVED * j.period)
+        and (j.wire > 0.0 or j.hold_time > STARVED_PERIODS * j.period)
         and (j.law == POSITION or j.settling)
     ):
         hand_down_spring(j, feed)

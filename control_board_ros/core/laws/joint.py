@@ -44,7 +44,7 @@ SAGGING = cython.declare(cython.double, 0.05)
 #: reference begins anew from where the joint is (B6, B7).
 GAP = cython.declare(cython.double, 3.0)
 #: Periods between two cycles, more than once, from which on a loop is starved (B6).
-STARVED = cython.declare(cython.double, 1.5)
+STARVED_PERIODS = cython.declare(cython.double, 1.5)
 #: Phase that the age of readings may cost the velocity loop, rad.
 WIRE_PHASE = cython.declare(cython.double, 0.2)
 #: Time constant of the feedback that a coasting joint keeps, s.
@@ -155,12 +155,12 @@ class Joint:
     # --- time -------------------------------------------------------------------------------
     elapsed = cython.declare(cython.double, visibility="public")  # since the last cycle, s
     usual = cython.declare(cython.double, visibility="public")  # the longest of late, s
-    held = cython.declare(cython.double, visibility="public")  # likewise, but for a single one, s
+    hold_time = cython.declare(cython.double, visibility="public")  # likewise, no single one, s
     gap = cython.declare(cython.bint, visibility="public")  # elapsed is more than GAP of those
     span = cython.declare(cython.double, visibility="public")  # between middles of cycles
     age = cython.declare(cython.double, visibility="public")  # of the reading, s
     wire = cython.declare(cython.double, visibility="public")  # greatest age of late, s
-    lost = cython.declare(cython.double, visibility="public")  # likewise, without a reading, s
+    outage = cython.declare(cython.double, visibility="public")  # likewise, without a reading, s
     mean_age = cython.declare(cython.double, visibility="public")  # of fresh readings of late, s
     age_variance = cython.declare(cython.double, visibility="public")  # likewise, s²
     steady = cython.declare(cython.double, visibility="public")  # top speed that this allows, 0…1

@@ -19,7 +19,7 @@ from .joint import (
     HOLD_FILTER,
     POSITION,
     REST_TIME,
-    STARVED,
+    STARVED_PERIODS,
     WIRE_PHASE,
     Joint,
     friction,
@@ -59,12 +59,12 @@ def pass_time(j: Joint, elapsed: cython.double) -> cython.void:
     before = j.elapsed if j.elapsed > 0.0 else j.period
     j.elapsed = elapsed if elapsed > 0.0 else j.period
     j.gap = j.elapsed > GAP * max(j.usual, j.period)
-    held = min(j.elapsed, GAP * max(j.held, j.period))
+    hold_time = min(j.elapsed, GAP * max(j.hold_time, j.period))
     if j.usual > j.elapsed:  # a division less in simulations, where they are equal
         fade = 1.0 - min(j.elapsed / WIRE_MEMORY, 1.0)
         j.usual *= fade
-        j.held *= fade
-    j.usual, j.held = max(j.elapsed, j.usual), max(held, j.held)
+        j.hold_time *= fade
+    j.usual, j.hold_time = max(j.elapsed, j.usual), max(hold_time, j.hold_time)
     j.span = 0.5 * (before + j.elapsed)
 
 
@@ -85,8 +85,8 @@ def observe(
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         j.behind = 0.0
         return
-    late: cython.bint = age > 0.0 or j.wire > 0.0 or j.missed > 0.0 or j.lost > 0.0
-    if late or j.held > STARVED * j.period or j.calm * j.steady < 1.0:
+    late: cython.bint = age > 0.0 or j.wire > 0.0 or j.missed > 0.0 or j.outage > 0.0
+    if late or j.hold_time > STARVED_PERIODS * j.period or j.calm * j.steady < 1.0:
         note_feed(j)
         heed(j, age, between)
         ahead = fed_since(j, age)
@@ -160,12 +160,12 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     else:
         note_age(j, age)
         fade = 1.0 - j.elapsed / WIRE_MEMORY
-        j.wire, j.lost = max(age, j.wire * fade), max(j.missed, j.lost * fade)
+        j.wire, j.outage = max(age, j.wire * fade), max(j.missed, j.outage * fade)
         j.missed = 0.0
         if j.wire < 0.1 * j.period:
             j.wire = 0.0
-        if j.lost < 0.1 * j.period:
-            j.lost = 0.0
+        if j.outage < 0.1 * j.period:
+            j.outage = 0.0
     if j.kind >= AS_VELOCITY:
         speed = j.pursuit
     late = j.wire + (0.5 * j.usual if j.usual > GAP * j.period else 0.0)
@@ -177,7 +177,7 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
             j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
     j.steady = 1.0
     if j.kind >= AS_POSITION:
-        off = UNEVEN_SPEED * sqrt(j.age_variance) + HELD_SPEED * max(j.held - j.period, 0.0)
+        off = UNEVEN_SPEED * sqrt(j.age_variance) + HELD_SPEED * max(j.hold_time - j.period, 0.0)
         off *= speed * (j.calm if j.kind == AS_IMPEDANCE else 1.0)
         j.steady = min(MAX_UNEVEN_SPEED / (1.0 + off), 1.0)
     j.blind = j.missed > GAP * j.period + j.wire

@@ -117,8 +117,8 @@ class Stops:
     hasty: cython.double
     onward: cython.bint  # no joint may turn round
     strained: cython.bint  # a motor lacked torque in the last prediction
-    longest: cython.double  # way beyond the braking distance in the last prediction
-    returned: cython.double  # longest way back in it
+    overrun: cython.double  # way beyond the braking distance in the last prediction
+    way_back: cython.double  # longest way back in it
     steps: cython.int  # of the last prediction
     best_steps: cython.int
     place: cython.double[::1]
@@ -260,17 +260,17 @@ class Stops:
 
     @cython.cfunc
     def improve(self) -> cython.void:
-        """Keep the best of several predictions of full braking in ``best``."""
+        """Predict stops with full braking, and keep the best."""
         for k in range(self.stopping):
             self.wanted[k] = self.hardest[k]
             self.limit[k] -= self.lost_torque(k)
-        least = self.try_some(True, 1e300)
+        least = self.keep_best(True, 1e300)
         if self.back >= GOOD_SCORE or KEEPING < self.furthest < 2.0 * KEEPING:
-            self.try_some(False, least)
+            self.keep_best(False, least)
 
     @cython.cfunc
-    def try_some(self, onward: cython.bint, least: cython.double) -> cython.double:
-        """Keep what is better than a score ``least`` of some predictions; the best score."""
+    def keep_best(self, onward: cython.bint, least: cython.double) -> cython.double:
+        """Keep the best of some predictions in ``best``, below a score ``least``; its score."""
         self.onward = onward
         for k in range(self.stopping):
             self.urge[k] = 1.0
@@ -278,12 +278,12 @@ class Stops:
             self.rounds += 1
             self.predict()
             score = max(self.excess - SLACK, 0.0) + max(self.hasty - SLACK, 0.0)
-            score += self.longest + BACK_WEIGHT * self.returned
+            score += self.overrun + BACK_WEIGHT * self.way_back
             good: cython.bint = score < GOOD_SCORE
             score += LATE_WEIGHT * self.steps * self.step
             if score < least:
                 least, self.best_steps = score, self.steps
-                self.furthest, self.back = self.longest, self.returned
+                self.furthest, self.back = self.overrun, self.way_back
                 self.best[:] = self.trial
             if good:
                 break
@@ -309,7 +309,7 @@ class Stops:
     def predict(self) -> cython.void:
         """Predict a stop into ``trial``."""
         moving: cython.bint = True
-        self.longest = self.returned = 0.0
+        self.overrun = self.way_back = 0.0
         self.excess, self.hasty, self.strained = 0.0, 0.0, False
         for k in range(self.count):
             self.q[k], self.v[k] = self.place[k], self.speed[k]
@@ -350,8 +350,8 @@ class Stops:
                 way = -way
             change = self.max_way[k] - 0.5 * self.speed[k] * self.speed[k] / self.hardest[k]
             self.beyond[k] = max(change, 0.0) + self.max_way[k] - way
-            self.longest = max(self.longest, change)
-            self.returned = max(self.returned, self.max_way[k] - way)
+            self.overrun = max(self.overrun, change)
+            self.way_back = max(self.way_back, self.max_way[k] - way)
 
     @cython.cfunc
     def evaluate(self) -> cython.void:

@@ -40,7 +40,7 @@ DOUBTFUL = cython.declare(cython.double, 0.05)
 #: What another numbering must improve, in twice the logarithm of a likelihood; mean square of
 #: predictions then, at most, in those of third differences.
 RENUMBER = cython.declare(cython.double, 15.0)
-ANEW = cython.declare(cython.double, 4.0)
+RENUMBERED_RESIDUAL = cython.declare(cython.double, 4.0)
 #: Cost of a sample taken for lost, with that of the first ones over their number; maximum costs
 #: of the arrival and of the value; all in squares of standard deviations.
 LOSS = cython.declare(cython.double, 3.0)
@@ -468,7 +468,8 @@ class Stream:
         if first == 0:
             return False
         self.missing += 0.05 * change
-        self.surprise, self.grid.residual = 0.0, min(self.grid.residual, ANEW * scale)
+        self.surprise = 0.0
+        self.grid.residual = min(self.grid.residual, RENUMBERED_RESIDUAL * scale)
         for k in range(self.knots):
             if self.sent.times[k] - d <= self.arrivals[first]:
                 self.numbers[k] -= change

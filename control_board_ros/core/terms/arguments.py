@@ -12,3 +12,8 @@ Joints = int | str | Sequence[int | str] | None
 Array = NDArray[np.float64]
 Values = float | Sequence[float] | Array
 Flags = bool | Sequence[bool]
+
+
+def releases(stop: object) -> bool:
+    """Whether it releases an emergency stop: False alone; None and 0 are joints elsewhere."""
+    return isinstance(stop, bool | np.bool_) and not stop
