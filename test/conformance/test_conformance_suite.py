@@ -6,7 +6,9 @@ from __future__ import annotations
 import io
 import json
 import re
+from collections import deque
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -16,8 +18,8 @@ import pytest
 from conformance_sessions import ARM, RATE, session_on
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
-from control_board_ros.conformance.bench import Permissions
-from control_board_ros.conformance.rules import NotTestable, in_order
+from control_board_ros.conformance.bench import Bench, Permissions
+from control_board_ros.conformance.rules import RULES, NotTestable, in_order
 from control_board_ros.conformance.runner import lightest, run
 from control_board_ros.testing import board_process
 
@@ -99,6 +101,31 @@ def test_a_sliding_joint_is_reported_in_metres() -> None:
     for _, evidence in results.values():
         assert re.search(r"[0-9] m(/s|\b)", evidence)
         assert "rad" not in evidence
+
+
+def test_answers_that_are_late_let_no_velocity_expire_unseen(monkeypatch: Any) -> None:
+    """P6: an answer after a move was accepted takes longer than velocities last (P12)."""
+    session, last = board_in_process.session_of(joint="bare"), Bench.last
+    values: list[float] = []
+
+    def answered(bench: Bench, *arguments: Any) -> float:
+        if values[-2:-1] != values[-1:]:
+            bench.channel.sleep(0.3)
+        values.append(last(bench, *arguments))
+        return values[-1]
+
+    monkeypatch.setattr(Bench, "last", answered)
+    result = session.try_one(RULES["P6"])
+    assert result.outcome is not Outcome.NOT_HELD, result.evidence
+
+
+def test_the_interval_of_states_is_that_of_their_parameter() -> None:
+    """100 Hz of 250 are 8 and 12 ms in turns, and 8 may be the median."""
+    session = board_in_process.session_of()
+    stamps = [0.0, 0.008, 0.02, 0.028]
+    session.channel.states = deque(SimpleNamespace(stamp=stamp) for stamp in stamps)
+    session.bench._interval = 0.01
+    assert session.bench.state_interval == 0.01
 
 
 def test_only_a_joint_that_can_be_tried_is() -> None:
