@@ -58,8 +58,9 @@ def test_to_hold(velocity: float, followed: float) -> None:
     speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
     expected |= dict.fromkeys(speeds, followed)
     expected |= dict.fromkeys(("stopping", "stop_due", "active"), followed != 0.0)
-    expected |= {"stop_rate": 20.0, "plan_steps": 0, "comes_to_rest": True}
-    assert changes(one, "hold", 1.25) == expected | {"direct_age": INFINITE}
+    expected |= {"stop_rate": 20.0, "renewal_speed": INFINITE, "plan_steps": 0}
+    expected |= {"comes_to_rest": True, "direct_age": INFINITE}
+    assert changes(one, "hold", 1.25) == expected
     assert (one.stream.count, one.stream.flows) == (0.0, False)
 
 

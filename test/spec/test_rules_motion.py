@@ -37,6 +37,7 @@ from rig import (
 from control_board_ros.core.config.config import Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
+from control_board_ros.simulation import Simulation
 
 PERIOD = 1.0 / RATE
 ONLY_P = Pid(kp=100.0)
@@ -153,6 +154,26 @@ def test_stop_in_each_mode(mode: str) -> None:
     assert shown.motion_done[0]
     check_stop(board, shown, rig.run(1.0))
     assert rig.modes() == [ControlMode[board.get_control_mode("left")[0].name]]
+
+
+@pytest.mark.parametrize(("rate", "way"), [(100.0, 4), (250.0, 2), (1000.0, 8)])
+def test_a_joint_that_stops_after_a_step_rests(rate: float, way: int) -> None:
+    """M9, P3: it does not creep on, its reference with it."""
+    with Simulation.load("iiwa", control_rate=rate) as simulation:
+        board, name = simulation.board, "lbr_iiwa_joint_3"
+        simulation.step(3)
+        assert board.set_control_mode(name, "posd")
+        board.set_position(name, 0.1)
+        simulation.step(way)
+        assert board.set_control_mode(name, "pos")
+        simulation.step(5)
+        assert board.position_move(name, 0.6, 0.2)
+        simulation.step(9)
+        assert board.stop(name)
+        simulation.step(round(2.0 * rate))
+        held = board.get_encoder(name)[0]
+        simulation.step(round(rate))
+        assert board.get_encoder(name)[0] == pytest.approx(held, abs=2e-3)
 
 
 def test_stop_of_one_joint_leaves_the_others() -> None:

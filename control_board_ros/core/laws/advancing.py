@@ -35,6 +35,8 @@ MAX_FADE_TIME = cython.declare(cython.double, 0.12)
 SWING = cython.declare(cython.double, 0.04)
 SWING_SPEED = cython.declare(cython.double, 0.01)
 SWING_TORQUE = cython.declare(cython.double, 0.05)
+#: Speed at which a stop may begin anew, as a part of that where it last did.
+RENEWAL_SHARE = cython.declare(cython.double, 0.98)
 #: Time in which a reference that brakes on a wire yields to a joint ahead of it, s.
 YIELD_TIME = cython.declare(cython.double, 0.015)
 
@@ -141,8 +143,10 @@ def advance_stop(j: Joint) -> cython.void:
     known_to = REST_SPEED * j.max_velocity + j.max_acceleration * late
     if not j.stopping and fabs(over) > known_to and j.kind != AS_POSITION:
         ahead = j.position - j.moved - j.ramped
-        # it runs past the end, for want of torque
-        if ahead * over > 0.0 and ahead * j.velocity > 0.0:
+        # it runs past the end, for want of torque; one that creeps at one speed does not want it
+        slower: cython.bint = fabs(over) <= RENEWAL_SHARE * j.renewal_speed
+        if slower and ahead * over > 0.0 and ahead * j.velocity > 0.0:
+            j.renewal_speed = fabs(over)
             go_on_stopping(j, j.position)
 
 

@@ -120,6 +120,7 @@ class Joint:
     stopping = cython.declare(cython.bint, visibility="public")  # it brakes, and holds at rest
     stop_due = cython.declare(cython.bint, visibility="public")  # its stop is still to be planned
     stop_rate = cython.declare(cython.double, visibility="public")  # deceleration, rad/s²
+    renewal_speed = cython.declare(cython.double, visibility="public")  # where it began anew
     stepping = cython.declare(cython.bint, visibility="public")  # a direct position by a plan
     alone = cython.declare(cython.bint, visibility="public")  # no other came shortly before it
     sample_age = cython.declare(cython.double, visibility="public")  # of the last one, periods
@@ -278,6 +279,7 @@ class Joint:
         self.driven = self.stepping = self.smooth = False
         self.stopping = self.active = moves
         self.stop_due = self.stopping
+        self.renewal_speed = INFINITE
         self.brake(self.max_acceleration)
         self.moved_velocity = 0.0
         if self.stopping:
