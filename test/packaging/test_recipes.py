@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import re
 import shutil
@@ -16,63 +15,19 @@ from processes import ended
 
 import control_board_ros
 
-DOCKERFILE = [
-    line for line in (ROOT / "Dockerfile").read_text("utf-8").splitlines() if line[:1] != "#"
-]
 
-
-def lint(lines: list[str]) -> set[str]:
-    """The rules of hadolint that lines of a Dockerfile break, of those that matter to ours."""
-    text = "\n".join(lines)
-    pairs = list(itertools.pairwise(lines))
-    packages = " ".join(re.findall(r"apt-get install (.*?)(?:&&|$)", text, re.M)).split()
-    named = [word for word in packages if not word.startswith("-")]
-    pip = re.findall(r"pip (?:install|wheel) [^&]*", text)
-    users = [line.split()[1] for line in lines if line.startswith("USER ")]
-    broken = {
-        "DL3002": users[-1:] in ([], ["root"]),
-        "DL3004": "sudo " in text,
-        "DL3006": any(":" not in line for line in lines if line.startswith("FROM ")),
-        "DL3007": ":latest" in text,
-        "DL3008": any("=" not in word for word in named),
-        "DL3009": "apt-get install" in text and "rm -rf /var/lib/apt/lists" not in text,
-        "DL3014": bool(named) and "-y" not in packages,
-        "DL3015": bool(named) and "--no-install-recommends" not in packages,
-        "DL3020": any(line.startswith("ADD ") for line in lines),
-        "DL3025": any(
-            line.startswith(("CMD ", "ENTRYPOINT ")) and not line.split(" ", 1)[1].startswith("[")
-            for line in lines
-        ),
-        "DL3042": any("--no-cache-dir" not in command for command in pip),
-        "DL3045": any(
-            line.startswith("COPY ") and not line.split()[-1].startswith("/") for line in lines
-        ),
-        "DL3059": any(a.startswith("RUN ") and b.startswith("RUN ") for a, b in pairs),
-        "DL3066": any(not user.isdigit() for user in users),
-        "DL4006": any(
-            line.startswith("RUN ") and re.search(r"[^|]\|[^|]", line) for line in lines
-        ),
-    }
-    return {rule for rule, is_so in broken.items() if is_so}
-
-
-def test_the_dockerfile_is_short_and_clean() -> None:
-    assert len(DOCKERFILE) <= 10
-    assert lint(DOCKERFILE) == set()
-
-
-def test_rules_of_hadolint_are_kept() -> None:
-    bad = [
-        "FROM debian",
-        "RUN apt-get install cmake | tee log",
-        "RUN sudo pip install numpy",
-        "ADD . here",
-        "COPY . here",
-        "CMD control_board",
+def test_the_dockerfile_is_short_and_ends_as_a_user() -> None:
+    """Of a fixed base, without what only building needs."""
+    lines = [
+        line for line in (ROOT / "Dockerfile").read_text("utf-8").splitlines() if line[:1] != "#"
     ]
-    rules = ["02", "04", "06", "08", "09", "14", "15", "20", "25", "42", "45", "59"]
-    assert lint(bad) == {f"DL30{rule}" for rule in rules} | {"DL4006"}
-    assert lint(["FROM debian:latest", "USER board"]) == {"DL3007", "DL3066"}
+    text = "\n".join(lines)
+    assert len(lines) <= 10
+    assert all(":" in line for line in lines if line.startswith("FROM "))
+    assert ":latest" not in text
+    assert [line for line in lines if line.startswith("USER ")][-1].split()[1].isdigit()
+    assert text.count("pip install") == text.count("pip install --no-cache-dir")
+    assert text.count("apt-get install") == text.count("rm -rf /var/lib/apt/lists")
 
 
 def test_the_dev_container_sets_up_by_make() -> None:

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
 from processes import python
-from type_hashes import (
-    constants,
-    described,
-    hash_of,
-    hash_of_whole,
-    lines,
-    without_defaults,
-)
+
+import control_board_ros  # noqa: F401 - registers the wheels with ament
+
+rosbags = pytest.importorskip("rosbags.typesys")
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTROL_MSGS = ROOT / "vendor/control_msgs"
@@ -73,45 +71,56 @@ YARP_TYPES = [
     for part in (("",) if name.startswith("msg") else ("_Request", "_Response"))
 ]
 PARTS = {
-    "action": ("Goal", "Result", "Feedback"),
-    "srv": ("Request", "Response"),
+    "action": ("_Goal", "_Result", "_Feedback"),
+    "srv": ("_Request", "_Response"),
     "msg": ("",),
 }
 
 
-def in_source(name: str) -> str:
-    """The hash of a type of vendor/, from its fields."""
-    package, kind, short = name.split("/")
-    folder = ROOT / "vendor" / package
-    short, _, part = short.partition("_")
-    number = PARTS[kind].index(part) if part else 0
-    return hash_of(described(name, lines(folder / kind / f"{short}.{kind}")[number]), folder)
+def parts_of(path: Path) -> list[str]:
+    """The parts of an interface file."""
+    return re.split("^---$", path.read_text(encoding="utf-8"), flags=re.M)
+
+
+def types_of_vendor() -> Any:
+    """A store of the types in vendor/, read from their files alone."""
+    store = rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
+    for kind, ends in PARTS.items():
+        for path in (ROOT / "vendor").glob(f"*/{kind}/*"):
+            package = path.parts[-3]
+            for end, text in zip(ends, parts_of(path), strict=True):
+                made = rosbags.get_types_from_msg(text, f"{package}/msg/{path.stem}")
+                (store.fielddefs[f"{package}/{kind}/{path.stem}{end}"],) = made.values()
+    return store
 
 
 def in_installation(name: str) -> str:
-    """The hash of what is installed, from the description that its generator wrote."""
+    """The hash of what is installed, as its generator wrote it."""
     package, kind, short = name.split("/")
     path = Path(get_package_share_directory(package)) / kind / f"{short.partition('_')[0]}.json"
     made = json.loads(path.read_text(encoding="utf-8"))
-    hashes = {one["type_name"]: str(one["hash_string"]) for one in made["type_hashes"]}
-    whole = made["type_description_msg"]
-    if whole["type_description"]["type_name"] == name:
-        others = [without_defaults(one) for one in whole["referenced_type_descriptions"]]
-        computed = hash_of_whole(without_defaults(whole["type_description"]), others)
-        assert hashes[name] == computed
-    return hashes[name]
+    return {one["type_name"]: str(one["hash_string"]) for one in made["type_hashes"]}[name]
+
+
+SOURCE = types_of_vendor()
+
+
+def constants(name: str) -> dict[str, int]:
+    return {constant: value for constant, _, value in SOURCE.fielddefs[name][0]}
 
 
 def test_the_hash_of_a_published_build_is_computed() -> None:
     """The state without its newest field is what control_msgs had before 5.3.0."""
-    (part,) = lines(CONTROL_MSGS / "msg/JointTrajectoryControllerState.msg")
-    assert part[-1] == "float64 speed_scaling_factor"
-    assert hash_of(described(STATE, part[:-1]), CONTROL_MSGS) == STATE_BEFORE_5_3
+    store = types_of_vendor()
+    constants, fields = store.fielddefs[STATE]
+    assert fields[-1][0] == "speed_scaling_factor"
+    store.fielddefs[STATE] = constants, fields[:-1]
+    assert store.hash_rihs01(STATE) == STATE_BEFORE_5_3
 
 
 @pytest.mark.parametrize("name", [n for n in CONTROL_MSGS_HASHES if not n.endswith("Trajectory")])
 def test_the_fields_in_the_source_are_those_of_jazzy(name: str) -> None:
-    assert in_source(name) == CONTROL_MSGS_HASHES[name]
+    assert SOURCE.hash_rihs01(name) == CONTROL_MSGS_HASHES[name]
 
 
 @pytest.mark.parametrize("name", CONTROL_MSGS_HASHES)
@@ -123,27 +132,23 @@ def test_the_installed_types_are_those_of_jazzy(name: str) -> None:
 def test_the_feedback_has_jazzy_s_fields() -> None:
     """Those of later distributions have an index, too, and another hash."""
     name = "control_msgs/action/FollowJointTrajectory_Feedback"
-    assert in_source(name) == in_installation(name)
-    assert "index" not in "".join(lines(CONTROL_MSGS / "action/FollowJointTrajectory.action")[2])
+    assert SOURCE.hash_rihs01(name) == in_installation(name)
+    assert "index" not in dict(SOURCE.fielddefs[name][1])
 
 
 def test_constants_are_those_of_jazzy() -> None:
     """They are no part of the hash."""
-    assert constants(CONTROL_MSGS / "action/FollowJointTrajectory.action") == {
-        "SUCCESSFUL": "int32 0",
-        "INVALID_GOAL": "int32 -1",
-        "INVALID_JOINTS": "int32 -2",
-        "OLD_HEADER_TIMESTAMP": "int32 -3",
-        "PATH_TOLERANCE_VIOLATED": "int32 -4",
-        "GOAL_TOLERANCE_VIOLATED": "int32 -5",
+    assert constants("control_msgs/action/FollowJointTrajectory_Result") == {
+        "SUCCESSFUL": 0,
+        "INVALID_GOAL": -1,
+        "INVALID_JOINTS": -2,
+        "OLD_HEADER_TIMESTAMP": -3,
+        "PATH_TOLERANCE_VIOLATED": -4,
+        "GOAL_TOLERANCE_VIOLATED": -5,
     }
-    assert constants(CONTROL_MSGS / "msg/JointComponentTolerance.msg") == {
-        "X_AXIS": "uint16 1",
-        "Y_AXIS": "uint16 2",
-        "Z_AXIS": "uint16 3",
-        "TRANSLATION": "uint16 4",
-        "ROTATION": "uint16 5",
-    }
+    axes = ("X_AXIS", "Y_AXIS", "Z_AXIS", "TRANSLATION", "ROTATION")
+    components = constants("control_msgs/msg/JointComponentTolerance")
+    assert components == {axis: number for number, axis in enumerate(axes, start=1)}
 
 
 def test_the_core_s_codes_are_those_of_the_action() -> None:
@@ -157,26 +162,26 @@ def test_the_core_s_codes_are_those_of_the_action() -> None:
 
 def test_tf_is_jazzy_s() -> None:
     """``/tf`` is received by the RViz and the Foxglove of a distribution."""
-    assert in_source(TF_MESSAGE) == in_installation(TF_MESSAGE) == TF_MESSAGE_HASH
+    assert SOURCE.hash_rihs01(TF_MESSAGE) == in_installation(TF_MESSAGE) == TF_MESSAGE_HASH
 
 
 @pytest.mark.parametrize("name", YARP_FIELDS)
 def test_yarp_s_types_have_their_fields(name: str) -> None:
     """Names, types and order; the words of the answers with their default."""
-    kind = name.partition("/")[0]
-    parts = [
-        [field for field in part.strip().split(", ") if field]
-        for part in YARP_FIELDS[name].split("---")
-    ]
+    kind, parts = name.partition("/")[0], YARP_FIELDS[name].split("---")
+    wanted = [list(filter(None, part.strip().split(", "))) for part in parts]
     if kind == "srv":
-        parts[-1] += YARP_ANSWER
-    assert lines(YARP / f"{name}.{kind}") == parts
+        wanted[-1] += YARP_ANSWER
+    assert [
+        [line for line in part.splitlines() if line and not line.startswith("#")]
+        for part in parts_of(YARP / f"{name}.{kind}")
+    ] == wanted
 
 
 @pytest.mark.parametrize("name", YARP_TYPES)
 def test_yarp_s_installed_types_have_their_hashes(name: str) -> None:
     """Built here, or YARP's own: a client of either connects."""
-    assert in_source(name) == in_installation(name)
+    assert SOURCE.hash_rihs01(name) == in_installation(name)
 
 
 def test_vendored_files_have_their_licence() -> None:
