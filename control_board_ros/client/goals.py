@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from control_board_ros.core.calibration.calibration import CalibrationStatus
+from control_board_ros.core.calibration.calibrations import CalibrationStatus
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.modes import CALIBRATES
 from control_board_ros.core.terms.reply import Reply, refused

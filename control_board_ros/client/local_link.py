@@ -19,9 +19,10 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol
 
 from ..core.board import Board
+from ..core.goals.follower import Follower
 from ..core.goals.path import Points
 from ..core.goals.pose import Pose
-from ..core.goals.trajectory_goal import Code, End, Follower, GoalError, TrajectoryGoal, start_goal
+from ..core.goals.trajectory_goal import Code, End, GoalError, TrajectoryGoal, start_goal
 from ..core.group import JointGroup
 from ..core.selection import RequestError
 from ..core.terms import measurement

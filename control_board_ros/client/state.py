@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from control_board_ros.core.calibration.calibration import CalibrationStatus
+from control_board_ros.core.calibration.calibrations import CalibrationStatus
 from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import GET_CONTROL_MODE, MOST_JOINTS, STATE
 from control_board_ros.protocols import Floats

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration.calibration import CalibrationStatus
+from .calibration.calibrations import CalibrationStatus
 from .config.config import BoardConfig, ConfigError, JointConfig, Zone
 from .engine import Engine
 from .machine.commands import check_valid_for, spread_along

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..core.goals.follower import Follower
 from ..core.goals.path import Points
-from ..core.goals.trajectory_goal import Follower, GoalError, start_goal
+from ..core.goals.trajectory_goal import GoalError, start_goal
 from ..core.terms.vocabs import ControlMode, InteractionMode
 from ..joint_limits import FIELDS, JointLimits
 from ..simulation import Simulation

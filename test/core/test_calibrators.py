@@ -12,11 +12,11 @@ from rig import joint
 from control_board_ros.core.calibration.calibration import (
     AbsoluteSensor,
     CalibrationError,
-    CalibrationStatus,
     Calibrator,
     HardStop,
     OffsetAndMove,
 )
+from control_board_ros.core.calibration.calibrations import CalibrationStatus
 from control_board_ros.core.config.config import Calibration
 
 PERIOD = 0.01

@@ -10,7 +10,7 @@ import pytest
 from rig import LIMITS, MOTOR, joint
 
 from control_board_ros.core.terms.faults import Cause, FaultCode
-from control_board_ros.core.watch.fault_monitor import (
+from control_board_ros.core.watch.causes import (
     CODES,
     ROWS_OF,
     Check,

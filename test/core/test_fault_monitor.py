@@ -19,10 +19,9 @@ from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import CREDIBLE, ROWS, Row
 from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.core.watch.causes import Check, bound_cause
 from control_board_ros.core.watch.fault_monitor import (
-    Check,
     FaultMonitor,
-    bound_cause,
     checked_limits,
     first_weight,
     movers_of,

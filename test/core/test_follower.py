@@ -15,8 +15,8 @@ import pytest
 from following import Following
 from rig import Rig, board_config, joint
 
+from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import Path, make_path
-from control_board_ros.core.goals.trajectory_goal import Follower
 from control_board_ros.core.terms.measurement import UNREAD, Measurement, Row
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 

@@ -10,7 +10,7 @@ import pytest
 
 from control_board_ros.core.terms.measurement import CREDIBLE, MOTOR_ROWS, Array
 from control_board_ros.core.terms.measurement import ROWS as READ
-from control_board_ros.core.watch.fault_monitor import ROWS_OF, Check
+from control_board_ros.core.watch.causes import ROWS_OF, Check
 from control_board_ros.core.watch.monitor import JointMonitor, Monitor
 
 SLOW, PERIOD, FORGET = 4, 0.01, 0.5

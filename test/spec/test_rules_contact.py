@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import Points
-from control_board_ros.core.goals.trajectory_goal import Follower, start_goal
+from control_board_ros.core.goals.trajectory_goal import start_goal
 from control_board_ros.core.state import Reference
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode

@@ -8,8 +8,9 @@ from typing import Any
 from rig import Rig
 
 from control_board_ros.core.config.config import BoardConfig
+from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import Points, Wishes
-from control_board_ros.core.goals.trajectory_goal import Follower, TrajectoryGoal, start_goal
+from control_board_ros.core.goals.trajectory_goal import TrajectoryGoal, start_goal
 from control_board_ros.core.terms.arguments import Array
 
 

@@ -495,7 +495,7 @@ POWERS = {"allowed": Permissions(power_cycle=True)}
 
 @breaks("K1", **CALIBRATES)
 def a_calibration_does_nothing() -> None:
-    around("core.calibration.calibration:Calibrations.start", lambda *_: None)
+    around("core.calibration.calibrations:Calibrations.start", lambda *_: None)
 
 
 @breaks("K2", **CALIBRATES)

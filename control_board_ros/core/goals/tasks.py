@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...text import count_of
-from ..calibration.calibration import CalibrationStatus
+from ..calibration.calibrations import CalibrationStatus
 from ..machine.explanations import explain_slower
 from ..selection import RequestError
 from ..terms.arguments import Array, Joints

@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..calibration.calibration import CalibrationError, Calibrations, Hand
+from ..calibration.calibration import CalibrationError, Hand
+from ..calibration.calibrations import Calibrations
 from ..config.config import BoardConfig, JointConfig
 from ..laws.control import Controller
 from ..laws.references import References, ReferenceTimeouts

@@ -21,7 +21,8 @@ from rclpy.node import Node
 
 from ...compiled import describe, is_compiled
 from ...core.config.parameter import ConfigError, Parameter
-from ...core.goals.trajectory_goal import Follower, start_goal
+from ...core.goals.follower import Follower
+from ...core.goals.trajectory_goal import start_goal
 from ...core.terms.measurement import Plant
 from ...interface import DIAGNOSTICS, JOINT_STATES, PART_JOINT_STATES, REQUEST_LOG, Endpoint
 from ...operations import Poses

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from ...compiled import describe
 from ...core.state import Snapshot
 from ...core.terms.faults import FaultCode, FaultRecord
-from ...core.watch.fault_monitor import HEAT_MARGIN, I2T_WARNING_SHARE
+from ...core.watch.causes import HEAT_MARGIN, I2T_WARNING_SHARE
 from ..loop.loop import ControlLoop
 from ..loop.snapshots import StampedModes
 from ..loop.timing import PhaseTimes, scheduling

@@ -19,8 +19,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from ...core.goals.follower import Follower
 from ...core.goals.path import MAX_POINTS, Points, Sample, Wish, Wishes, make_path
-from ...core.goals.trajectory_goal import Code, End, Follower, GoalError, TrajectoryGoal
+from ...core.goals.trajectory_goal import Code, End, GoalError, TrajectoryGoal
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...core.state import Snapshot
