@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -52,6 +53,14 @@ def yaml_text(tree: Any) -> str:
     """A tree of plain values as YAML, in its order."""
     text: str = yaml.dump(tree, Dumper=Dumper, sort_keys=False, allow_unicode=True)
     return text
+
+
+def yaml_line(value: Any) -> str:
+    """A plain value as YAML on one line."""
+    text: str = yaml.dump(
+        [value], Dumper=Dumper, default_flow_style=True, allow_unicode=True, width=math.inf
+    )
+    return text[1:-2]
 
 
 def yaml_value(text: str) -> Any:

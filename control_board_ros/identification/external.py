@@ -58,11 +58,6 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
         IdentificationError: the URDF's masses have no effect on the joints.
     """
     arm = robot.loaded_model().arm()
-    gain = (
-        robot.numbers("motor.torque_constant")
-        * robot.numbers("motor.gear_ratio")
-        * robot.numbers("motor.efficiency")
-    )
     dry, wet = robot.numbers("motor.coulomb"), robot.numbers("motor.viscous")
     slip = SLIP * robot.numbers("limits.velocity")
     limit = robot.numbers("contact.bandwidth")
@@ -71,7 +66,7 @@ def external(robot: Robot, records: Sequence[Record]) -> list[External]:
         velocity, torque = record.signals["velocity"], record.signals["torque"]
         senses = np.isfinite(torque).all(axis=0)
         friction = dry * np.clip(velocity / slip, -1.0, 1.0) + wet * velocity
-        sensed = np.where(senses, torque, gain * record.signals["current"] - friction)
+        sensed = np.where(senses, torque, robot.gains * record.signals["current"] - friction)
         # M Δq̇/T + c + g, as the board has it at each reading
         rates = np.diff(velocity, axis=0) / np.diff(record.time)[:, None]
         left = torques(arm, record.signals["position"][1:], velocity[1:], rates) - sensed[1:]

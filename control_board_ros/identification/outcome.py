@@ -176,13 +176,9 @@ def identify(
     if not good:
         return Outcome(robot, [], troubles, None)
     whole = [record for record in records if not record.ended]
-    gain = (
-        robot.numbers("motor.torque_constant")
-        * robot.numbers("motor.gear_ratio")
-        * robot.numbers("motor.efficiency")
-    )
     try:
-        samples = samples_of(whole, robot.names, robot.numbers("motor.supply_voltage"), gain)
+        supply = robot.numbers("motor.supply_voltage")
+        samples = samples_of(whole, robot.names, supply, robot.gains)
     except ValueError as error:
         raise IdentificationError(str(error)) from error
     fitted = fit(robot, good, samples, payload=payload)

@@ -91,6 +91,14 @@ class Robot:
         return 1.0 / float(self.values["control_rate"])
 
     @property
+    def gains(self) -> Floats:
+        """Torque of the motors at their joints, N·m per A, shape (n,)."""
+        constant, ratio, efficiency = (
+            self.numbers(f"motor.{key}") for key in ("torque_constant", "gear_ratio", "efficiency")
+        )
+        return constant * ratio * efficiency
+
+    @property
     def rotors_in_links(self) -> bool:
         """Whether rotors turn with their whole links, as in pybullet."""
         return self.values["physics"] == PYBULLET and not self.values["plant"]

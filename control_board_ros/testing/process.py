@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import math
 import signal
 import subprocess
 import sys
@@ -18,6 +16,7 @@ from typing import Any
 
 from ..core.terms.modes import INITIAL
 from ..interface import GET_CONTROL_MODE, MODES, SET_CONTROL_MODE, Endpoint
+from ..whole_file import yaml_line
 from .domains import child_environment, free_domain
 from .nodes import ros_node
 
@@ -179,7 +178,7 @@ def ros_arguments(
     if config is not None:
         line += ["--params-file", str(config)]
     for key, value in params.items():
-        line += ["-p", f"{key}:={yaml_text(value)}"]
+        line += ["-p", f"{key}:={yaml_line(value)}"]
     return line
 
 
@@ -217,15 +216,3 @@ def flatten(params: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             flat[prefix + key] = value
     return flat
-
-
-def yaml_text(value: Any) -> str:
-    """A parameter value as YAML on one line, floats remain floats."""
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
-        text = repr(value)  # YAML requires a dot: 1e-05 would be a string
-        return text.replace("e", ".0e") if "e" in text and "." not in text else text
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(yaml_text, value))}]"
-    return json.dumps(value, ensure_ascii=False)

@@ -20,7 +20,7 @@ from control_board_ros.testing import (
     free_domain,
     ros_node,
 )
-from control_board_ros.testing.process import flatten, yaml_text
+from control_board_ros.testing.process import flatten, yaml_line
 
 pytestmark = pytest.mark.slow
 
@@ -33,10 +33,10 @@ def test_params_as_yaml() -> None:
     """Nested names are joined; values read back as they were, floats as floats."""
     assert flatten({"a": {"b": 1, "c": {"d": 2}}, "e": 3}) == {"a.b": 1, "a.c.d": 2, "e": 3}
     for value in (1, 1.0, 1e-5, 1e30, -2.5, True, "text", "12", "", [1.0, 2.5], ["a", "b"], []):
-        read = yaml.safe_load(yaml_text(value))
+        read = yaml.safe_load(yaml_line(value))
         assert read == value
         assert type(read) is type(value)
-    assert yaml_text(float("inf")) == ".inf"
+    assert yaml_line(float("inf")) == ".inf"
 
 
 def test_domains_are_held_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,7 +102,7 @@ def test_power_is_conserved(coupling: Coupling, data: st.DataObject) -> None:
     )
     joints = np.array(data.draw(st.lists(numbers, min_size=m, max_size=m)))
     moved = coupling.velocities(speed, at)
-    assert coupling.axis_torques(joints, at) @ speed == pytest.approx(joints @ moved, abs=1e-12)
+    assert joints @ coupling.jacobian(at) @ speed == pytest.approx(joints @ moved, abs=1e-12)
     assert coupling.torques(axes, at) @ moved == pytest.approx(axes @ speed, abs=1e-12)
 
 
@@ -163,7 +163,7 @@ def test_motors_share_the_demand_of_the_axes() -> None:
     mix.drive(output, speed, np.ones(3), np.full(3, 1e6))
     turning = SHOULDER.velocities(speed)
     currents = (mix.pwm / percent - emf * turning) / ohms
-    assert SHOULDER.axis_torques(torque_per_ampere * currents) == pytest.approx(wanted)
+    assert torque_per_ampere * currents @ SHOULDER.matrix == pytest.approx(wanted)
     mix.axis_currents(currents)
     assert currents * torque_per_ampere == pytest.approx(wanted)
 
@@ -177,7 +177,7 @@ def test_an_axis_without_power_asks_for_no_torque() -> None:
     mix.drive(np.array([5.0, 2.0, 7.0]), speed, powered, np.full(3, 100.0))
     assert mix.powered.tolist() == [1.0, 1.0, 0.0]
     currents = (mix.pwm - SHOULDER.velocities(speed)) * mix.powered
-    torques = SHOULDER.axis_torques(currents)
+    torques = currents @ SHOULDER.matrix
     assert torques == pytest.approx([0.0, 2.0 - speed[1], 0.0])
     mix.drive(np.zeros(3), speed, np.zeros(3), np.full(3, 100.0))
     assert mix.powered.tolist() == mix.pwm.tolist() == [0.0] * 3
@@ -224,7 +224,7 @@ def test_one_motor_at_its_bound_is_enough() -> None:
     assert mix.pwm[0] > -400.0
     assert mix.pwm[1] == 20.0
     currents = (mix.pwm / percent - emf * coupling.velocities(speed)) / ohms
-    torques = coupling.axis_torques(torque * currents)
+    torques = torque * currents @ coupling.matrix
     assert output == pytest.approx(percent * (ohms / torque * torques + emf * speed))
 
 

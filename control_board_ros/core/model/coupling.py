@@ -223,11 +223,6 @@ class Coupling:
         axes: Array = self._back(at) @ joints
         return axes
 
-    def axis_torques(self, joints: Array, at: Array | None = None) -> Array:
-        """Torques of the axes for those of the physical joints: τ_axes = Jᵀ τ_joints."""
-        axes: Array = self.jacobian(at).T @ joints
-        return axes
-
     @cached_property
     def leads(self) -> tuple[int, ...]:
         """N rows without a function that determine the axes, the first ones."""
