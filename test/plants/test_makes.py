@@ -397,17 +397,17 @@ def written(questions: Any) -> dict[int, int | None]:
 
 
 def test_a_mode_of_a_dynamixel_comes_with_its_goal_of_rest() -> None:
-    """S8: the position where it is, 0 of all others; the mode, where it is another."""
+    """S8: the position where it is, 0 of all others; the mode, where it is another, and gains."""
     with bench_of("dynamixel") as bench:
         bench.world.state[0] = 0.5
         bench.connect()
         driver, place = bench.plant.driver, 2048 + round(0.5 * 4096 / REV)
-        assert written(driver.set_law(0, 4)) == {11: 4, 116: place}
+        assert written(driver.set_law(0, 4)) == {11: 4, 80: 800 << 32, 116: place}
         assert written(driver.set_law(0, 4)) == {116: place}
         assert written(driver.set_law(0, 1)) == {11: 1, 104: 0}
         assert written(driver.set_law(0, 0)) == {11: 0, 102: 0}
         assert written(driver.set_law(0, 16)) == {11: 16, 100: 0}
-        assert written(driver.set_law(0, 5)) == {11: 5, 116: place}
+        assert written(driver.set_law(0, 5)) == {11: 5, 80: 800 << 32, 116: place}
 
 
 def test_a_mode_of_a_feetech_comes_with_its_goals_of_rest() -> None:

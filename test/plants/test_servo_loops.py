@@ -108,6 +108,21 @@ def test_a_servo_reports_its_stiffness(make: str, library: str, item: Item, moto
         assert again == pytest.approx(delivered.stiffness / (2.0 if make == "feetech" else 1.0))
 
 
+def test_gains_outlast_changes_of_mode() -> None:
+    """S1: a change of mode resets them; those found at set-up act, and are what is reported."""
+    pytest.importorskip("dynamixel_sdk")
+    with Bench("dynamixel", names=("one",)) as bench:
+        table = bench.drives[0].table
+        names = ("Position P Gain", "Position I Gain", "Position D Gain")
+        for name, value in zip(names, (400, 20, 300), strict=True):
+            table.set(control_table.ROWS[name].item, value)
+        bench.connect()
+        for kind in (SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.POSITION):
+            bench.follow(kind, 40)
+            found = [table.get(control_table.ROWS[name].item) for name in names]
+            assert found == ([400, 20, 300] if kind is SetPoint.POSITION else [800, 0, 0])
+
+
 def test_its_other_gains_act() -> None:
     """I sums the error, once a ms, and stops where all of the supply is used; D damps."""
     still, summing = xm430(), xm430(Position_I_Gain=1000)

@@ -109,6 +109,8 @@ ROWS = {
 )  # fmt: skip
 BAUDRATES = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 MODES = (t.CURRENT_MODE, t.VELOCITY_MODE, t.POSITION_MODE, t.EXTENDED, 5, t.PWM_MODE)
+#: Items that a change of mode resets (the same page, "Operating Mode(11)").
+OF_MODE = [row for name, row in ROWS.items() if "Gain" in name or name.startswith("Profile ")]
 #: Items whose value is bounded by that of another, either way.
 BOUNDS = {t.GOAL_PWM: t.PWM_LIMIT, t.GOAL_CURRENT: t.CURRENT_LIMIT,
           t.GOAL_VELOCITY: t.VELOCITY_LIMIT}  # fmt: skip

@@ -57,14 +57,17 @@ class Servo:
     """One servo since it was set up.
 
     Attributes: model; data (where its indirect data begin); pwm, current (its limits, counts);
-        mode (as it acknowledged).
+        gains (D, I and P of positions, as found); mode (as it acknowledged), reset (whether it
+        has set the gains back).
     """
 
     model: t.Model = t.MODELS[1020]
     data: int = t.DATA
     pwm: int = t.FULL_PWM
     current: int = 0
+    gains: int = 0
     mode: int = t.POSITION_MODE
+    reset: bool = False
 
 
 class DynamixelDrives(ServoDrives[DynamixelOptions]):
@@ -115,7 +118,8 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         pwm = yield from get(drive, t.PWM_LIMIT)
         current = (yield from get(drive, t.CURRENT_LIMIT)) if model.ampere else 0
         mode = yield from get(drive, t.MODE)
-        self._servos[k] = Servo(model, model.data(firmware), pwm, current, mode)
+        gains = yield from get(drive, t.POSITION_GAINS)
+        self._servos[k] = Servo(model, model.data(firmware), pwm, current, gains, mode)
         ends: list[float | None] = [None, None]
         if self._options.position_mode == t.POSITION_MODE:
             for n, item in enumerate((t.MIN_POSITION, t.MAX_POSITION)):
@@ -128,7 +132,7 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
             torque=pwm / t.FULL_PWM * stall or None,
             current=current * model.ampere or None,
         )
-        gain = (yield from get(drive, t.POSITION_P)) / t.POSITION_P_STEP / t.FULL_PWM / t.COUNT
+        gain = (gains >> 32) / t.POSITION_P_STEP / t.FULL_PWM / t.COUNT
         turn = 0.0 if self._options.position_mode == t.POSITION_MODE else ONE_TURN
         return Identity(
             id=drive,
@@ -140,13 +144,19 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         )
 
     def set_law(self, k: int, law: int) -> Questions[int]:
-        """The mode, where it is another, and its goal of rest, each acknowledged."""
+        """The mode, where it is another, and its goal of rest, each acknowledged.
+
+        A change resets the gains (e-manual, "Operating Mode(11)"): they are as found again.
+        """
         servo = self._servos[k]
-        if servo.mode != law:
-            yield from self._put(k, t.MODE, law)
-            servo.mode = law
         rest = {t.PWM_MODE: t.GOAL_PWM, t.CURRENT_MODE: t.GOAL_CURRENT,
                 t.VELOCITY_MODE: t.GOAL_VELOCITY}  # fmt: skip
+        if servo.mode != law:
+            yield from self._put(k, t.MODE, law)
+            servo.mode, servo.reset = law, True
+        if servo.reset and law not in rest:
+            yield from self._put(k, t.POSITION_GAINS, servo.gains)
+            servo.reset = False
         if law in rest:
             yield from self._put(k, rest[law], 0)
         else:

@@ -228,6 +228,8 @@ class VirtualDynamixel:
             self._profile = float(self._count())
         if t.MODE.address in places:
             self._reset_goals()
+            for row in c.OF_MODE:
+                self.table.set(row.item, row.value)
         return 0
 
     def _refusal(self, row: c.Row, value: int) -> int:
