@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 from drive_bench import Bench
+from explorer import law_of
 
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.__main__ import SERIAL, main
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.feetech import table as feetech
@@ -84,6 +86,7 @@ def test_two_drives_with_one_id_keep_it(make: str, capsys: pytest.CaptureFixture
 POWER: dict[str, Callable[[Any], object]] = {
     "moteus": lambda drive: setattr(drive, "mode", 10),
     "damiao": lambda drive: setattr(drive, "state", damiao.ENABLED),
+    "robstride": lambda drive: setattr(drive, "state", 1),
     "dynamixel": lambda drive: drive.table.set(dynamixel.TORQUE, 1),
     "feetech": lambda drive: drive.table.set(feetech.TORQUE, 1),
 }
@@ -95,6 +98,7 @@ def test_a_drive_with_power_keeps_its_id(make: str, capsys: pytest.CaptureFixtur
         POWER[make](bench.drives[0])
         assert set_id(bench, make, "1", "9") == 1
         refused("id 1 has (power|torque); it changes its id without", capsys)
+        assert law_of(bench.drives[0]) is not SetPoint.OFF  # an arm would fall
 
 
 @pytest.mark.parametrize("make", MAKES)

@@ -204,9 +204,7 @@ def set_id(bus: str, old: int, new: int) -> None:
         if kind == f.DAMIAO:
             converse(d.change_id(old, new), line.ask)
         elif kind == f.PRIVATE:
-            line.ask(p.motion(old, p.frame(p.STOP, old)))
-            line.send(*p.frame(p.SET_ID, old, between=new << 8 | r.MASTER))
-            line.ask(p.motion(new, p.frame(p.STORE, new, p.SECRET + bytes([7, 8]))))
+            converse(p.change_id(old, new), line.ask)
         else:
             line.ask(r.motion(old, [(old, b"\xff" * 6 + bytes([new, r.SET_ID]))]))
         verify(old, new, heard)

@@ -152,6 +152,29 @@ def motion(drive: int, request: Frame, begin: bytes = b"") -> Question:
     return Question([request], pick)
 
 
+def change_id(old: int, new: int) -> Questions[None]:
+    """Give a motor without power another id, and store it.
+
+    What answers to a write holds its mode: its limit of torque is written as it is.
+
+    Raises:
+        ConnectionError: it does not answer.
+        ValueError: it has power.
+    """
+    text = f"id {old} does not answer"
+    limit = yield from ask(reading(old, TORQUE_LIMIT), text)
+
+    def pick(message: Any) -> bool | None:
+        kind, between, _ = Parts.of(message.arbitration_id)
+        return bool(between >> 14) if sent_by(old, message) and kind == MOTION else None
+
+    same = frame(WRITE, old, TORQUE_LIMIT.to_bytes(4, "little") + pack(TORQUE_LIMIT, limit))
+    if (yield from ask(Question([same], pick), text)):
+        raise ValueError(f"id {old} has power; it changes its id without")
+    yield Question([frame(SET_ID, old, between=new << 8 | r.MASTER)], identity(new).pick)
+    yield motion(new, frame(STORE, new, SECRET + bytes([7, 8])))
+
+
 class RobStridePrivate:
     """One motor.
 
