@@ -21,7 +21,7 @@ from ..core.model.coupling import Coupling
 from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
 from ..urdf_xml import SIZE_CAP, UrdfError, joint_of, parse_xml
-from .geometry import origin_of, set_origin
+from .geometry import axis_of, origin_of, rotations_about, set_origin
 from .meshes import MeshFinder, MeshPathError, mesh_url, not_found
 from .urdf_tree import Tree, check_expanded, check_numbers
 from .xacro_file import expand, is_xacro
@@ -245,10 +245,11 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     check_numbers(root, source)
     if chain is not None:
         tree = cut(tree, *chain)
+    renamed += _fix_locked(tree)
     joints = tuple(_joint(element, source) for element in tree.moving())
     _check_mimics(joints, source)
     if all(joint.mimic for joint in joints):
-        raise UrdfError(f"{source}: no joint moves; a board needs at least one")
+        raise UrdfError("; ".join([f"{source}: no joint moves; a board needs one", *renamed]))
     warnings = renamed + _place_meshes(root, source, MeshFinder(folder)) + tree.add_masses()
     return of_tree(root.get("name") or Path(source).stem, tree, warnings)
 
@@ -273,6 +274,43 @@ def _rename_joints(root: ET.Element, source: str) -> list[str]:
     return [
         f"{source}: {count} renamed, as {changed[0]!r} to {new[changed[0]]!r}: '.' and ',' "
         "separate names in parameters"
+    ]
+
+
+def _fix_locked(tree: Tree) -> list[str]:
+    """Fix the joints whose stops are one position, where they are, as pybullet locks them.
+
+    A <limit> without stops is left: its joint is at 0 by URDF, and moves without limits in
+    pybullet.
+
+    Returns:
+        A warning that names them; none without any.
+    """
+    locked: dict[str, float] = {}
+    for joint in tree.moving():
+        has, limit = joint_of(joint), joint.find("limit")
+        written = limit is not None and limit.attrib.keys() >= {"lower", "upper"}
+        usable = math.hypot(*has.axis) > LEAST_LIMIT and abs(has.lower) <= MAX_LIMIT
+        if has.lower != has.upper or not (written and usable):
+            continue
+        locked[joint.get("name", "")] = has.lower
+        position, rotation = origin_of(joint)
+        axis = axis_of(joint)
+        if has.slides:
+            position = position + rotation @ axis * has.lower
+        else:
+            rotation = rotation @ rotations_about(axis, np.array([has.lower]))[0]
+        set_origin(joint, position, rotation)
+        joint.set("type", "fixed")
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    if not locked:
+        return []
+    names = ", ".join(f"{name} ({place:g})" for name, place in [*locked.items()][:4])
+    more = f" and {len(locked) - 4} more" if len(locked) > 4 else ""
+    return [
+        f"{tree.source}: fixed, as their limits have lower = upper: {names}{more}; give joints "
+        "that move <limit lower=… upper=…> with lower < upper"
     ]
 
 

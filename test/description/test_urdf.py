@@ -6,9 +6,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from control_board_ros import urdf_xml
+from control_board_ros.description.geometry import origin_of
 from control_board_ros.description.urdf import Urdf, UrdfError, load, parse
 
 INERTIAL = "<inertial><mass value='1'/><inertia ixx='0.1' iyy='0.1' izz='0.1'/></inertial>"
@@ -64,6 +66,31 @@ def test_joints_with_limits_and_order() -> None:
     assert (slide.effort, slide.velocity) == (5.0, None)
 
 
+@pytest.mark.parametrize(
+    ("kind", "end"), [("revolute", [0.0, 1.0, 0.5]), ("prismatic", [1.0, 0.0, 0.5 + math.pi / 2])]
+)
+def test_a_joint_that_cannot_move_is_fixed_where_its_limits_are(
+    kind: str, end: list[float]
+) -> None:
+    """As pybullet locks it: the tip of an arm of 1 m is where the joint holds it."""
+    stop = f"<origin xyz='0 0 0.5'/><limit lower='{math.pi / 2}' upper='{math.pi / 2}'/>"
+    data = robot(
+        link("base"), link("b"), link("c"), link("tip"), joint("elbow", "base", "b"),
+        joint("locked", "b", "c", stop, kind),
+        joint("far", "c", "tip", "<origin xyz='1 0 0'/>", "fixed"),
+    )  # fmt: skip
+    made = read(data)
+    assert [one.name for one in made.joints] == ["elbow"]
+    assert made.tree.joints["locked"].get("type") == "fixed"
+    position, rotation = np.zeros(3), np.eye(3)
+    for name in ("locked", "far"):
+        offset, turn = origin_of(made.tree.joints[name])
+        position, rotation = position + rotation @ offset, rotation @ turn
+    assert position == pytest.approx(end)
+    (warning,) = made.warnings
+    assert "lower = upper: locked (1.5708); give joints that move <limit lower" in warning
+
+
 def test_mimic_joints_follow() -> None:
     mimic = LIMIT + "<mimic joint='elbow' multiplier='-0.5' offset='0.1'/>"
     data = robot(
@@ -114,7 +141,16 @@ def test_mimic_joints_follow() -> None:
             ),
             "limit velocity=1e",
         ),
-        (robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='1' upper='1'/>")), "'j'"),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='1' upper='1'/>")),
+            "no joint moves; a board needs one; r.urdf: fixed, as their limits have lower = "
+            "upper: j (1); give joints",
+        ),
+        (robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='1' upper='0'/>")), "'j'"),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b", "<limit effort='1'/>")),
+            "lower 0, upper 0",
+        ),
         (robot(link("a"), link("b"), joint("j", "a", "b", LIMIT, "spherical")), "'spherical'"),
         (
             robot(link("a"), link("b"), joint("j", "a", "b", LIMIT, "floating")),
