@@ -144,9 +144,22 @@ FORM = "write NAME: {speed: 0.0, positions: {joint: 0.5}}"
 
 
 def pose_file(robot: str) -> Path:
+    """The file of a robot: letters of any script as they are, other characters as %XX."""
+    return _file(re.sub(r"^\.|[^\w.-]", lambda match: _percent(match[0]), robot))
+
+
+def former_pose_file(robot: str) -> Path:
+    """The file of a robot in 1.0.0, which robots of similar names shared."""
+    return _file(re.sub(r"[^A-Za-z0-9_.-]", "_", robot).strip("."))
+
+
+def _file(stem: str) -> Path:
     base = os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")
-    stem = re.sub(r"[^A-Za-z0-9_.-]", "_", robot).strip(".") or "robot"
-    return Path(base) / "control_board_ros" / "poses" / f"{stem}.yaml"
+    return Path(base) / "control_board_ros" / "poses" / f"{stem or 'robot'}.yaml"
+
+
+def _percent(text: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in text.encode())
 
 
 class UserPoses:
@@ -166,7 +179,8 @@ class UserPoses:
             RequestError: the file is unreadable or invalid; one line.
         """
         try:
-            return poses_in(read_text(self.path), str(self.path)) if self.path.exists() else {}
+            files = [file for file in (self.path, former_pose_file(self.robot)) if file.exists()]
+            return poses_in(read_text(files[0]), str(files[0])) if files else {}
         except (SettingsError, OSError) as error:
             raise RequestError(str(error)) from None
 

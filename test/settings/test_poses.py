@@ -128,9 +128,25 @@ def test_boards_of_one_robot_share_a_pose(user: UserPoses) -> None:
 def test_a_robots_name_is_no_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     assert pose_file("../../x y").parent == tmp_path / "control_board_ros" / "poses"
+    assert pose_file("..").name == "%2E..yaml"
     monkeypatch.delenv("XDG_CONFIG_HOME")
     monkeypatch.setenv("HOME", "/home/somebody")
     assert pose_file("r") == Path("/home/somebody/.config/control_board_ros/poses/r.yaml")
+
+
+def test_robots_of_any_script_have_files_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What 1.0.0 saved in a file of several robots is found until a pose is saved."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    robots = ("ü", "臂", "_", "a b", "a_b", "a/b", ".a", "a", "")
+    assert len({pose_file(robot) for robot in robots}) == len(robots)
+    old = Pose("old", ("elbow",), (0.1,))
+    UserPoses("_").save(old)  # by 1.0.0: for 臂 and ü
+    assert UserPoses("臂").read() == {"old": old}
+    UserPoses("臂").save(Pose("new", ("elbow",), (0.2,)))
+    assert list(UserPoses("臂").read()) == ["old", "new"]
+    assert list(UserPoses("ü").read()) == ["old"]
 
 
 def test_a_user_without_a_home_has_no_poses(monkeypatch: pytest.MonkeyPatch) -> None:
