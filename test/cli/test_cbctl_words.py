@@ -236,6 +236,8 @@ def test_options_of_a_verb() -> None:
     found = read(["0=1", "--speed", "2", "1=-3"])
     assert found == {"words": ["0=1", "1=-3"], "speed": 2.0, "wait": True}
     assert read(["--no-wait", "0=1"]) == {"words": ["0=1"], "speed": None, "wait": False}
+    found = read(["--speed", "2", "--", "-x=1", "--speed", "-5=0"])
+    assert found == {"words": ["-x=1", "--speed", "-5=0"], "speed": 2.0, "wait": True}
     read = Parser("cbctl feedforward", arguments_of(feedforward)).read
     for words in (["0", "--torque=-.5Nm"], ["0", "--torque", "-.5Nm"], ["--torque", "-.5Nm", "0"]):
         assert read(words) == {"joints": ["0"], "torque": "-.5Nm", "output": None}
@@ -245,6 +247,7 @@ def test_options_of_a_verb() -> None:
     ("words", "text"),
     [
         (["--speed", "--no-wait", "0=1"], "argument --speed: expected one argument"),
+        (["-x=1"], r".*; -x=1 is no option: write -- before a joint so named"),
         (["0=1", "--spe", "2"], r"unrecognized arguments: --spe 2; did you mean '--speed'\?"),
         ([], "the following arguments are required: JOINT=VALUE"),
     ],

@@ -19,6 +19,8 @@ Verb = TypeVar("Verb", bound=Callable[..., Any])
 HELP = ("-h", "--help")
 #: A value that argparse would read as an option: ``-2Nm``.
 NEGATIVE = re.compile(r"-\.?\d")
+#: Before a word that is no option although it begins with a dash: it follows ``--``.
+NO_OPTION = "\0"
 
 
 def number(text: str) -> float:
@@ -120,6 +122,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, name: str, arguments: Sequence[Argument]) -> None:
         super().__init__(prog=name, usage=name, add_help=False, allow_abbrev=False)
         self.valued = set[str]()
+        self.unknown: list[str] = []  # that begin with a dash
         for entry in arguments:
             settings = {key: value for key, value in entry.settings.items() if key != "help"}
             action = self.add_argument(*entry.names, **settings)
@@ -132,20 +135,37 @@ class Parser(argparse.ArgumentParser):
         Raises:
             UsageError: an argument is missing, unknown or invalid.
         """
+        k = words.index("--") if "--" in words else len(words)
+        self.unknown = [word for word in words[:k] if self.looks_like_an_option(word)]
         joined: list[str] = []
-        for word in words:
+        for word in words[:k]:
             if joined and joined[-1] in self.valued and NEGATIVE.match(word):
                 joined[-1] += f"={word}"
             else:
                 joined.append(word)
+        joined += [NO_OPTION + word if word.startswith("-") else word for word in words[k + 1 :]]
         values, left = self.parse_known_intermixed_args(joined)
         if left:
             hint = nearest(left[0].partition("=")[0], self._option_string_actions)
             self.error(f"unrecognized arguments: {' '.join(left)}{hint}")
-        return vars(values)
+        return {name: plain(value) for name, value in vars(values).items()}
+
+    def looks_like_an_option(self, word: str) -> bool:
+        """Whether a word begins with one dash, and is no option of the verb."""
+        dashed = word.startswith("-") and not word.startswith("--")
+        return dashed and not (NEGATIVE.match(word) or word[:2] in self._option_string_actions)
 
     def error(self, message: str) -> NoReturn:
+        if self.unknown:
+            message += f"; {self.unknown[0][:40]} is no option: write -- before a joint so named"
         raise UsageError(f"{message}; see {self.prog} --help")
+
+
+def plain(value: Any) -> Any:
+    """The value of an argument, without the marks of words that are no options."""
+    if isinstance(value, list):
+        return [plain(entry) for entry in value]
+    return value.removeprefix(NO_OPTION) if isinstance(value, str) else value
 
 
 def joints_then_mode(codes: Sequence[str]) -> Argument:
