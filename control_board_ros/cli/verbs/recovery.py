@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
+from control_board_ros.core.terms.modes import FAULTED, UNCONFIGURED
 from control_board_ros.core.terms.reply import Answer, Reply
 
 from ..board.only_board import HASTE
@@ -17,6 +19,11 @@ from ..line.words import Refused
 from ..text.advice import advice
 from ..text.output import DONE, REFUSED, conclude, note, show
 from ..text.tables import grid
+
+#: Modes under an emergency stop (E2, N1).
+STOPPED = FAULTED | UNCONFIGURED
+#: s until drives report no power, brakes closed before included; s between two looks.
+POWER_OFF_TIME, POLL = 2.0, 0.05
 
 
 @several
@@ -68,8 +75,11 @@ def estop(session: Session, word: str | None) -> int:
     session.gathering = HASTE  # of a robot that is discovered in parts, each one stops it whole
     reply = session.client.emergency_stop(word is None)
     if word is None:
-        fall = "all joints are unpowered and fall where no brake holds them"
-        text = f"{fall}; release with: {session.line('estop', 'release')}"
+        text = ""
+        if reply and not reply.message:
+            wait_for_power_off(session)
+            fall = "all joints are unpowered and fall where no brake holds them"
+            text = f"{fall}; release with: {session.line('estop', 'release')}"
     elif faults_now(session, list(session.names)):
         recover_with = f"recover with: {session.line('recover')}"
         text = f"released; the joints are still in HW_FAULT; {recover_with}"
@@ -78,6 +88,40 @@ def estop(session: Session, word: str | None) -> int:
     if reply.message:  # not in effect: simulated time is stopped
         text = ""
     return conclude(session, reply, text)
+
+
+def wait_for_power_off(session: Session) -> None:
+    """Wait until the modes, and the drives that report their power, show an emergency stop.
+
+    Raises:
+        Refused: what does not show it after POWER_OFF_TIME.
+    """
+    from control_board_ros.client import BoardError
+
+    end = time.monotonic() + POWER_OFF_TIME
+    try:
+        while shown := still_powered(session):
+            if time.monotonic() >= end:
+                raise Refused(
+                    f"the stop is in force, but {POWER_OFF_TIME:g} s later {', '.join(shown)}; "
+                    "cut the power of the robot"
+                )
+            time.sleep(POLL)
+    except BoardError as error:
+        raise Refused(
+            f"the board has confirmed the stop; whether the power is off was not seen: {error}"
+        ) from None
+
+
+def still_powered(session: Session) -> list[str]:
+    """The joints that are seen with power, or in another mode than a stop's, each in words."""
+    names, client = session.names, session.client
+    rows = zip(names, client.get_control_mode(names), client.get_drives(names), strict=True)
+    return [
+        f"the drive of {name} reports power" if drive.reported.power else f"{name} is in {mode}"
+        for name, mode, drive in rows
+        if drive.reported.power or mode not in STOPPED
+    ]
 
 
 @several
