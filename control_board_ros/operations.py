@@ -85,7 +85,11 @@ def changes(
     """
 
     def operation(board: JointGroup, request: Any) -> Fields:
-        reply = change(board, truncated(request.names, board.count), request)
+        joints = truncated(request.names, board.count)
+        try:
+            reply = change(board, joints, request)
+        except RequestError as error:
+            reply = board.selector.refuse(joints, error)
         return answer(reply) | {name: value(board, reply) for name, value in also.items()}
 
     return operation
@@ -212,6 +216,13 @@ def impedance_fields(board: JointGroup, joints: Sequence[str], _request: Any) ->
     }
 
 
+def brake_modes_after(board: JointGroup, reply: Reply) -> list[str]:
+    """The brake modes of the joints of a reply; none where one does not exist."""
+    if not set(reply.joints) <= set(board.names):
+        return []
+    return [board.get_brake(name)[0] or "" for name in reply.joints]
+
+
 def coupling_fields(board: JointGroup, _request: Any) -> Fields:
     """The coupling at the present positions: axes, physical joints, matrix by rows, offsets."""
     coupling, at = board.get_coupling(), board.get_encoder()
@@ -306,7 +317,7 @@ OPERATIONS: dict[str, Operation] = {
         lambda board, joints, request: board.set_brake(
             joints, truncated(request.modes, board.count)
         ),
-        modes=lambda board, reply: on_wire(board.get_brake(reply.joints) if reply.joints else []),
+        modes=brake_modes_after,
     ),
     "get_coupling": coupling_fields,
     "recover": changes(

@@ -12,7 +12,7 @@ import numpy as np
 from control_board_ros.core.calibration.calibrations import CalibrationStatus
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.modes import CALIBRATES
-from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import parse_control_mode
 from control_board_ros.interface import (
     CALIBRATE,
@@ -88,7 +88,7 @@ class Goals(Interface):
                 "speeds": [] if speeds is None else spread(speeds, count, "speeds").tolist(),
             }
         except RequestError as error:
-            return refused(str(error))
+            return self._services.refuse(joints, error)
 
         def read(sent: Any) -> MoveFeedback:
             return MoveFeedback(tuple(sent.names), np.array(sent.positions), sent.remaining_time)
@@ -120,7 +120,7 @@ class Goals(Interface):
             selection = await self._services.select(joints)
             points = trajectory(selection.names, times, positions, velocities)
         except RequestError as error:
-            return refused(str(error))
+            return self._services.refuse(joints, error)
 
         goal = self._services.goal(
             FOLLOW_JOINT_TRAJECTORY,
@@ -151,7 +151,7 @@ class Goals(Interface):
         try:
             selection = await self._services.select(joints)
         except RequestError as error:
-            return refused(str(error))
+            return self._services.refuse(joints, error)
         names, view = selection.names, self._services.calibrations
         view.started(names)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
-from control_board_ros.core.selection import listed
+from control_board_ros.core.selection import listed, requested_control_mode
 from control_board_ros.core.terms.drives import LAW_FIELDS, DriveReport, DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
@@ -76,7 +76,7 @@ class ModeRequests(Interface):
         Returns:
             The board's answer and reason for each joint, and the modes after the call.
         """
-        return await self._set(SET_CONTROL_MODE, joints, modes, parse_control_mode)
+        return await self._set(SET_CONTROL_MODE, joints, modes, requested_control_mode)
 
     @operation
     async def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
@@ -107,7 +107,7 @@ class ModeRequests(Interface):
             names = (await self._services.select(joints)).names
             texts = mode_texts(modes, parse)
         except ValueError as error:
-            return refused(str(error))
+            return self._services.refuse(joints, error)
         reply, response = await self._services.ask(service, names, modes=texts)
         return reply.with_modes([parse(code) for code in response.modes])
 

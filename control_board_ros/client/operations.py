@@ -130,17 +130,23 @@ class request(operation[P, Reply]):  # noqa: N801  (a decorator)
     def __init__(
         self, coroutine: Callable[Concatenate[Any, P], Coroutine[Any, Any, Reply]]
     ) -> None:
-        async def answered(call: Coroutine[Any, Any, Reply]) -> Reply:
+        names = signature(coroutine)
+
+        async def answered(owner: Any, call: Coroutine[Any, Any, Reply], *args: Any) -> Reply:
             try:
                 return await call
             except RequestError as error:
-                return refused(str(error))
+                if "joints" not in names.parameters:
+                    return refused(str(error))
+                given = names.bind(owner, *args[0], **args[1]).arguments
+                services: Services = owner._services
+                return services.refuse(given.get("joints"), error)
 
         @wraps(coroutine)
         def refusing(
             self: Interface, /, *args: P.args, **kwargs: P.kwargs
         ) -> Coroutine[Any, Any, Reply]:
-            return answered(coroutine(self, *args, **kwargs))
+            return answered(self, coroutine(self, *args, **kwargs), args, kwargs)
 
         super().__init__(refusing)
 

@@ -365,7 +365,7 @@ class References(Interface):
             return reply
         await self._link.publish(topic, names=list(names), **values)
         self._services.states.changed()
-        return sent(names) if wrong is None else refused(f"{what} ignored: {wrong}")
+        return sent(names) if wrong is None else refused(f"{what} ignored: {wrong}", names)
 
     async def _named(self, joints: Any) -> tuple[str, ...]:
         """Names of joints of which some are unknown."""

@@ -76,6 +76,10 @@ class Services:
         selector = await self.find()
         return selector.select(joints)
 
+    def refuse(self, joints: Joints, error: ValueError) -> Reply:
+        """Refuse a request, for each joint that it names where the board's joints are known."""
+        return self.selector.refuse(joints, error) if self.selector else refused(str(error))
+
     async def read(self, service: Endpoint, joints: Joints, **fields: Any) -> Any:
         """The response of a getter; ``fields``: others of the request.
 

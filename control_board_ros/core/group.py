@@ -21,6 +21,7 @@ from .config.config import BoardConfig, ConfigError, JointConfig, Zone
 from .engine import Engine
 from .machine.commands import check_valid_for, spread_along
 from .machine.decisions import Requested
+from .machine.explanations import LEAST_RATE
 from .machine.motors import shaft_readings, terms_of
 from .model.coupling import Coupling
 from .old_names import ModeShortcuts
@@ -53,6 +54,7 @@ from .terms.vocabs import (
     Interaction,
     InteractionMode,
     Mode,
+    Vocab,
 )
 from .watch.freeze_frame import FreezeFrame
 
@@ -83,15 +85,15 @@ class JointGroup(ModeShortcuts):
 
     def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
         """Set control modes: enumeration, code, name or vocab (M1, M5 to M8, F2, F4)."""
-        reply = self._ask(joints, lambda count: control_modes(modes, count))
-        return reply.with_modes(self.get_control_mode(reply.joints) if reply.joints else ())
+        return self._ask(joints, lambda count: control_modes(modes, count), self.get_control_mode)
 
     def set_interaction_mode(
         self, joints: Joints, modes: Interaction | Sequence[Interaction]
     ) -> Reply:
         """Set interaction modes; in an active mode a change stops the joint (I1 to I7)."""
-        reply = self._ask(joints, lambda count: interaction_modes(modes, count))
-        return reply.with_modes(self.get_interaction_mode(reply.joints) if reply.joints else ())
+        return self._ask(
+            joints, lambda count: interaction_modes(modes, count), self.get_interaction_mode
+        )
 
     def calibrate(self, joints: Joints = None) -> Reply:
         """Start the calibration of joints, group after group (K1); parts side by side."""
@@ -130,14 +132,30 @@ class JointGroup(ModeShortcuts):
         """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""
         self.engine.emergency.beat(self.time if now is None else now)
 
-    def _ask(self, joints: Joints, requests_of: Callable[[int], Sequence[Requested]]) -> Reply:
-        """Decide a request; ``wanted_of`` returns that of each joint for a number of joints."""
+    def _ask(
+        self,
+        joints: Joints,
+        requests_of: Callable[[int], Sequence[Requested]],
+        read: Callable[[Joints], Sequence[Vocab]] = lambda _: (),
+    ) -> Reply:
+        """Decide a request.
+
+        Args:
+            joints: of the request.
+            requests_of: returns the request of each joint for a number of joints.
+            read: the modes after it, of joints that exist.
+        """
         try:
             selection = self.selector.select(joints)
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        try:
             requested = requests_of(len(selection.names))
         except ValueError as error:
-            return self.selector.refuse(joints, error)
-        return self.engine.requests.request(selection, requested)
+            reply = self.selector.refuse(joints, error)
+        else:
+            reply = self.engine.requests.request(selection, requested)
+        return reply.with_modes(read(selection.names))
 
     # --- references ---------------------------------------------------------------------------
 
@@ -329,11 +347,11 @@ class JointGroup(ModeShortcuts):
         try:
             selection = self.selector.select(joints)
             units = ("N·m/rad", "N/m")
-            spring = self._within(selection, "stiffness", stiffness, limits.stiffness, units, True)
+            spring = self._within(selection, "stiffness", stiffness, limits.stiffness, units)
             damper = None
             if damping is not None:
                 units = ("N·m·s/rad", "N·s/m")
-                damper = self._within(selection, "damping", damping, limits.damping, units, True)
+                damper = self._within(selection, "damping", damping, limits.damping, units)
         except RequestError as error:
             return self.selector.refuse(joints, error)
         self.engine.controller.set_impedance(selection.joints, spring, damper)
@@ -346,13 +364,13 @@ class JointGroup(ModeShortcuts):
         values: Values,
         highest: Array,
         units: tuple[str, str],
-        zero: bool = False,
+        lowest: float = 0.0,
     ) -> Array:
         """As ``all_within``; an error has the unit of the joint, which turns or slides."""
         kinds = self.engine.config.joints
         return all_within(
             *(selection, what, values, highest),
-            zero=zero,
+            lowest=np.full_like(highest, lowest),
             unit=lambda joint: kinds[joint].kind.choose(*units),
         )
 
@@ -380,7 +398,7 @@ class JointGroup(ModeShortcuts):
             selection = self.selector.select(joints)
             of_speed, of_acceleration = limits.velocity, limits.acceleration
             rows = [
-                (target, self._within(selection, what, values, highest, units))
+                (target, self._within(selection, what, values, highest, units, LEAST_RATE))
                 for target, what, values, highest, units in (
                     (references.speed, "speed", speeds, of_speed, ("rad/s", "m/s")),
                     (

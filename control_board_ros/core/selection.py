@@ -19,6 +19,7 @@ from .terms.vocabs import (
     BrakeMode,
     ControlMode,
     InteractionMode,
+    Mode,
     Vocab,
     parse_brake_mode,
     parse_control_mode,
@@ -108,11 +109,15 @@ class Selector:
         return selection
 
     def refuse(self, joints: Any, error: ValueError) -> Reply:
-        """Refuse a whole request; the reply names its joints where they exist (M6, M7)."""
+        """Refuse a whole request: one answer per joint that it names (M6, M7).
+
+        Of one that names more joints than there are, which may be megabytes, none is answered.
+        """
         try:
             names = self.select(joints).names
         except RequestError:
-            names = ()
+            requested = listed(joints)
+            names = tuple(map(self._shown, requested if len(requested) <= len(self.names) else ()))
         code = error.code if isinstance(error, RequestError) else Reason.INVALID
         return refused(str(error), names, code)
 
@@ -150,6 +155,14 @@ class Selector:
                 f"joint index {int(joint)} out of range; joints are 0 to {len(self.names) - 1}"
             )
         raise RequestError(self._unknown(joint))
+
+    def _shown(self, joint: Any) -> str:
+        """The name of a joint that a request names, existing or not."""
+        try:
+            return self.names[self._number(joint)]
+        except RequestError:
+            text = str(joint)
+            return text if len(text) <= 64 else text[:64] + "…"
 
     def _unknown(self, joint: Any) -> str:
         text = str(joint)
@@ -215,7 +228,6 @@ def all_within(
     highest: Array,
     *,
     lowest: Array | None = None,
-    zero: bool = False,
     unit: Callable[[int], str] = lambda _: "",
 ) -> Array:
     """The values of a request, one per joint, shape (k,); one value goes to all of them.
@@ -226,7 +238,6 @@ def all_within(
         values: as a user gave them.
         highest: the greatest allowed of every joint of the board, shape (n,).
         lowest: the least allowed, likewise; None: above 0.
-        zero: whether 0 is the least allowed.
         unit: of the values of a joint, by its number.
 
     Raises:
@@ -236,7 +247,7 @@ def all_within(
     array = spread(values, count, what, one_for_all=True)
     high = highest[selection.joints]
     low = np.zeros(count) if lowest is None else lowest[selection.joints]
-    inclusive = zero or lowest is not None
+    inclusive = lowest is not None
     bad = ~(((array >= low) if inclusive else (array > low)) & (array <= high))
     if bad.any():
         k = int(np.argmax(bad))
@@ -273,13 +284,18 @@ def loop_of(word: str) -> Loop:
         raise RequestError(text) from None
 
 
+def requested_control_mode(mode: Mode) -> ControlMode:
+    """As ``parse_control_mode``; the error lists what can be requested."""
+    return parse_control_mode(mode, REQUESTABLE)
+
+
 def control_modes(modes: Any, count: int) -> list[ControlMode]:
     """The control modes of a request, one per joint; one mode goes to all of them.
 
     Raises:
         ValueError: an unknown mode, a status that cannot be set (M6), or too few or many.
     """
-    parsed = _parse_all(modes, count, parse_control_mode)
+    parsed = _parse_all(modes, count, requested_control_mode)
     for mode in parsed:
         if mode not in REQUESTS:
             allowed = ", ".join(m.code for m in REQUESTABLE)

@@ -174,6 +174,6 @@ def test_feedforward(mode: ControlMode) -> None:
 
 
 def test_a_range_is_written_so_that_its_end_and_the_value_differ() -> None:
-    assert range_text("speed", 3.5, 3.0, "m/s") == "speed must be above 0 and up to 3 m/s, not 3.5"
+    assert range_text("speed", 3.5, 3.0, "m/s") == "speed must be from 1e-06 to 3 m/s, not 3.5"
     text = range_text("speed", 3.0000000001, 3.0, "m/s")
-    assert text == "speed must be above 0 and up to 3 m/s, not 3.0000000001"
+    assert text == "speed must be from 1e-06 to 3 m/s, not 3.0000000001"

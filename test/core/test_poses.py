@@ -187,9 +187,9 @@ def test_parking_switches_powered_joints(rig: Rig) -> None:
     assert arrivals(rig, task)[0] == (True, "")
 
 
-@pytest.mark.parametrize("speed", [-0.1, float("nan"), float("inf")])
+@pytest.mark.parametrize("speed", [-0.1, 5e-324, float("nan"), float("inf")])
 def test_an_invalid_speed_is_refused(rig: Rig, speed: float) -> None:
-    with pytest.raises(RequestError, match=r"speed .* is not valid; above 0"):
+    with pytest.raises(RequestError, match=r"speed .* is not valid; 1e-06 or more"):
         PoseTask(rig.board, READY, speed)
     assert rig.board.check_motion_done() == [True] * 3
 

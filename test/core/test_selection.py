@@ -21,7 +21,7 @@ from control_board_ros.core.selection import (
     spread,
 )
 from control_board_ros.core.terms.motors import Loop
-from control_board_ros.core.terms.reply import Reason
+from control_board_ros.core.terms.reply import Answer, Reason
 from control_board_ros.core.terms.vocabs import BrakeMode, ControlMode, InteractionMode
 
 NAMES = ("shoulder", "elbow", "wrist")
@@ -134,8 +134,9 @@ MOST = np.array([1.0, 2.0, 3.0])
 
 
 def within(joints: Any, values: Any, *, zero: bool = False) -> list[float]:
-    """Values of a request for joints whose most are 1, 2 and 3."""
-    found = all_within(Selector(NAMES).select(joints), "speed", values, MOST, zero=zero)
+    """Values of a request for joints whose most are 1, 2 and 3; ``zero``: 0 is the least."""
+    lowest = np.zeros(3) if zero else None
+    found = all_within(Selector(NAMES).select(joints), "speed", values, MOST, lowest=lowest)
     return found.tolist()
 
 
@@ -166,6 +167,33 @@ def test_a_value_beyond_the_most(values: list[float], zero: bool, text: str, cod
         within(["shoulder", "elbow"], values, zero=zero)
     assert str(error.value) == text
     assert error.value.code is code
+
+
+@pytest.mark.parametrize(
+    ("joints", "names"),
+    [
+        (["nose", "wrist"], ("nose", "wrist")),
+        (["wrist", "wrist"], ("wrist", "wrist")),
+        ([2, 7, "x" * 65], (NAMES[2], "7", "x" * 64 + "…")),
+        ("nose", ("nose",)),
+        (None, NAMES),
+        (["nose"] * 4, ()),  # more than there are: maybe megabytes
+    ],
+)
+def test_a_refusal_answers_each_joint(joints: Any, names: tuple[str, ...]) -> None:
+    """M7: one answer per joint of the request, of one that does not exist, too."""
+    reply = Selector(NAMES).refuse(joints, RequestError("not so"))
+    assert reply.joints == names
+    assert list(reply.answers) == [Answer.REFUSED] * len(names)
+    assert list(reply.reasons) == ["not so"] * len(names)
+
+
+def test_what_can_be_requested_is_listed() -> None:
+    """M6: the error of an unknown control mode names no status."""
+    with pytest.raises(ValueError, match="control mode 'hwfb' unknown; known: pos") as error:
+        control_modes("hwfb", 1)
+    assert "fidl (FORCE_IDLE)" in str(error.value)
+    assert not any(code in str(error.value) for code in ("hwfa", "cald", "cfgn", "cfgy"))
 
 
 def test_modes_of_a_request() -> None:

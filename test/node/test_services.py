@@ -72,6 +72,9 @@ def test_unknown_joints_are_refused_everywhere(board: InProcess, service: Endpoi
     answer = board.call(service, names=["elbow"], **MORE.get(service.short, {}))
     assert not answer.success
     assert "joint 'elbow' unknown" in answer.message
+    if hasattr(answer, "answers"):
+        assert list(answer.answers) == ["refused"]
+        assert (list(answer.reasons), list(answer.codes)) == ([answer.message], ["invalid"])
 
 
 def test_available_modes_and_drives(board: InProcess) -> None:

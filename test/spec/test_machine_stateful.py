@@ -197,11 +197,11 @@ class BoardMachine(RuleBasedStateMachine):
 
     @rule(joints=SOME, speed=st.floats(-1, 4), acceleration=st.floats(-1, 25))
     def set_reference_speed(self, joints: list[str], speed: float, acceleration: float) -> None:
-        good = 0.0 < speed <= 3.0
+        good = 1e-6 <= speed <= 3.0
         assert bool(self.board.set_ref_speed(joints, speed)) is good
         for name in joints if good else []:
             self.byname[name].speed = speed
-        good = 0.0 < acceleration <= 20.0
+        good = 1e-6 <= acceleration <= 20.0
         assert bool(self.board.set_ref_acceleration(joints, acceleration)) is good
         for name in joints if good else []:
             self.byname[name].acceleration = acceleration

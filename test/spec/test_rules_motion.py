@@ -129,9 +129,12 @@ def test_speeds_of_moves() -> None:
 
 
 def test_the_smallest_speed_there_is() -> None:
-    """P1, P2: it makes a very slow move, and no infinite one."""
+    """P1, P2: it makes a very slow move, and no infinite one; a smaller one is an error."""
     rig = moving("pos")
-    assert rig.board.position_move("left", 1.0, 5e-324)
+    reply = rig.board.position_move("left", 1.0, 5e-324)
+    assert "speeds must be from 1e-06 to 3 rad/s, not 4.94066e-324" in reply.message
+    assert not rig.board.set_ref_speed("left", 9.9e-7)
+    assert rig.board.position_move("left", 1.0, 1e-6)
     shown = rig.run(0.2)
     assert finite(shown)
     assert not shown.motion_done[0]

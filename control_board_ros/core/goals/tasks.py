@@ -23,7 +23,7 @@ import numpy as np
 
 from ...text import count_of
 from ..calibration.calibrations import CalibrationStatus
-from ..machine.explanations import explain_slower
+from ..machine.explanations import LEAST_RATE, explain_slower
 from ..selection import RequestError
 from ..terms.arguments import Array, Joints
 from ..terms.joint_kind import JointKind
@@ -451,9 +451,12 @@ def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
     Raises:
         RequestError: the speed is not valid.
     """
-    if not (math.isfinite(speed) and speed >= 0.0):
-        raise RequestError(f"speed {speed:g} is not valid; above 0, or 0 for that of the pose")
     requested_speed = speed or pose.speed
+    if requested_speed and not LEAST_RATE <= requested_speed < math.inf:
+        raise RequestError(
+            f"speed {requested_speed:g} is not valid; {LEAST_RATE:g} or more, or 0 for that of "
+            "the pose"
+        )
     speeds = board.get_ref_speed(pose.joints)
     if requested_speed:
         speeds = np.full(len(pose.joints), requested_speed)

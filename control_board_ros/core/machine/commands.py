@@ -25,6 +25,7 @@ from ..terms.reply import Answer, JointAnswer, Reason, Reply, decided
 from ..terms.vocabs import CommandKind
 from .decisions import decide_reference
 from .explanations import (
+    LEAST_RATE,
     all_or_none,
     explain_bound,
     explain_reference,
@@ -51,8 +52,8 @@ class Command:
     Attributes: field (its name in messages), limit (attribute of BoardLimits: it is bounded to
     ± that; None: to lower and upper, a position), start (what it starts), timeout (attribute of
     Timeouts; None: it never expires), along (name of the accompanying value in messages),
-    standing (attribute of References: the stored value where none is given; values are then above
-    0), along_limit (attribute of BoardLimits: the greatest accompanying value).
+    standing (attribute of References: the stored value where none is given; values are then
+    LEAST_RATE or more), along_limit (attribute of BoardLimits: the greatest accompanying value).
     """
 
     field: str
@@ -217,10 +218,10 @@ class Commands:
         return standing[selection.joints]
 
     def _fits(self, kind: CommandKind, indices: Indices, extra: Array) -> NDArray[np.bool_]:
-        """Whether accompanying values are in range: above 0 up to the most, or finite."""
+        """Whether accompanying values are in range: from the least to the most, or finite."""
         if COMMANDS[kind].standing is None:
             return np.isfinite(extra)
-        return (extra > 0.0) & (extra <= self._along_limits[kind][indices])
+        return (extra >= LEAST_RATE) & (extra <= self._along_limits[kind][indices])
 
     def _start(
         self,

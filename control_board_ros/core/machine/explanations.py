@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from ..config.config import JointConfig
+from ..laws.trajectory import LONGEST
 from ..terms.modes import CALIBRATES, UNCONFIGURED, UNPOWERED, Event, Stage, modes_accepting
 from ..terms.reply import Answer, JointAnswer, Reason, quantity
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
@@ -239,10 +240,15 @@ def explain_cut(joint: JointConfig, positions: Sequence[float]) -> str:
     )
 
 
+#: Least speed and acceleration of a request, per s: the longest move is then of a rad or a m.
+LEAST_RATE = 1.0 / LONGEST
+
+
 def range_text(what: str | None, value: float, highest: float, unit: str) -> str:
     """The range of a reference's accompanying value, in words."""
     digits = ".6g" if f"{value:.6g}" != f"{highest:.6g}" else ".17g"
-    return f"{what} must be above 0 and up to {highest:{digits}} {unit}, not {value:{digits}}"
+    allowed = f"from {LEAST_RATE:g} to {highest:{digits}} {unit}"
+    return f"{what} must be {allowed}, not {value:{digits}}"
 
 
 #: Why a joint accepts no references of any kind.

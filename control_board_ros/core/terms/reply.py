@@ -65,12 +65,13 @@ class JointAnswer(NamedTuple):
 class Reply:
     """The answer to a set method; true when every joint accepted, or all was sent by topic.
 
-    Attributes: joints (names in the order of the request; empty when the request named none that
-    exist), answers (one per joint), message (one line for a person, empty when all is well),
-    reasons (one text per joint, empty where it accepted; or none at all), codes (likewise, a
-    Reason), values (the references in force, as bounded, NaN where there is none; empty where no
-    reference was answered), modes (those after a request for modes), waits (s until the cause of a
-    fault can be gone, 0 where none is known; empty where no recovery was requested).
+    Attributes: joints (names in the order of the request, as requested where one does not exist;
+    empty where the request is not about joints), answers (one per joint), message (one line for a
+    person, empty when all is well), reasons (one text per joint, empty where it accepted; or none
+    at all), codes (likewise, a Reason), values (the references in force, as bounded, NaN where
+    there is none; empty where no reference was answered), modes (those after a request for modes),
+    waits (s until the cause of a fault can be gone, 0 where none is known; empty where no recovery
+    was requested).
     """
 
     joints: tuple[str, ...]

@@ -9,6 +9,7 @@ YARP sends and ``ControlMode.POSITION.code`` is what people read.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from enum import IntEnum, StrEnum
 from functools import lru_cache
 from typing import TypeVar
@@ -156,13 +157,17 @@ ALIASES = {YARP_4_PWM: ControlMode.OPENLOOP, "pwm": ControlMode.OPENLOOP}
 V = TypeVar("V", bound=Vocab)
 
 
-def parse_control_mode(text: str | int) -> ControlMode:
+def parse_control_mode(text: str | int, known: Iterable[ControlMode] = ControlMode) -> ControlMode:
     """The control mode of a code (``pos``), a long name in any case, or a vocab number.
+
+    Args:
+        text: that is parsed.
+        known: what the message of an error lists.
 
     Raises:
         ValueError: there is no such mode; the message names the nearest.
     """
-    return _parse(ControlMode, "control mode", text, _CONTROL_MODES)
+    return _parse(ControlMode, "control mode", text, _CONTROL_MODES, known)
 
 
 def parse_interaction_mode(text: str | int) -> InteractionMode:
@@ -171,7 +176,7 @@ def parse_interaction_mode(text: str | int) -> InteractionMode:
     Raises:
         ValueError: there is no such mode; the message names what there is.
     """
-    return _parse(InteractionMode, "interaction mode", text, _INTERACTION_MODES)
+    return _parse(InteractionMode, "interaction mode", text, _INTERACTION_MODES, InteractionMode)
 
 
 def parse_brake_mode(text: str) -> BrakeMode:
@@ -187,21 +192,23 @@ def parse_brake_mode(text: str) -> BrakeMode:
         raise ValueError(f"brake mode {str(text)[:32]!r} unknown; known: {known}") from None
 
 
-def _parse(kind: type[V], what: str, text: str | int, words: dict[str | int, V]) -> V:
+def _parse(
+    kind: type[V], what: str, text: str | int, words: dict[str | int, V], known: Iterable[V]
+) -> V:
     if isinstance(text, kind):
         return text
     if not isinstance(text, str):
         try:
             return words[int(text)]
         except (KeyError, TypeError, ValueError, OverflowError):
-            raise ValueError(f"{text!s:.32} is no {what}; known: {_known(kind)}") from None
+            raise ValueError(f"{text!s:.32} is no {what}; known: {_listed(known)}") from None
     mode = words.get(text) or words.get(text.lower())
     if mode is not None:
         return mode
-    names = [word for word in words if isinstance(word, str)]
+    names = [word for word in words if isinstance(word, str) and words[word] in known]
     hint = nearest(text.lower(), names)
     shown = text if len(text) <= 32 else text[:32] + "…"
-    raise ValueError(f"{what} {shown!r} unknown{hint}; known: {_known(kind)}")
+    raise ValueError(f"{what} {shown!r} unknown{hint}; known: {_listed(known)}")
 
 
 def _words(kind: type[V], aliases: dict[str, V]) -> dict[str | int, V]:
@@ -218,5 +225,5 @@ _CONTROL_MODES = _words(ControlMode, ALIASES)
 _INTERACTION_MODES = _words(InteractionMode, {})
 
 
-def _known(kind: type[Vocab]) -> str:
-    return ", ".join(f"{m.code} ({m.name})" for m in kind)
+def _listed(modes: Iterable[Vocab]) -> str:
+    return ", ".join(f"{m.code} ({m.name})" for m in modes)
