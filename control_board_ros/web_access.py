@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which web pages may connect to a server on this machine: Host and Origin.
+"""A server on this machine: its socket, and which web pages may connect (Host and Origin).
 
 A page of anybody's, open in a browser here, reaches servers that listen on 127.0.0.1, too.
 """
@@ -9,6 +9,38 @@ from __future__ import annotations
 import ipaddress
 import socket
 from urllib.parse import urlsplit
+
+from .text import clean
+
+
+class CannotListen(OSError):  # noqa: N818
+    """The address or the port is not available; one line: which, why, next step."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket; port 0 selects a free one.
+
+    Raises:
+        CannotListen: in use, or not an address of the host.
+    """
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        # With an explicit protocol asyncio sets TCP_NODELAY.
+        listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen()
+    except (OSError, OverflowError) as error:
+        why = clean(getattr(error, "strerror", None) or error)
+        raise CannotListen(
+            f"cannot listen on {host} port {port}: {why}; give another --host or --port"
+        ) from None
+    return listening
+
+
+def in_address(host: str) -> str:
+    """The host as part of a URL: IPv6 in brackets."""
+    return f"[{host}]" if ":" in host else host
 
 
 def own_names(host: str) -> frozenset[str]:

@@ -7,7 +7,6 @@ No callback runs per message: a loop polls the subscriptions 100 times a second.
 from __future__ import annotations
 
 import itertools
-import socket
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -35,8 +34,8 @@ from control_board_ros.interface import (
     Endpoint,
 )
 from control_board_ros.recording.topics import ROSOUT
-from control_board_ros.text import clean
 from control_board_ros.urdf_xml import DescribedJoint, published_joints
+from control_board_ros.web_access import in_address, listen
 
 from .gate import Gate, inner_host
 from .schemas import ENCODING, schema, service_schema
@@ -47,10 +46,6 @@ PERIOD = 0.01
 SUBSCRIBE_EVERY, FRAMES_EVERY = 10, 3
 #: Polls between messages of all frames, for late clients.
 ALL_FRAMES_EVERY = 300
-
-
-class CannotServe(OSError):  # noqa: N818
-    """The address or the port is not available; one line."""
 
 
 class ForwardedTopic:
@@ -118,7 +113,7 @@ class Live(ServerListener):
     Attributes: board, address, app (to open in a browser).
 
     Raises:
-        CannotServe: the address is not available.
+        CannotListen: the address is not available.
     """
 
     def __init__(
@@ -158,28 +153,21 @@ class Live(ServerListener):
         if operate:
             capabilities += [Capability.Services, Capability.ClientPublish]
         inner = inner_host()
-        try:
-            family = socket.AF_INET6 if ":" in host else socket.AF_INET
-            listening = socket.create_server((host, port), family=family)
-            self._server = foxglove.start_server(
-                name=board,
-                host=inner,
-                port=0,
-                capabilities=capabilities,
-                server_listener=self,
-                supported_encodings=[ENCODING],
-                services=[self._service(endpoint) for endpoint in SERVICES] if operate else [],
-                context=context,
-            )
-        except (RuntimeError, OSError, OverflowError) as error:
-            reason = clean(getattr(error, "strerror", None) or error)
-            raise CannotServe(
-                f"cannot listen on {host} port {port}: {reason}; give another --host or --port"
-            ) from None
+        listening = listen(host, port)
+        self._server = foxglove.start_server(
+            name=board,
+            host=inner,
+            port=0,
+            capabilities=capabilities,
+            server_listener=self,
+            supported_encodings=[ENCODING],
+            services=[self._service(endpoint) for endpoint in SERVICES] if operate else [],
+            context=context,
+        )
         self._thread = ExecutorThread(asking, lambda error: report(str(error)))
         port = listening.getsockname()[1]
         self._gate = Gate(listening, host, (inner, self._server.port), frozenset(origins), report)
-        self.address = f"ws://{f'[{host}]' if ':' in host else host}:{port}"
+        self.address = f"ws://{in_address(host)}:{port}"
         self.app = f"https://app.foxglove.dev/~/view?ds=foxglove-websocket&ds.url={self.address}"
 
     def run(self, ended: threading.Event) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import uvicorn
 from rclpy.node import Node
 
-from control_board_ros.web_access import own_names
+from control_board_ros.web_access import in_address, listen, own_names
 
 from . import security
 from .hub import Hub
@@ -25,37 +25,10 @@ GOODBYE = 2
 EVERYWHERE = ("0.0.0.0", "::")
 
 
-class CannotListen(OSError):  # noqa: N818
-    """The address or the port is not available; one line: which, why, next step."""
-
-
-def listen(host: str, port: int) -> socket.socket:
-    """A listening socket; port 0 selects a free one.
-
-    Raises:
-        CannotListen: in use, or not an address of the host.
-    """
-    try:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        # With an explicit protocol asyncio sets TCP_NODELAY.
-        listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind((host, port))
-        listening.listen()
-    except (OSError, OverflowError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise CannotListen(
-            f"cannot listen on {host} port {port}: {why}; give another --host or --port"
-        ) from None
-    return listening
-
-
 def addresses(host: str, port: int, token: str) -> list[str]:
     """The addresses to open, with the token; the network address where listening on all."""
     hosts = ["127.0.0.1", *own_addresses()] if host in EVERYWHERE else [host]
-    return [
-        f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={token}" for name in hosts
-    ]
+    return [f"http://{in_address(name)}:{port}/?token={token}" for name in hosts]
 
 
 def own_addresses() -> list[str]:

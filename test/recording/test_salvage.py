@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -90,14 +91,19 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return bag.folder
 
 
-def chunks_before(data: bytes, size: int) -> int:
-    """Chunks that end before a byte, counted by their heads."""
-    count, at = 0, len(MAGIC)
-    while at + HEAD <= size:
+def chunks(data: bytes) -> Iterator[tuple[int, int]]:
+    """Begin and end of each chunk, head included, by the heads of records."""
+    at = len(MAGIC)
+    while at + HEAD <= len(data):
         kind, length = struct.unpack_from("<BQ", data, at)
-        at += HEAD + length
-        count += kind == 6 and at <= size
-    return count
+        begin, at = at, at + HEAD + length
+        if kind == 6:
+            yield begin, at
+
+
+def chunks_before(data: bytes, size: int) -> int:
+    """Chunks that end before a byte."""
+    return sum(end <= size for _, end in chunks(data))
 
 
 def test_a_finished_file_cut_at_every_4_kb(finished: Path, tmp_path: Path) -> None:
@@ -109,15 +115,15 @@ def test_a_finished_file_cut_at_every_4_kb(finished: Path, tmp_path: Path) -> No
         folder = tmp_path / f"{size}"
         shutil.copytree(finished, folder)
         (folder / "rec_0.mcap").write_bytes(data[:size])
-        chunks = chunks_before(data, size)
+        count = chunks_before(data, size)
         for path in (folder, folder / "rec_0.mcap"):
-            if not chunks:
+            if not count:
                 with pytest.raises(RecordingError, match="cannot be read") as caught:
                     read(path)
                 assert "\n" not in str(caught.value)
                 continue
             (recording,) = read(path)
-            assert numbers(recording) == list(range(20 * chunks))
+            assert numbers(recording) == list(range(20 * count))
             assert len(recording.missing) == 1
             assert "rec_0.mcap" in recording.missing[0]
             assert recording.control_modes("a")[0][2] == "pos"
@@ -212,13 +218,8 @@ def test_zeros_after_a_loss_of_power(finished: Path, tmp_path: Path) -> None:
 def test_a_damaged_chunk_costs_itself_only(finished: Path, tmp_path: Path) -> None:
     """One second of zeros amid a file: the chunks before and after are read."""
     data = bytearray((finished / "rec_0.mcap").read_bytes())
-    at, kinds = len(MAGIC), list[tuple[int, int]]()
-    while at + HEAD <= len(data):
-        kind, length = struct.unpack_from("<BQ", data, at)
-        kinds += [(at, length)] if kind == 6 else []
-        at += HEAD + length
-    begin, length = kinds[3]
-    data[begin + HEAD : begin + HEAD + length] = bytes(length)
+    begin, end = list(chunks(data))[3]
+    data[begin + HEAD : end] = bytes(end - begin - HEAD)
     path = tmp_path / "damaged.mcap"
     path.write_bytes(data[:-40])  # without its index, too
     (recording,) = read(path)

@@ -20,9 +20,10 @@ from websockets.sync.client import ClientConnection, connect
 from control_board_ros.core.terms.reply import Answer, Reply
 from control_board_ros.interface import MODES
 from control_board_ros.panel import robot
-from control_board_ros.panel.app import config_of, listen
+from control_board_ros.panel.app import config_of
 from control_board_ros.panel.hub import Hub
 from control_board_ros.panel.server import make_app
+from control_board_ros.web_access import listen
 
 TOKEN = "the-token"
 #: The fields of each request that a board takes.

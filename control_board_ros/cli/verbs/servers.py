@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
+from control_board_ros.web_access import CannotListen
+
 from ..board.session import Session
 from ..line.arguments import Argument, amount, argument, with_arguments
 from ..line.words import Refused, UsageError
@@ -67,7 +69,7 @@ def panel(
     """
     packages = ("starlette", "uvicorn", "websockets")
     check_server(port, "panel", dict(zip(packages, packages, strict=True)))
-    from control_board_ros.panel.app import CannotListen, run
+    from control_board_ros.panel.app import run
 
     as_json = session.options.json
 
@@ -127,7 +129,7 @@ def foxglove(
     check_server(port, "foxglove", {"foxglove": "foxglove-sdk"})
     from rclpy.node import Node
 
-    from control_board_ros.foxglove.live import CannotServe, Live
+    from control_board_ros.foxglove.live import Live
 
     client = session.client
     asking = Node(
@@ -158,7 +160,7 @@ def foxglove(
             put(f"  {live.app}")
             put(f"Layout: {layout()}. Ctrl-C ends it.")
         live.run(ended)
-    except CannotServe as error:
+    except CannotListen as error:
         raise Refused(str(error)) from None
     except KeyboardInterrupt:
         pass
