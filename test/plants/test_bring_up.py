@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import can
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES, PERIOD, TIMEOUT, Bench
@@ -362,19 +363,26 @@ def test_a_script_without_answers_ends_in_one_line(
 
 
 @pytest.mark.parametrize(
-    ("number", "remedy"),
+    ("bus", "number", "remedy"),
     [
-        (errno.ENETDOWN, "sudo ip link set can0 up type can"),
-        (errno.ENODEV, "there is no interface can0; list them with: ip -br link"),
-        (errno.EAFNOSUPPORT, "modprobe can_raw"),
-        (errno.EACCES, "no permission"),
+        ("socketcan:can0", errno.ENETDOWN, "it is down; sudo ip link set can0 up type can"),
+        ("socketcan:can0", errno.ENODEV, "there is no interface can0; list them with: ip -br li"),
+        ("socketcan:can0", errno.EAFNOSUPPORT, "this kernel has no CAN; sudo modprobe can_raw"),
+        ("socketcan:can0", errno.EACCES, "no permission for raw CAN"),
+        ("socketcan:can0", errno.EIO, "[Errno 5] odd; use INTERFACE:CHANNEL of python-can, as "),
+        ("pcan:USB1", errno.ENODEV, "[Errno 19] odd; use INTERFACE:CHANNEL of python-can, as so"),
+        ("/dev/ttyX", errno.EIO, "the device is gone"),
+        ("/dev/ttyX", errno.ENODEV, "[Errno 19] odd; use a serial device, as /dev/ttyUSB0"),
+        ("fdcanusb:/dev/x", errno.EAGAIN, "another program has it open; find it with: fuser /dev"),
+        ("fdcanusb:/dev/x", errno.ENODEV, "[Errno 19] odd; use a serial device, as /dev/ttyUSB0"),
     ],
 )
-def test_a_bus_that_does_not_open_has_a_remedy(number: int, remedy: str) -> None:
+def test_a_bus_that_does_not_open_has_a_remedy(bus: str, number: int, remedy: str) -> None:
     """Not what the user has typed already."""
-    error = bus_error("socketcan:can0", OSError(number, "as the system says"))
-    assert remedy in str(error)
-    assert "INTERFACE:CHANNEL" not in str(error)
+    named = can.CanOperationError("odd", number)  # has no errno
+    for error in (OSError(number, "odd"), named):
+        said = remedy.replace(f"[Errno {number}] odd", str(error))
+        assert str(bus_error(bus, error)).startswith(f"bus {bus}: {said}")
 
 
 @pytest.mark.slow

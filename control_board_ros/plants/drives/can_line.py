@@ -137,8 +137,9 @@ class CanLine:
         Raises:
             OSError: the interface is gone, or left the bus.
         """
+        bus = self._bus or self.bus
         try:
-            message = (self._bus or self.bus).recv(seconds)
+            message = bus.recv(seconds)
         except self._errors as error:
             raise bus_error(self._text, error) from None
         if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:

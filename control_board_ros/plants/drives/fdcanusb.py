@@ -72,7 +72,7 @@ class Fdcanusb:
 
 def parse(line: bytes) -> Received | None:
     """The frame of a line, or None: it is none, or damaged."""
-    words = line.split()
+    words = line.rstrip().split(b" ")  # without data two spaces follow each other
     if len(words) < 3 or words[0] != b"rcv":
         return None
     with contextlib.suppress(ValueError):

@@ -17,17 +17,16 @@ def bus_error(bus: str, error: Exception) -> OSError:
     interface, _, channel = bus.partition(":")
     serial = not channel or interface == "fdcanusb"
     remedies = SERIAL if serial else CAN
-    named = {"device": bus, "channel": channel or bus}
     if number in remedies and (serial or interface == "socketcan"):
-        return OSError(f"bus {bus}: {remedies[number].format(**named)}")
+        return OSError(f"bus {bus}: {remedies[number].format(channel or bus)}")
     form = "a serial device, as /dev/ttyUSB0" if serial else "INTERFACE:CHANNEL of python-can"
     return OSError(f"bus {bus}: {error}; use {form}" + ("" if serial else ", as socketcan:can0"))
 
 
 #: By errno: the cause, and the next step.
 CAN = {
-    errno.ENODEV: "there is no interface {channel}; list them with: ip -br link show type can",
-    errno.ENETDOWN: "it is down; sudo ip link set {channel} up type can bitrate 1000000",
+    errno.ENODEV: "there is no interface {}; list them with: ip -br link show type can",
+    errno.ENETDOWN: "it is down; sudo ip link set {} up type can bitrate 1000000",
     errno.EAFNOSUPPORT: (
         "this kernel has no CAN; sudo modprobe can_raw (in a container: on its host), or try the "
         "driver without hardware: plant:=virtual/…"
@@ -38,6 +37,7 @@ CAN = {
 SERIAL = {
     errno.ENOENT: "there is no such device; list them with: ls -l /dev/serial/by-id /dev/ttyACM*",
     errno.EACCES: "no permission; sudo usermod -aG dialout $USER, then log out and in",
-    errno.EBUSY: "another program has it open; find it with: fuser {device}",
+    errno.EAGAIN: "another program has it open; find it with: fuser {}",
+    errno.EBUSY: "another program has it open; find it with: fuser {}",
     errno.EIO: "the device is gone; plug it in again",
 }
