@@ -128,7 +128,7 @@ class Bench:
         with contextlib.ExitStack() as stack:
             for module, name in ((can_line, "open_bus"), (serial_line, "open_port")):
                 stack.enter_context(mock.patch.object(module, name, self._connect))
-                stack.enter_context(mock.patch.object(module, "Clock", return_value=self.clock))
+            stack.enter_context(mock.patch.object(can_line, "Clock", return_value=self.clock))
             yield
 
     def scan(self) -> list[Identity]:

@@ -40,8 +40,8 @@ class Received(NamedTuple):
 
     arbitration_id: int
     data: bytes
-    is_extended_id: bool = False
-    is_remote_frame: bool = False
+    is_extended_id: bool
+    is_remote_frame: bool
     is_error_frame: bool = False
 
 

@@ -97,8 +97,8 @@ class DrivesPlant:
         self._undone = [math.inf] * n
         self._had_power = [False] * n
         #: What the drives reported last, and when they report again, s.
-        self._said: list[tuple[Any, ...]] = []
-        self._says_at = -math.inf
+        self._said: list[tuple[Any, ...]] | None = None
+        self._says_at: float
 
     def describe(self) -> Description:
         """What the drives have; with type, firmware and limits of each once it is connected."""
@@ -151,7 +151,6 @@ class DrivesPlant:
             self._send(orders, self.driver.exchange)
             self._judge()
             self.clock.pass_by(min(self._period, PACE))
-        self._latched = [None] * len(self.axes)
         self.exchange(self._off)
 
     def exchange(self, wanted: SetPoints) -> Readings:
@@ -210,7 +209,7 @@ class DrivesPlant:
 
     def _judge(self) -> None:
         """What the answers of an exchange say."""
-        answers, begin, before = self.answers, self._begun, self._before
+        answers, before = self.answers, self._before
         for k, order in self._sent.items():
             self._actions[k] = order.action
             if order.interview is None:
@@ -218,7 +217,7 @@ class DrivesPlant:
             else:
                 order.interview.asks = False
             reported = answers.reported[k]
-            heard = answers.times[k] >= begin or bool(answers.raw[k])
+            heard = bool(answers.raw[k])
             off = order.action in (OFF, RESET)
             unseen = not before[k] and reported.unheard >= UNHEARD
             reported.stale = reported.power and (off or unseen or reported.stale)
@@ -266,7 +265,6 @@ class DrivesPlant:
         self._interviews[k] = None
         if action is Action.SET_UP:
             self._identities[k], reported.lost = interview.result, False
-            reported.confirmed = True
             self._zeros[k].set_up(math.nan if interview.result is None else interview.result.turn)
         elif action is Action.SET_LAW:
             reported.law = interview.result

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, Self
 from ..errors import PlantSettingsError
 from .axes import Axis
 from .can_line import PATIENCE
-from .clock import Clock
 from .interview import ATTEMPTS, Interview, Question, Questions, ask
 from .remedies import bus_error
 from .set_id import check, verify
@@ -171,12 +170,11 @@ class ServoBus:
 
     It is open within ``with`` or from ``open`` to ``close``; see ``open_port``.
 
-    Attributes: protocol (of the library); clock; connect (opens the port as ``open_port`` does).
+    Attributes: protocol (of the library); connect (opens the port as ``open_port`` does).
     """
 
     def __init__(self, library: Library, device: str, baudrate: int) -> None:
         self._library, self._device, self._baudrate = library, device, baudrate
-        self.clock = Clock()
         self.connect: Callable[..., Any] = open_port
         self._port: Any = None
         #: Ids with a question whose answer may still come, and markers read of them since.
