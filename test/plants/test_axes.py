@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 from control_board_ros.core.terms.measurement import VALUES, SetPoints, Value
 from control_board_ros.plants.drives.axes import Axes, Axis, Options
+from control_board_ros.plants.drives.can_drives import CanOptions
+from control_board_ros.plants.drives.servo_drives import ServoOptions
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveLimits
 
@@ -41,6 +44,21 @@ def test_omitted_values_have_a_default() -> None:
     assert (found.bus, found.speed, found.steps, found.loud) == ("here", 1.0, 8, False)
     assert [axis.id for axis in found.axes] == [1, 2]
     assert found.axes[0] == OwnAxis(name="shoulder", id=1, kt=0.5)
+
+
+def test_a_bus_that_is_not_told_otherwise() -> None:
+    """No watchdog is done without, unless the user says so."""
+    can = CanOptions.parse(JOINTS, {})
+    assert (can.bus, can.bitrate, can.unwatched) == ("socketcan:can0", 0, False)
+    servos = ServoOptions.parse(JOINTS, {})
+    assert (servos.bus, servos.baudrate) == ("/dev/ttyUSB0", 1_000_000)
+
+
+@pytest.mark.parametrize("make", ["dynamixel", "feetech"])
+def test_an_id_that_no_servo_can_have_is_refused(make: str) -> None:
+    with pytest.raises(PlantSettingsError, match=r"a\.id=253: 0 to 252 is required"):
+        import_module(f"control_board_ros.plants.{make}.driver").make(("a",), {"ids": "253"})
+    import_module(f"control_board_ros.plants.{make}.driver").make(("a",), {"ids": "252"})
 
 
 def test_options_are_of_the_bus_of_all_joints_or_of_one() -> None:

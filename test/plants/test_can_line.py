@@ -11,12 +11,16 @@ from unittest.mock import Mock
 import can
 import pytest
 
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives import can_line
-from control_board_ros.plants.drives.can_drives import CanDrives
+from control_board_ros.plants.drives.can_drives import CanDrives, CanOptions
 from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, CanLine
 from control_board_ros.plants.drives.can_socket import MessageBus
-from control_board_ros.plants.drives.clock import ManualClock
+from control_board_ros.plants.drives.clock import Clock, ManualClock
+from control_board_ros.plants.drives.driver import Answers, Order
 from control_board_ros.plants.drives.interview import Question
+from control_board_ros.plants.drives.reconcile import ASK
+from control_board_ros.plants.interface import Setup
 
 
 def frame(number: int, data: bytes = b"", *, error: bool = False) -> Any:
@@ -86,7 +90,8 @@ def test_how_it_is_opened() -> None:
     plain.open()
     assert asked[1] == ("virtual:x", {"fd": False, "bitrate": 0})
     with pytest.raises(ConnectionError, match="not open"):
-        _ = CanLine("virtual:x").bus
+        CanLine("virtual:x").drain(by_id)
+    assert isinstance(plain.clock, Clock)
 
 
 @pytest.mark.parametrize(
@@ -255,8 +260,32 @@ def test_it_is_closed_with_last_frames_and_twice(line: Any) -> None:
         line.send(1, b"")
 
 
-def test_an_exchange_may_wait_for_three_fifths_of_a_period() -> None:
-    assert can_line.budget(0.005) == pytest.approx(0.003)
+def test_an_exchange_waits_for_answers_for_three_fifths_of_a_period(line: Any) -> None:
+    class Plain(CanDrives[CanOptions]):
+        def _frames(self, orders: Any) -> Any:
+            return ((8 + k, b"") for k in orders)
+
+        def _take(self, message: Any) -> int | None:
+            return by_id(message)
+
+    driver, asked = Plain(CanOptions.parse(("a",), {})), list[Any]()
+    driver.line.clock, bus = line.clock, line.bus
+    driver.line.connect = lambda text, **more: asked.append((text, more)) or bus
+    driver.open(Setup(period=0.005, timeout=0.1, joints=(None,)), Answers(driver._axes))
+    assert asked == [("socketcan:can0", {"fd": False, "bitrate": 0})]
+    driver.exchange({0: Order(ASK, SetPoint.OFF, ())})
+    assert bus.sent == [(8, b"")]
+    assert bus.waits == pytest.approx([0.0, 0.003])
+
+
+def test_time_passes_forwards_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept, clock = list[float](), ManualClock()
+    monkeypatch.setattr("time.sleep", slept.append)
+    begin = clock.now()
+    for seconds in (0.25, -1.0):
+        Clock().pass_by(seconds)
+        clock.pass_by(seconds)
+    assert (slept, clock.now() - begin) == ([0.25, 0.0], 0.25)
 
 
 def test_laws_of_drives_on_can_come_with_their_goals() -> None:

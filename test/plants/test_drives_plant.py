@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drive_bench import Bench
 
 from control_board_ros.core.terms.drives import DriveReport, OnSilence, SetPoint
 from control_board_ros.core.terms.measurement import SetPoints, Value
@@ -17,7 +18,7 @@ from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Answers, Identity, Order, Traits
 from control_board_ros.plants.drives.faults import RESTARTED
-from control_board_ros.plants.drives.interview import PAUSE, Questions
+from control_board_ros.plants.drives.interview import PAUSE, Question, Questions
 from control_board_ros.plants.drives.plant import PACE, DrivesPlant
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.interface import DriveFault, DriveLimits, Readings, Setup
@@ -40,7 +41,7 @@ class Scripted:
         mute, deaf: Drives that say nothing, or hear nothing.
         weak, stuck, dropping: That take no power, keep it, or lose it when they have it.
         surplus: More answers of each per exchange.
-        slow: Questions of a set-up; refusal: what it ends with.
+        slow: Questions of a set-up; refusal: what it ends with; asked: told of each order.
         told: The orders of the last exchange; at: when each was, s.
     """
 
@@ -60,6 +61,7 @@ class Scripted:
         limits = DriveLimits(lower=-1.0, upper=2.0, velocity=4.0)
         self.found = [Identity(id=a.id, type="made", firmware="2", limits=limits) for a in axes]
         self.slow, self.refusal, self.laws = 0, "", list[Any]()
+        self.asked: Any = lambda order: None
         self.told: Mapping[int, Order] = {}
         self.at = list[float]()
         self.closed, self._count = 0, 0
@@ -95,6 +97,7 @@ class Scripted:
         self.at.append(self.line.clock.now() if self.line.clock else 0.0)
         for k, order in orders.items():
             self.answers.asked[k] += 1
+            self.asked(order)
             if k not in self.deaf:
                 self._obey(k, order)
             if k not in self.mute:
@@ -170,10 +173,10 @@ def powered(**changes: Any) -> Rig:
 def test_readings_are_those_at_the_joints() -> None:
     rig = Rig()
     answers = rig.plant.answers
-    answers.position[:], answers.velocity[:], answers.torque[:] = 1.0, 2.0, 3.0
+    answers.position[:], answers.velocity[:], answers.torque[:] = 2.0, 2.0, 3.0
     answers.current[:], answers.temperature[:], answers.voltage[:] = 1.5, 40.0, 24.0
     found = rig.go(OFF)
-    assert found.position.tolist() == [0.0, 1.0]
+    assert found.position.tolist() == [-0.5, 2.0]
     assert [row.tolist() for row in (found.velocity, found.torque, found.current)] == [
         [-1.0, 2.0], [-6.0, 3.0], [-1.5, 1.5],
     ]  # fmt: skip
@@ -182,12 +185,27 @@ def test_readings_are_those_at_the_joints() -> None:
     assert found.voltage is not None
     assert found.voltage.tolist() == [24.0, 24.0]
     assert found.dropped is found.lost is None
-    np.testing.assert_array_equal(found.motor_position, [-4.0, math.nan])
+    np.testing.assert_array_equal(found.motor_position, [-8.0, math.nan])
     np.testing.assert_array_equal(found.motor_velocity, [-8.0, math.nan])
+    rig.plant._zeros[0].shift = 0.5
+    found = rig.go(OFF)
+    assert found.position.tolist() == [-0.75, 2.0]
+    np.testing.assert_array_equal(found.motor_position, [-10.0, math.nan])
     rig.driver.line.dropped = 1
     assert rig.go(OFF).dropped is not None
+    del rig.driver.line.dropped  # as on a serial bus
+    assert rig.go(OFF).dropped is None
     bare = Rig((AXES[1], Axis(name="c", id=5)))
     assert bare.go(OFF).motor_position is None
+
+
+def test_what_a_make_does_not_measure_is_none() -> None:
+    rig = Rig()
+    rig.driver.traits = Traits(set_points=(), on_silence=())
+    joint, found = rig.plant.describe().joints[1], rig.go(OFF)
+    assert not any((joint.torque_estimate, joint.current_sensor, joint.temperature_sensor))
+    assert (joint.resolution, joint.turn, joint.stiffness) == (0.0, 0.0, None)
+    assert [found.torque, found.current, found.temperature, found.voltage] == [None] * 4
 
 
 def test_an_encoder_of_the_drive_s_own_at_the_motor_is_shown_as_it_reads() -> None:
@@ -198,18 +216,23 @@ def test_an_encoder_of_the_drive_s_own_at_the_motor_is_shown_as_it_reads() -> No
     np.testing.assert_array_equal(found.motor_position, [-0.75, math.nan])
     np.testing.assert_array_equal(found.motor_velocity, [math.nan, math.nan])
     assert [joint.motor_encoder for joint in rig.plant.describe().joints] == [True, False]
+    axes = (Axis(name="c", id=1, motor_turns=1.0),)
+    assert DrivesPlant(axes, Scripted(axes)).describe().joints[0].motor_encoder
 
 
 def test_the_description_has_what_was_found() -> None:
-    before = DrivesPlant(AXES, Scripted(AXES)).describe().joints[0]
+    before = DrivesPlant(AXES, Scripted(AXES, stiffness=True)).describe().joints[0]
     assert (before.drive, before.limits, before.turn) == ("", DriveLimits(), 0.0)
-    found = Identity(id=3, type="made", limits=DriveLimits(lower=-1.0, upper=2.0), turn=0.5)
-    rig = Rig(found=[found, found])
+    assert before.stiffness == 0.0  # not known
+    found = Identity(id=3, type="made", limits=DriveLimits(lower=-1.0, upper=2.0), turn=0.5,
+                     stiffness=3.0)  # fmt: skip
+    rig = Rig(found=[found, found], traits={"stiffness": True})
     first, second = rig.plant.describe().joints
     assert first.drive == "made"
     assert (first.limits.lower, first.limits.upper) == (-0.5, 1.0)
     assert (first.resolution, second.resolution) == (0.005, 0.01)
     assert (first.turn, second.turn) == (0.25, 0.5)
+    assert (first.stiffness, second.stiffness) == (12.0, 3.0)
     assert [first.motor_encoder, second.motor_encoder] == [True, False]
     rig.plant._zeros[0].shift = 3.0
     turned = rig.plant.describe().joints[0]
@@ -217,6 +240,41 @@ def test_the_description_has_what_was_found() -> None:
     assert turned.torque_estimate
     assert turned.current_sensor
     assert turned.temperature_sensor
+
+
+def test_who_is_late_was_lost_until_then() -> None:
+    answers = Answers(AXES)
+    answers.came(0, b"of the last program")
+    for asked, came, lost, late in (
+        (1, 1, 0, 0), (0, 1, 0, 0), (1, 0, 1, 0), (1, 0, 2, 0), (0, 1, 1, 1), (0, 2, 0, 2),
+        (1, 0, 1, 2), (1, 1, 1, 2), (0, 1, 1, 2),
+    ):  # fmt: skip
+        answers.begin()
+        answers.asked[0] = asked
+        for _ in range(came):
+            answers.came(0, b"")
+        if asked:
+            answers.miss(0)
+        assert (answers.lost[0], answers.late[0]) == (lost, late)
+
+
+def test_a_bus_has_a_socket_or_its_exchange_alone() -> None:
+    rig = Rig()
+    assert rig.actions == [Action.OFF] * 2
+    assert rig.plant.fileno() is None
+    with pytest.raises(TypeError, match="no socket"):
+        rig.plant.begin(SetPoints.off(2))
+    with Bench("mit_can") as bench:
+        bench.connect()
+        wanted = set_points([bench.accepts[0]] * 2)
+        for _ in range(20):
+            bench.clock.pass_by(PERIOD)
+            bench.plant.begin(wanted)
+            assert bench.plant.read(bench.clock.now() + PERIOD)
+            found = bench.plant.finish()
+        assert not any(found.faults)
+        assert not any(found.ages)
+        assert [one.power for one in bench.plant.answers.reported] == [True, True]
 
 
 def test_power_comes_with_a_goal_of_rest_then_goals_follow() -> None:
@@ -259,6 +317,64 @@ def test_a_silent_drive_ages_and_is_a_fault_after_the_timeout() -> None:
     assert rig.go(OFF).faults[0] is not None
     rig.plant.clear_fault(0)
     assert not any(rig.go(OFF).faults)
+
+
+def test_a_bus_that_is_connected_again_begins_anew() -> None:
+    rig = powered()
+    rig.driver.mute.add(0)
+    assert any(rig.go(POSITION, LASTING + 1).faults)
+    rig.driver.mute.clear()
+    rig.plant.connect(rig.driver.setup)
+    assert not any(rig.go(POSITION).faults)
+    assert rig.plant.answers.lost == [0, 0]
+
+
+def test_a_slower_set_up_is_waited_for_and_asks_once() -> None:
+    requests = list[Any]()
+
+    def slower(k: int) -> Questions[Identity]:
+        if k:
+            yield Question("who", lambda *_: None, patience=5 * PERIOD)
+        return Identity(id=k, type="made")
+
+    rig = Rig(set_up=slower, asked=lambda order: requests.append(order.request))
+    assert [joint.drive for joint in rig.plant.describe().joints] == ["made", "made"]
+    assert [request for request in requests if request] == ["who"]
+
+
+def test_a_law_that_is_not_wanted_any_more_is_not_set() -> None:
+    laws = list[Any]()
+
+    def slowly(_: int, law: Any) -> Questions[Any]:
+        yield PAUSE
+        laws.append(law)
+        return law
+
+    rig = Rig(live=False, set_law=slowly)
+    for kind, cycles in ((POSITION, 2), (OFF, 1), (TORQUE, 10)):
+        rig.go(kind, cycles)
+    assert laws == [2, 2]
+    assert rig.actions == [Action.GOAL] * 2
+
+
+@pytest.mark.parametrize(
+    ("turn", "way", "restarts"),
+    [(0.1, 0.07, False), (0.1, 0.09, True), (0.5, 0.12, False), (0.5, 0.13, True),
+     (0.0, 3.0, False)],
+)  # fmt: skip
+def test_a_reading_that_jumps_is_a_restart_where_turns_can_be_lost(
+    turn: float, way: float, restarts: bool
+) -> None:
+    """S9: by more than a fourth of what may be lost, four times as fast as its limit."""
+    joint: Any = SimpleNamespace(
+        on_silence=OnSilence.FREE, limits=SimpleNamespace(velocity=5.0), calibration=True,
+        requires_calibration=False,
+    )  # fmt: skip
+    found = [Identity(id=k, type="made", turn=turn) for k in (3, 4)]
+    rig = Rig(AXES[1:] + AXES[1:], joints=(joint, joint), found=found)
+    assert not any(rig.go(OFF, 3).faults)
+    rig.plant.answers.position[0] += way
+    assert [fault is not None for fault in rig.go(OFF).faults] == [restarts, False]
 
 
 def test_a_loop_that_pauses_hears_no_silence() -> None:
@@ -419,8 +535,10 @@ def test_three_surplus_answers_are_those_of_a_second_drive() -> None:
     assert surplus(rig, 1) == "two drives answer as id 3; change that of one"
     assert rig.go(OFF, 20).faults[0] is not None
     rig.plant.clear_fault(0)
-    assert rig.go(OFF).faults[0] is None
     assert surplus(rig, 2) is None
+    rig = Rig(surplus=[1, 0])  # twice while it is connected
+    rig.driver.surplus[0] = 0
+    assert not any(rig.go(OFF).faults)
 
 
 def test_surplus_answers_are_forgiven_in_time() -> None:
@@ -498,6 +616,7 @@ def test_a_drive_that_does_not_say_is_not_shown() -> None:
     reports = rig.go(POSITION).drives
     assert reports is not None
     assert reports[0] == DriveReport(zero=None, power=None, law=None, lost=0, late=0)
+    assert rig.plant.describe().joints[0].turn == 0.0
     before = DrivesPlant(AXES, Scripted(AXES))
     assert before._report(0, True, 1, silent=False) == DriveReport(lost=0, late=0)
 
@@ -506,8 +625,9 @@ def test_a_set_up_that_is_refused_faults_its_joint_alone() -> None:
     rig = powered()
     rig.driver.dropping, rig.driver.refusal = {0}, "its table is odd"
     rig.go(POSITION)
-    assert rig.go(POSITION).faults == ["its table is odd", None]
+    assert rig.go(POSITION, 9).faults == ["its table is odd", None]
     assert rig.actions == [Action.OFF, Action.GOAL]
+    assert rig.plant.answers.reported[0].lost
     with pytest.raises(ValueError, match="its table is odd"):
         Rig(refusal="its table is odd")
 

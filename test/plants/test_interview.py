@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.axes import Axis
+from control_board_ros.plants.drives.driver import Order
 from control_board_ros.plants.drives.interview import (
     PAUSE,
     Interview,
@@ -19,6 +21,7 @@ from control_board_ros.plants.drives.interview import (
     converse,
     find,
 )
+from control_board_ros.plants.drives.reconcile import SET_UP
 
 WHO = Question("who", lambda said: said)
 EVERYONE = replace(WHO, several=True)
@@ -122,7 +125,10 @@ def test_each_question_is_asked_anew() -> None:
         return f"{first}{second}"
 
     talk = Interview(two(), 5.0)
+    order = Order(SET_UP, SetPoint.OFF, (), talk)
+    assert order.request == "who"
     talk.asks = False
+    assert order.request == Order(SET_UP, SetPoint.OFF, ()).request == ()
     assert talk.hear("a")
     assert not talk.advance(5.002)
     assert not talk.asks

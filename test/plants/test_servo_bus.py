@@ -3,16 +3,20 @@
 
 from __future__ import annotations
 
+import errno
 from collections import deque
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from control_board_ros.plants.drives import serial_line
+from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.interview import ATTEMPTS, Interview, Question, converse
 from control_board_ros.plants.drives.serial_line import Item, Reply, Request, ServoBus, put
 from control_board_ros.plants.dynamixel import table as dynamixel
+from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.feetech import table as feetech
 
 LIBRARIES = [feetech.LIBRARY, dynamixel.LIBRARY]
@@ -93,6 +97,44 @@ def bus(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Serv
     made._port = made.protocol = Handler(request.param)
     made.slept = slept  # type: ignore[attr-defined]
     return made
+
+
+def test_a_port_waits_for_bytes_until_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The maker's own polls."""
+    clock, waits, flushed = ManualClock(), list[float](), list[bool]()
+
+    class Maker:
+        def __init__(self, device: str) -> None:
+            self.device = device
+
+        def setBaudRate(self, baudrate: int) -> bool:
+            if self.device == "/dev/none":
+                raise OSError(errno.ENOENT, "none")
+            self.ser = SimpleNamespace(fileno=lambda: 7, read=lambda most: b"12345"[:most])
+            self.ser.reset_input_buffer = lambda: flushed.append(True)
+            return baudrate != 7
+
+    monkeypatch.setattr(serial_line, "time", SimpleNamespace(monotonic=clock.now))
+    monkeypatch.setattr(
+        serial_line, "select", SimpleNamespace(select=lambda *w: waits.append(w[3]))
+    )
+    port = serial_line.open_port(Maker, "/dev/ttyX", 1_000_000)
+    assert (port.device, port.isPacketTimeout()) == ("/dev/ttyX", True)
+    for begin, end in ((port.setPacketTimeout, 0.02), (port.setPacketTimeoutMillis, 0.003)):
+        begin(3.0)
+        assert not port.isPacketTimeout()
+        assert port.readPort(2) == b"12"
+        assert waits[-1] == pytest.approx(end)
+        clock.pass_by(end + 1e-3)
+        assert port.isPacketTimeout()
+        assert port.readPort(9) == b"12345"
+        assert waits[-1] == 0.0
+    port.clearPort()
+    assert flushed == [True]
+    with pytest.raises(PlantSettingsError, match="baudrate=7: unknown to the library"):
+        serial_line.open_port(Maker, "/dev/ttyX", 7)
+    with pytest.raises(OSError, match="bus /dev/none: there is no such device"):
+        serial_line.open_port(Maker, "/dev/none", 7)
 
 
 def test_numbers_have_their_lowest_byte_first_and_never_wrap() -> None:

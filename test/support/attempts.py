@@ -90,9 +90,9 @@ CORE = Tree(
     ("test/core", "test/robot", "test/spec", PAGES),
     ("test_conformance_table", "test_reach", "test_exchange"),
 )
-#: What all makes of drives share, by tests without real time.
-QUICK = "axes bring_up can_line drive_reports drives_plant interview moteus_frames reconcile"
-QUICK += " serial_line servo_bus set_id supply turns words"
+#: What all makes of drives share, by tests that are quick.
+QUICK = "axes bring_up can_line can_socket drive_reports drives_plant interview moteus_frames"
+QUICK += " reconcile serial_line servo_bus set_id supply turns words"
 DRIVES = Tree("plants/drives", tuple(f"test/plants/test_{name}.py" for name in QUICK.split()))
 #: Codecs and set-ups of the makes, by these, and by what others pack.
 ROOMS = "moteus mit_can dynamixel cia402 odrive_can feetech"
