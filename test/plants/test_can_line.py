@@ -232,7 +232,7 @@ def test_it_asks_a_question(line: Any, several: bool, answers: list[bytes]) -> N
 
     def put(*sent: Any) -> None:
         line.bus.sent.append(sent)
-        line.bus.queue = [
+        line.bus.queue += [
             (1e-3, frame(2, b"other")), (1e-3, frame(1, b"?")), (1e-3, frame(1, b"a")),
             (1e-3, frame(1, b"b")),
         ]  # fmt: skip
@@ -252,12 +252,16 @@ def test_it_asks_a_question(line: Any, several: bool, answers: list[bytes]) -> N
 def test_it_is_closed_with_last_frames_and_twice(line: Any) -> None:
     bus = line.bus
     bus.fails = [OSError("down")]
-    line.close([(1, b""), (2, b"")])
+    with line as opened:
+        opened.close([(1, b""), (2, b"")])
     assert bus.sent == [(1, b""), (2, b"")]
     line.close([(3, b"")])
     assert (bus.shut, len(bus.sent)) == (1, 2)
     with pytest.raises(ConnectionError):
         line.send(1, b"")
+    with line:
+        assert bus.shut == 1
+    assert bus.shut == 2
 
 
 def test_an_exchange_waits_for_answers_for_three_fifths_of_a_period(line: Any) -> None:

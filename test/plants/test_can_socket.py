@@ -201,9 +201,9 @@ def test_a_group_does_not_wake_its_sender(groups: tuple[Multicast, can.BusABC]) 
     if ours._next == ours._socket.recv:  # the filter
         assert select.select([ours.fileno()], [], [], 0.0)[0] == []
     assert ours.recv(0.0) is None
-    theirs.send(message(5, b"12", fd=True))
+    theirs.send(message(0x800, b"12", fd=True))
     assert select.select([ours.fileno()], [], [], 10.0)[0] == [ours.fileno()]
-    assert ours.recv(0.0) == received(5, b"12")
+    assert ours.recv(0.0) == received(0x800, b"12")
 
 
 def test_what_is_no_message_is_dropped(groups: tuple[Multicast, can.BusABC]) -> None:

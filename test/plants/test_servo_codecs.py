@@ -19,7 +19,9 @@ from control_board_ros.plants.drives.interview import converse
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.drives.serial_line import Item, Reply
 from control_board_ros.plants.dynamixel import table as d
+from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.feetech import table as f
+from control_board_ros.plants.interface import Setup
 
 REV = 2.0 * math.pi
 
@@ -345,6 +347,8 @@ def talk(questions: Any, table: dict[int, int]) -> tuple[dict[int, int], Any]:
     found: dict[int, int] = {}
 
     def answered(question: Any) -> list[Any]:
+        if not question.request:  # a pause
+            return []
         item, value, signed = question.request
         if value is not None:
             found[item.address] = value
@@ -373,6 +377,7 @@ def test_what_a_dynamixel_is(model: int, mode: str, ampere: float, ends: Any, tu
     )
     assert limits.velocity == pytest.approx(100 * 0.229 * REV / 60.0)
     assert limits.current == (pytest.approx(1000 * ampere) if ampere else None)
+    assert (limits.torque, found.stiffness) == (None, 0.0)  # its motor is not known
     servo = codec.driver._servos[0]
     assert (servo.pwm, servo.current, servo.mode) == (700, 1000 if ampere else 0, 16)
     assert servo.data == (208 if model == 1190 else 224)
@@ -410,6 +415,86 @@ def test_what_a_feetech_is(some: Any, ends: Any, speed: Any, current: Any) -> No
     assert {40: 0, 55: 1, 41: 0}.items() <= written.items()
 
 
+STEP = REV / 4096
+
+
+@pytest.mark.parametrize(
+    ("make", "table", "torque", "stiffness"),
+    [
+        ("dynamixel", {0: 1020, 36: 700, 84: 800}, 700 / 885, 800 / 128 / 885 / STEP),
+        ("feetech", {3: 777, 30: 1, 48: 500, 21: 32}, 0.5, 0.166 * 32),
+        ("feetech", {3: 777, 30: 1, 48: 1000, 21: 8}, 0.97, 0.166 * 8),
+    ],
+)
+def test_the_torque_of_a_servo_is_that_of_its_motor_at_rest(
+    make: str, table: dict[int, int], torque: float, stiffness: float
+) -> None:
+    """1.5 N·m/A · 12 V / 4 Ω at the joint, half of it at the output of its gear."""
+    codec, _ = of(make, ratio="2")
+    motor = SimpleNamespace(supply_voltage=12.0, resistance=4.0, torque_per_ampere=1.5)
+    codec.driver._setup = SimpleNamespace(joints=(SimpleNamespace(motor=motor),))
+    codec.driver._watch = 5
+    found = talk(codec.driver.set_up(0), table)[1]
+    assert found.limits.torque == pytest.approx(2.25 * torque)
+    assert found.stiffness == pytest.approx(2.25 * stiffness)
+
+
+def test_laws_are_set_with_goals_of_rest() -> None:
+    """The mode is an EEPROM write of a Dynamixel: where it is the same it is not written."""
+    codec, _ = dynamixel()
+    codec.answers.position[0] = math.pi / 2.0
+    for law, written in ((1, {11: 1, 104: 0}), (1, {104: 0}), (0, {11: 0, 102: 0}),
+                         (16, {11: 16, 100: 0}), (4, {11: 4, 116: 3072}),
+                         (5, {11: 5, 116: 3072})):  # fmt: skip
+        assert talk(codec.driver.set_law(0, law), {}) == (written, law)
+    codec, _ = feetech()
+    codec.driver._places[0] = 700
+    assert talk(codec.driver.set_law(0, 0), {}) == ({42: 700}, 0)
+    assert talk(codec.driver.set_law(0, 1), {}) == ({42: 700, 33: 1}, 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "raw"),
+    [("pwm", 20.0, (700, 200, 0)), ("pwm", -20.0, (700, 200 | 1 << 10, 0)),
+     ("pwm", 150.0, (700, 1000, 0)), ("pwm", -150.0, (700, 1000 | 1 << 10, 0)),
+     ("velocity", STEP, (700, 0, 1)), ("position", -STEP, (2047, 0, 0))],
+)  # fmt: skip
+def test_goals_of_a_feetech(kind: str, value: float, raw: tuple[int, ...]) -> None:
+    """S8: those of the other kinds are those of rest."""
+    from control_board_ros.plants.feetech import driver
+
+    found = driver.goals(SetPoint[kind.upper()], values(**{kind: value}), 700)
+    assert struct.unpack("<HHH", found) == raw
+
+
+def test_options_of_a_dynamixel() -> None:
+    """Its watchdog is never longer than the time that it was given, nor off."""
+    codec, line = dynamixel()
+    assert SetPoint.CURRENT in codec.driver.traits.set_points
+    bare, _ = dynamixel(current="0")
+    assert SetPoint.CURRENT not in bare.driver.traits.set_points
+    for mode in ("2", "6", "0"):
+        with pytest.raises(PlantSettingsError, match=f"position_mode={mode}: 3 .one turn"):
+            dynamixel(position_mode=mode)
+    with pytest.raises(PlantSettingsError, match="one: XL430-W250 has no current control; add"):
+        talk(codec.driver.set_up(0), {0: 1060})
+    line.open = lambda: None  # type: ignore[attr-defined]
+    for timeout, steps in ((0.119, 5), (1e-3, 1), (9.0, 127)):
+        setup = Setup(period=0.002, timeout=timeout, joints=(None,))
+        codec.driver.open(setup, codec.answers)
+        assert codec.driver._watch == steps
+
+
+def test_readings_of_a_feetech_that_are_others_are_refused() -> None:
+    codec, _ = feetech()
+    for table, text in (({18: 0x10}, "Phase .address 18. of id 1 is 16: .* bits 0x10 to 0x0"),
+                        ({30: 2}, "Angular_Resolution .* is 2: .* bits 0xff to 0x1")):  # fmt: skip
+        with pytest.raises(PlantSettingsError, match=text):
+            talk(codec.driver.set_up(0), {3: 777, 30: 1} | table)
+    with pytest.raises(PlantSettingsError, match="one: id 1 is of model 5; supported: STS3215, "):
+        talk(codec.driver.set_up(0), {3: 5})
+
+
 class ScannedBus:
     """A serial bus on which some servos answer."""
 
@@ -432,6 +517,9 @@ class ScannedBus:
         self.log.append((drive, attempts, self.port.wait))
         return [777] if drive in self.drives else []
 
+    def set_id(self, *words: Any) -> None:
+        self.log.append(words)
+
     def get(self, drive: int, item: Any) -> int:
         return self.drives[drive].get(item.address, 0)
 
@@ -451,6 +539,13 @@ def test_scans_of_servos(monkeypatch: pytest.MonkeyPatch) -> None:
     found = dynamixels.scan("port")
     assert [(one.id, one.type) for one in found] == [(2, "XM430-W350"), (7, "XL430-W250")]
     assert log[-2:] == [("dynamixel-sdk", "port", 1_000_000), "closed"]
+    monkeypatch.setattr(feetechs, "ServoBus", ScannedBus(log, {}))
+    assert feetechs.scan("port") == []
+    assert log[-255] == ("feetech-servo-sdk", "port", 1_000_000)
+    for make, package, where in ((feetechs, "feetech-servo-sdk", (Item(5, 1), Item(55, 1))),
+                                 (dynamixels, "dynamixel-sdk", (Item(7, 1),))):  # fmt: skip
+        make.set_id("port", 1, 2)
+        assert log[-3:-1] == [(package, "port", 1_000_000), (1, 2, range(253), *where)]
 
 
 def test_currents_of_dynamixels_are_those_of_their_pages() -> None:
