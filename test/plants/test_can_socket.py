@@ -227,7 +227,7 @@ def test_another_group_of_its_port_and_faster_frames_are_not_heard(
     ours, theirs = groups
     group = "ff15::64" if ours._out.family == socket.AF_INET6 else "239.74.163.10"
     other = can.Bus(interface="udp_multicast", channel=group, port=can_line.PORT, fd=True)
-    other.send(message(7, b"", fd=True))
+    other.send(message(7, b"", fd=False))
     ours._fd = False
     theirs.send(message(6, b"", fd=True))
     theirs.send(message(5, b"", fd=False))

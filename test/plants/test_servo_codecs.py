@@ -421,7 +421,7 @@ STEP = REV / 4096
 @pytest.mark.parametrize(
     ("make", "table", "torque", "stiffness"),
     [
-        ("dynamixel", {0: 1020, 36: 700, 84: 800}, 700 / 885, 800 / 128 / 885 / STEP),
+        ("dynamixel", {0: 1020, 36: 700, 80: 800 << 32}, 700 / 885, 800 / 128 / 885 / STEP),
         ("feetech", {3: 777, 30: 1, 48: 500, 21: 32}, 0.5, 0.166 * 32),
         ("feetech", {3: 777, 30: 1, 48: 1000, 21: 8}, 0.97, 0.166 * 8),
     ],
@@ -440,12 +440,14 @@ def test_the_torque_of_a_servo_is_that_of_its_motor_at_rest(
 
 
 def test_laws_are_set_with_goals_of_rest() -> None:
-    """The mode is an EEPROM write of a Dynamixel: where it is the same it is not written."""
+    """The mode is an EEPROM write of a Dynamixel: where it is the same it is not written, nor
+    are the gains, which it resets.
+    """
     codec, _ = dynamixel()
-    codec.answers.position[0] = math.pi / 2.0
+    codec.answers.position[0], codec.driver._servos[0].gains = math.pi / 2.0, 7
     for law, written in ((1, {11: 1, 104: 0}), (1, {104: 0}), (0, {11: 0, 102: 0}),
-                         (16, {11: 16, 100: 0}), (4, {11: 4, 116: 3072}),
-                         (5, {11: 5, 116: 3072})):  # fmt: skip
+                         (16, {11: 16, 100: 0}), (4, {11: 4, 80: 7, 116: 3072}),
+                         (4, {116: 3072}), (5, {11: 5, 80: 7, 116: 3072})):  # fmt: skip
         assert talk(codec.driver.set_law(0, law), {}) == (written, law)
     codec, _ = feetech()
     codec.driver._places[0] = 700
