@@ -31,8 +31,11 @@ FAST = 0x05
 DATAGRAM = 4096
 #: Of sockets on Linux: a filter of what they receive; where such a program finds the IP header.
 ATTACH_FILTER, IP_HEADER = 26, 0xFFF00000
-#: Of IPv4 on Linux: whether a socket receives the groups that others joined.
-MULTICAST_ALL = 49
+#: Of Linux: whether a socket receives the groups that others joined.
+MULTICAST_ALL = {
+    socket.AF_INET: (socket.IPPROTO_IP, 49),
+    socket.AF_INET6: (socket.IPPROTO_IPV6, 29),
+}
 
 
 class Received(NamedTuple):
@@ -224,8 +227,8 @@ class Multicast(SocketBus):
         self._out = socket.socket(self._socket.family, socket.SOCK_DGRAM)
         if self._socket.family == socket.AF_INET:
             self._out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-            with contextlib.suppress(OSError):  # the other groups of its port are received, too
-                self._socket.setsockopt(socket.IPPROTO_IP, MULTICAST_ALL, 0)
+        with contextlib.suppress(OSError):  # the other groups of its port are received, too
+            self._socket.setsockopt(*MULTICAST_ALL[self._socket.family], 0)
         self._out.connect((group, port))
         self._own = self._out.getsockname()[:2]
         try:
