@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from .core.goals.pose import Pose
-from .core.goals.tasks import CalibrationTask, MoveTask, PoseTask, made_pose, pose_now
+from .core.goals.pose_moves import PoseTask, made_pose, pose_now
+from .core.goals.tasks import CalibrationTask, MoveTask
 from .core.selection import RequestError
 from .core.state import BLOCK
 from .core.terms.drives import LAW_FIELDS, DriveUse

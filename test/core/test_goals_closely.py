@@ -29,14 +29,8 @@ from control_board_ros.core.goals.path import (
     make_path,
 )
 from control_board_ros.core.goals.pose import Pose
-from control_board_ros.core.goals.tasks import (
-    CalibrationTask,
-    MoveTask,
-    Outcome,
-    made_pose,
-    plan_move,
-    pose_now,
-)
+from control_board_ros.core.goals.pose_moves import made_pose, plan_move, pose_now
+from control_board_ros.core.goals.tasks import CalibrationTask, MoveTask, Outcome
 from control_board_ros.core.goals.trajectory_goal import Code, TrajectoryGoal, configured
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode

@@ -10,14 +10,14 @@ import pytest
 from rig import Rig, board_config, joint, with_a_slide
 
 from control_board_ros.core.goals.pose import Pose
-from control_board_ros.core.goals.tasks import (
-    Outcome,
+from control_board_ros.core.goals.pose_moves import (
     PoseTask,
     made_pose,
     plan_move,
     pose_now,
     start_parking,
 )
+from control_board_ros.core.goals.tasks import Outcome
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reason
 

@@ -15,7 +15,7 @@ from waiting import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.goals.pose import Pose
-from control_board_ros.core.goals.tasks import start_parking
+from control_board_ros.core.goals.pose_moves import start_parking
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop.loop import ControlLoop

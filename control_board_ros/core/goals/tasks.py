@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals that end when all their joints have: moves (SPEC P3), to poses (R5), calibrations (K1).
+"""Goals that end when all their joints have: moves (SPEC P3), calibrations (K1).
 
 The end of a position move is decided one joint at a time, from values alone. A move
 that is completed leaves the position reference on its target. One that was dropped (by a stop,
-another interaction mode, another control mode: M9, I4) leaves it at rest elsewhere. In the move to
-a pose all joints arrive together::
-
-    task = PoseTask(board, Pose("park", ("shoulder", "elbow"), (0.0, 1.2), speed=0.3))
-    while (outcome := task.outcome()) is None:
-        plant.write(board.tick(plant.read()))
+another interaction mode, another control mode: M9, I4) leaves it at rest elsewhere.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -21,24 +15,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...text import count_of
 from ..calibration.calibrations import CalibrationStatus
-from ..machine.explanations import LEAST_RATE, explain_slower
 from ..selection import RequestError
 from ..terms.arguments import Array, Joints
 from ..terms.joint_kind import JointKind
-from ..terms.modes import (
-    ACCEPTS,
-    CALIBRATES,
-    FAULTED,
-    MOVES,
-    POWER_OFF,
-    POWERED,
-    modes_accepting,
-)
+from ..terms.modes import ACCEPTS, CALIBRATES, POWER_OFF
 from ..terms.reply import Answer, joints_of, summary
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
-from .pose import MAX_VALUE, NAME, Pose
 
 if TYPE_CHECKING:
     from ..group import JointGroup
@@ -365,184 +348,3 @@ class MoveTask:
 def takes_moves(mode: ControlMode) -> bool:
     """Whether a control mode accepts position moves."""
     return K.POSITION in ACCEPTS.get(mode, frozenset())
-
-
-class Plan(NamedTuple):
-    """A move to a pose: its duration, s, and the effect of limits on the requested speed."""
-
-    time: float
-    note: str
-
-
-class PoseTask:
-    """The move to a pose, started for all of its joints or for none.
-
-    ``speed`` is the mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
-
-    Raises:
-        RequestError: a joint cannot move, or the speed is not valid; nothing has changed.
-
-    Attributes: names (of the joints).
-    """
-
-    def __init__(self, board: JointGroup, pose: Pose, speed: float = 0.0) -> None:
-        self._board = board
-        self.names = board.selector.select(pose.joints).names
-        positions = np.array(pose.positions)
-        plan = plan_move(board, pose, speed)
-        try:
-            self._move = MoveTask(board, self.names, positions, time=plan.time, note=plan.note)
-        except RequestError as error:
-            text = explain_modes(board, pose) or str(error)
-            raise RequestError(text, codes=error.codes) from error
-        self._targets = board.get_target_position(self.names)
-
-    def outcome(self) -> Outcome | None:
-        """Outcome; None while active."""
-        return self._move.outcome()
-
-    def remaining(self) -> Array:
-        """Remaining distances, signed, rad or m, one per joint."""
-        return self._targets - self._board.get_encoder(self.names)
-
-    def remaining_time(self) -> float:
-        """Time until the joints arrive, s."""
-        return self._move.remaining_time()
-
-    def feedback(self) -> dict[str, Any]:
-        """Fields of the action's feedback: names, remaining distances (rad, m)."""
-        return {"names": list(self.names), "remaining": self.remaining()}
-
-    def cancel(self) -> str:
-        """Stop the joints that still do this move; the result in words."""
-        return self._move.cancel()
-
-
-def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
-    """Start the move to the pose in which the robot is left without power (R6).
-
-    A request for it at the end also requests POSITION (M2): joints that have power in
-    another mode are switched. Disabled ones remain disabled.
-
-    Raises:
-        RequestError: a joint has no power, or no POSITION; nothing has changed.
-    """
-    modes = dict(zip(pose.joints, board.get_control_mode(pose.joints), strict=True))
-    stuck = {name: mode for name, mode in modes.items() if mode not in POWERED}
-    if stuck:
-        raise RequestError(told_by_mode(board, stuck))
-    others = [name for name, mode in modes.items() if mode is not MOVES]
-    available = board.get_available_modes(others) if others else []
-    for name, (control, _) in zip(others, available, strict=True):
-        if MOVES not in control:
-            raise RequestError(f"{name} has no {MOVES.name} mode")
-    if others:
-        reply = board.set_control_mode(others, MOVES)
-        if not reply:
-            raise RequestError(reply.message)
-    return PoseTask(board, pose)
-
-
-def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
-    """The duration of the move to a pose: T = max over joints of their own times (P1).
-
-    The slowest joint moves at the mean speed requested, the others as slowly as they must.
-
-    Raises:
-        RequestError: the speed is not valid.
-    """
-    requested_speed = speed or pose.speed
-    if requested_speed and not LEAST_RATE <= requested_speed < math.inf:
-        raise RequestError(
-            f"speed {requested_speed:g} is not valid; {LEAST_RATE:g} or more, or 0 for that of "
-            "the pose"
-        )
-    speeds = board.get_ref_speed(pose.joints)
-    if requested_speed:
-        speeds = np.full(len(pose.joints), requested_speed)
-    times = board.get_move_time(pose.joints, np.array(pose.positions), speeds)
-    k = int(np.argmax(times))
-    time = float(times[k])
-    (joint,) = board.get_config(pose.joints[k])
-    start = float(board.state.position_reference[board.selector.select(joint.name).joints[0]])
-    target = min(max(pose.positions[k], joint.limits.lower), joint.limits.upper)
-    way, rate = abs(target - start), float(speeds[k])
-    return Plan(time, explain_slower(joint, way, rate, time))
-
-
-def explain_modes(board: JointGroup, pose: Pose) -> str:
-    """Which joints of a pose are in a mode without position moves; empty: none."""
-    modes = zip(pose.joints, board.get_control_mode(pose.joints), strict=True)
-    others = {name: mode for name, mode in modes if not takes_moves(mode)}
-    if not others:
-        return ""
-    takers = " or ".join(mode.code for mode in modes_accepting(CommandKind.POSITION))
-    return (
-        f"{pose.name} is a {MOVES.name} move, and {told_by_mode(board, others)}; "
-        f"its joints must be in {takers}"
-    )
-
-
-def told_by_mode(board: JointGroup, modes: dict[str, ControlMode]) -> str:
-    """``a, b are in IDLE, c is in HW_FAULT (overcurrent …)``: every joint is named."""
-    texts = []
-    for mode in dict.fromkeys(modes.values()):
-        names = [name for name, its in modes.items() if its is mode]
-        active = [fault.text for fault in board.get_faults(names) if fault.active]
-        why = f" ({'; '.join(dict.fromkeys(active))})" if mode in FAULTED else ""
-        texts.append(f"{', '.join(names)} {'are' if len(names) > 1 else 'is'} in {mode.name}{why}")
-    return ", ".join(texts)
-
-
-def pose_now(board: JointGroup, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:
-    """The pose in which joints are measured to be.
-
-    Raises:
-        RequestError: a joint has no reading, or is outside its software limits.
-    """
-    selection = board.selector.select(joints)
-    positions = board.get_encoder(selection.names).tolist()
-    for k, joint in enumerate(board.get_config(selection.names)):
-        low, high, slack = joint.limits.lower, joint.limits.upper, tolerance(joint.kind)
-        if low - slack <= positions[k] <= high + slack:  # a joint held at a limit is within
-            positions[k] = min(max(positions[k], low), high)
-    return made_pose(board, name, selection.names, positions, speed)
-
-
-def made_pose(
-    board: JointGroup,
-    name: str,
-    joints: Sequence[str],
-    positions: Sequence[float],
-    speed: float,
-) -> Pose:
-    """A pose of a board's joints, checked.
-
-    Raises:
-        RequestError: an unknown joint, or a value that is not allowed; what would be.
-    """
-    if not NAME.fullmatch(name):
-        raise RequestError(f"pose {name[:80]!r}: is no name; up to 64 letters, digits and _ are")
-    selection = board.selector.select(joints)
-    if len(positions) != len(selection.names):
-        raise RequestError(
-            f"pose {name!r}: {count_of(len(positions), 'positions')} for "
-            f"{count_of(len(selection.names), 'joints')}; give each joint one, or none for as "
-            "measured"
-        )
-    if not 0.0 <= speed < MAX_VALUE:
-        raise RequestError(
-            f"pose {name!r}: speed {speed:g} is not valid; above 0 and below {MAX_VALUE:g}, or 0 "
-            "for the reference speeds"
-        )
-    for joint, position in zip(board.get_config(selection.names), positions, strict=True):
-        low, high = joint.limits.lower, joint.limits.upper
-        if not low <= position <= high:
-            unit = joint.kind.unit
-            shown, lowest, highest = map(joint.kind.position, (position, low, high))
-            raise RequestError(
-                f"pose {name!r}: {joint.name} at {shown} ({position:.6g} {unit}) is outside its "
-                f"limits, {lowest} to {highest} ({low:.6g} to {high:.6g} {unit})"
-            )
-    # -0.0 + 0.0 is 0.0
-    return Pose(name, selection.names, tuple(float(q) + 0.0 for q in positions), float(speed))

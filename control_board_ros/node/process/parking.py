@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 
 from ...core.goals.pose import Pose
-from ...core.goals.tasks import start_parking
+from ...core.goals.pose_moves import start_parking
 from ...core.selection import RequestError
 from ..loop.loop import Member
 

@@ -21,7 +21,8 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome, PoseTask
+from ...core.goals.pose_moves import PoseTask
+from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
 from ...operations import Begin, Task, calibration, doubles, move
