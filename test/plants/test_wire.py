@@ -132,7 +132,7 @@ def test_a_joint_is_taken_over_where_it_is_not_where_it_was_read(row: str, then:
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("row", ROWS)
-@pytest.mark.parametrize("wire", ["latency", "loss", "all"])
+@pytest.mark.parametrize("wire", WIRES)
 def test_a_change_of_mode_turns_no_joint_round(wire: str, row: str, count: int) -> None:
     """M9, B7: amid motion to any mode that brakes, with late and lost answers: not above 2 %."""
     bench = BadWire(row, WIRES[wire])

@@ -29,8 +29,8 @@ MAX_FREQUENCY = cython.declare(cython.double, 60.0)
 FREQUENCY_INTERVAL = cython.declare(cython.double, 1.2)
 #: Time over which braking fades out on a wire, in ages of late readings, or of those that were
 #: not there; at most, s.
-FADE_TIME_AGES = cython.declare(cython.double, 12.0)
-MAX_FADE_TIME = cython.declare(cython.double, 0.12)
+FADE_TIME_AGES = cython.declare(cython.double, 16.0)
+MAX_FADE_TIME = cython.declare(cython.double, 0.16)
 #: Of a swing whose middle is near: way, of the limit's edge, speed and torque, of their limits.
 SWING = cython.declare(cython.double, 0.04)
 SWING_SPEED = cython.declare(cython.double, 0.01)

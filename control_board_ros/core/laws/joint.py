@@ -251,7 +251,8 @@ class Joint:
 
         With a jerk limit it stops from its reference where it follows that, without a jump. A
         drive that closes the loop of position goes on from its set-point, which is beyond the
-        joint by sag and lag; of the braking distance the set-point has gone that lag already.
+        joint by sag and lag; of the braking distance the set-point has gone that lag already, but
+        for what a wire has not brought yet (B7).
         """
         speed = self.velocity
         guided: cython.bint = self.law == IMPEDANCE and not self.settling
@@ -262,7 +263,10 @@ class Joint:
         moves: cython.bint = fabs(self.velocity) > REST_SPEED * self.max_velocity
         if held:
             if not smooth:
-                speed = self.speed_left(speed, self.set_position - self.sag - position)
+                lag = self.set_position - self.sag - position
+                if self.wire > 0.0:
+                    lag -= self.velocity * self.mean_age
+                speed = self.speed_left(speed, lag)
             moves = speed != 0.0 and not guided  # its goal stops, whatever pushes the joint
         if smooth:
             position = self.followed
