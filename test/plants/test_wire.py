@@ -418,6 +418,19 @@ def test_no_joint_runs_on_where_the_loop_is_starved(row: str, gaps: str) -> None
     assert np.abs(bench.position - target).max() < 5e-3  # and closer, as a slower loop settles
 
 
+@pytest.mark.parametrize("stall", [100, 150, 250])
+def test_stalls_that_repeat_make_no_speed(stall: int) -> None:
+    """B6, P14: of a goal of position, which is a step, half a second later, too; no overspeed."""
+    bench = BadWire("position", {})
+    bench.run(100)
+    bench.enter("pos")
+    ways = [1.0, -1.0]
+    move(bench, ways, 1.0)
+    bench.starve([*[1] * (stall // 3), stall], 1500)
+    assert not bench.faults
+    assert worst(bench.speeds, ways)[0] <= 1.05
+
+
 @pytest.mark.parametrize("kind", ["encoder_frozen", "encoder_reversed"])
 @pytest.mark.parametrize("gaps", [name for name in GAPS if name != "to forty"])
 @pytest.mark.parametrize("row", ["torque", "position"])

@@ -65,6 +65,8 @@ def advance(j: Joint) -> cython.void:
     j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
     if j.gap:
         j.elapsed = j.span = j.period
+    elif j.kind == AS_POSITION and j.hold_time < j.elapsed:  # a set-point is a step
+        j.elapsed, j.span = j.hold_time, min(j.span, j.hold_time)
     follow(j)
     if j.driven:
         j.reference = j.followed

@@ -6,7 +6,7 @@ The first phase of a cycle, see ``laws``.
 
 from __future__ import annotations
 
-from math import fabs, sqrt
+from math import exp, fabs, sqrt
 
 from ... import nocython as cython
 from .formulas import is_number
@@ -38,10 +38,8 @@ MAX_WAIT_TIME = cython.declare(cython.double, 3.0)
 #: Memory of the age of readings, s.
 WIRE_MEMORY = cython.declare(cython.double, 0.5)
 #: Speed that is added behind a drive's loop of position, over ``pursuit`` × the speed: by uneven
-#: ages, of their deviation; by the time for which a set-point stands, v ω t/(1 − e^(−ω t)) or some
-#: v (1 + ω t/2). The most of all, in speed limits (B7).
+#: ages, of their deviation; the most of all, in speed limits (B7).
 UNEVEN_SPEED = cython.declare(cython.double, 2.5)
-HELD_SPEED = cython.declare(cython.double, 0.5)
 MAX_UNEVEN_SPEED = cython.declare(cython.double, 1.04)
 #: Bandwidth of a position loop over that of the velocity loop in it, where late readings slow it.
 SEPARATION = cython.declare(cython.double, 0.25)
@@ -177,9 +175,11 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
             j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
     j.steady = 1.0
     if j.kind >= AS_POSITION:
-        off = UNEVEN_SPEED * sqrt(j.age_variance) + HELD_SPEED * max(j.hold_time - j.period, 0.0)
-        off *= speed * (j.calm if j.kind == AS_IMPEDANCE else 1.0)
-        j.steady = min(MAX_UNEVEN_SPEED / (1.0 + off), 1.0)
+        speed *= j.calm if j.kind == AS_IMPEDANCE else 1.0
+        held = speed * max(j.hold_time - j.period, 0.0)  # of set-points that stand: v x/(1 − e⁻ˣ)
+        held = held / (1.0 - exp(-held)) if held > 1e-6 else 1.0
+        off = held + speed * UNEVEN_SPEED * sqrt(j.age_variance)
+        j.steady = min(MAX_UNEVEN_SPEED / off, 1.0)
     j.blind = j.missed > GAP * j.period + j.wire
     if j.blind and j.kind < AS_VELOCITY:
         j.coasts = True
