@@ -44,10 +44,11 @@ def places(ask: Asker) -> dict[str, float]:
 
 
 def rests(ask: Asker) -> bool:
-    """Whether no joint moves for half a second."""
+    """Whether no joint moves for half a second; on a busy machine both states may be the same."""
     before = places(ask)
     time.sleep(0.5)
-    return places(ask) == before
+    rows = ask("watch", "--once")
+    return places(ask) == before and not any(float(row["velocity"]) for row in rows.values())
 
 
 def insist(ask: Asker, *words: str) -> None:
@@ -89,5 +90,6 @@ def guided_held_and_replayed(cbctl: Cbctl, tmp_path: Path) -> bool:
     if "there are no states from" in answer["message"]:
         return False
     assert answer["success"], (answer, ask("faults"))
-    assert places(ask)[PUSHED] == pytest.approx(guided[PUSHED], abs=0.03)
+    # A trajectory without tolerances ends with its time (T1), and a slow loop follows later (B6).
+    until(lambda: abs(places(ask)[PUSHED] - guided[PUSHED]) < 0.03, lambda: (places(ask), guided))
     return True
