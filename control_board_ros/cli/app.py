@@ -20,7 +20,7 @@ from .line.arguments import HELP, Parser, arguments_of
 from .line.options import Options, hoist, read_options, split_ros_arguments
 from .line.words import Refused, UsageError
 from .text.output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
-from .verbs import MEANT, VERBS, load
+from .verbs import MEANT, VERBS, find, load
 
 #: Set by the completion scripts: cbctl prints the words to offer.
 COMPLETE = "_CBCTL_COMPLETE"
@@ -88,11 +88,11 @@ def do(session: Session, words: Sequence[str]) -> int:
         put_help()
         return DONE if rest else USAGE
     name, *arguments = rest
-    if name not in VERBS:
+    verb = find(name)
+    if verb is None:
         what = "option" if name.startswith("-") else "verb"
         hint = nearest(MEANT.get(name, name), [*VERBS, *MEANT.values()])
         raise UsageError(f"{what} {name[:40]!r} unknown{hint}; see cbctl --help")
-    verb = load(name)
     if set(arguments) & set(HELP):
         from .help import put_verb_help
 

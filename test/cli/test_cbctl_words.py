@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
 
-from control_board_ros.cli.app import explain
+from control_board_ros.cli.app import do, explain
 from control_board_ros.cli.board.experiments import Experiment
 from control_board_ros.cli.board.progress import Standstill
 from control_board_ros.cli.board.session import Session, check_limits
@@ -396,3 +397,26 @@ def test_a_chirp_has_an_amplitude_of_its_joint(
     session: Any = Board()
     assert responses.chirp(session, "j", 1.0, 5.0, None, 6.0, None) == 0
     assert plans == [pytest.approx([-size, size])]
+
+
+def test_packages_add_verbs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By an entry point; one that cannot be imported is refused, with its place."""
+    (tmp_path / "greeting.py").write_text(
+        "from control_board_ros.cli.line.arguments import argument, with_arguments\n"
+        "@with_arguments(argument('name', metavar='NAME', help='Of whom.'))\n"
+        "def greet(session, name):\n"
+        "    print('hello,', name)\n"
+    )
+    (tmp_path / "greeting-1.0.dist-info").mkdir()
+    (tmp_path / "greeting-1.0.dist-info" / "entry_points.txt").write_text(
+        "[control_board_ros.verbs]\ngreet = greeting:greet\nlost = greeting.no:where\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert do(Session(Options()), ["greet", "iCub"]) == 0
+    assert capsys.readouterr().out == "hello, iCub\n"
+    with pytest.raises(Refused, match=r"verb 'lost' cannot be .*; check greeting\.no:where"):
+        do(Session(Options()), ["lost"])
+    with pytest.raises(UsageError, match="verb 'gret' unknown"):
+        do(Session(Options()), ["gret"])

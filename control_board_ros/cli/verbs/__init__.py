@@ -11,6 +11,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
+from ..line.words import Refused
+
 #: Section -> verb -> its module.
 SECTIONS = {
     "Look": {
@@ -66,6 +68,31 @@ SECTIONS = {
 VERBS = {name: module for verbs in SECTIONS.values() for name, module in verbs.items()}
 #: Words that are none, and what is meant: nearer by its letters would be another verb.
 MEANT = {"release": "estop release", "emergency_stop": "estop", "force_idle": "clear"}
+
+#: Entry points by which packages add verbs: ``NAME = module:function``.
+GROUP = "control_board_ros.verbs"
+
+
+def find(name: str) -> Callable[..., Any] | None:
+    """A verb of cbctl, else of an installed package; None: there is none.
+
+    Raises:
+        Refused: that of a package cannot be imported.
+    """
+    if name in VERBS:
+        return load(name)
+    from importlib.metadata import entry_points
+
+    for offered in entry_points(group=GROUP, name=name):
+        try:
+            verb: Callable[..., Any] = offered.load()
+        except Exception as error:  # noqa: BLE001 - third-party module
+            raise Refused(
+                f"verb {name!r} cannot be imported ({type(error).__name__}: {error}); "
+                f"check {offered.value}"
+            ) from None
+        return verb
+    return None
 
 
 def load(name: str) -> Callable[..., Any]:
