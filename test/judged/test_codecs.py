@@ -69,6 +69,7 @@ def test_frames_of_a_robstride_are_those_of_its_manual() -> None:
     answer = SimpleNamespace(arbitration_id=0x11007FFD, is_extended_id=True, data=data)
     assert loc_kp.pick(answer) == 30.0
     assert private.frame(private.WRITE, 1)[0] == 0x1200FD01
+    assert private.EVERYBODY == 0xFE  # who is told an identity
 
 
 def test_every_position_of_a_robstride_is_a_motion_but_for_its_firmware() -> None:

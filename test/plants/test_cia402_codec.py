@@ -599,7 +599,7 @@ def test_tables_are_those_of_the_standard() -> None:
     emcy = EmcyError.DESCRIPTIONS
     groups = {code >> 12 for code, _, _ in emcy if code >= 0x2000 and not code & 0xFFF}
     assert o.GROUPS.keys() == groups
-    assert o.IDENTITY == 0x1018
+    assert (o.IDENTITY, o.SERIAL) == (0x1018, 4)
 
 
 @pytest.mark.parametrize(

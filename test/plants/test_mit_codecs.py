@@ -604,6 +604,27 @@ def test_an_id_is_set_and_stored(kind: str) -> None:
     assert all(frame in asked for frame in frames), sent.frames
 
 
+@pytest.mark.parametrize(("mode", "power"), [(0, False), (1, True), (2, True)])
+def test_a_robstride_changes_its_id_in_reset_mode_only(mode: int, power: bool) -> None:
+    """Modes of the manual, 4.1.2: reset, calibration, run; other motors and answers are none."""
+    codec, _ = of(PRIVATE)
+    drive = far_of(codec)
+    others = ["028002FD#85177d178f0f0136", "118001FD#0b70000000008841"]
+    own = f"02{mode << 6:02x}01FD#85177d178f0f0136"
+
+    def far(frame_id: int, data: bytes) -> Any:
+        came = list(drive.on_frame(frame_id, data))
+        written = p.Parts.of(frame_id).kind == p.WRITE
+        return [message(one)[:2] for one in (*others, own)] if written else came
+
+    if power:
+        with pytest.raises(ValueError, match="id 1 has power; it changes its id without"):
+            dialogue(p.change_id(1, 9), far)
+    else:
+        dialogue(p.change_id(1, 9), far)
+    assert drive.id == (1 if power else 9)
+
+
 @pytest.mark.parametrize(("options", "right"), [(DAMIAO, False), (MIT, True), (PRIVATE, True)])
 def test_a_damiao_has_an_id_of_four_bits(options: dict[str, str], right: bool) -> None:
     with Bench("mit_can", names=("one",), options=options) as bench, bench.direct():
