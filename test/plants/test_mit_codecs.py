@@ -691,6 +691,7 @@ def test_a_watchdog_of_a_robstride(timeout: float, count: int) -> None:
 
 def test_a_robstride_that_loses_its_power_has_tripped() -> None:
     """S8: seen in an answer to a goal; until it is cleared; its watchdog is read again."""
+    assert (p.TRIPPED.number, robstride.POWERLESS.number) == (0, 0)  # none of the maker's
     codec, motor = of(PRIVATE)
     dialogue(motor.set_up(TIMEOUT), far_of(codec).on_frame)
     on, off = "028001FD#85177d178f0f0136", "020001FD#85177d178f0f0136"

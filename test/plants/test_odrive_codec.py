@@ -309,6 +309,12 @@ def test_a_parameter_is_picked(command: int, data: str, value: float | None) -> 
     assert found == value
 
 
+@pytest.mark.parametrize(("command", "length"), [(0x17, 8), (0x17, 7), (0x16, 8), (0x16, 7)])
+def test_an_answer_to_a_remote_frame_has_its_command(command: int, length: int) -> None:
+    found = driver.requested(1, f.SUPPLY).pick(command, bytes(length))
+    assert found == (bytes(8) if (command, length) == (0x17, 8) else None)
+
+
 @pytest.mark.parametrize(
     ("form", "value", "data"),
     [("<f", 0.5, "0000003f"), ("<?", 1.0, "01"), ("<B", 3.0, "03"), ("<H", 258.0, "0201"),
