@@ -221,6 +221,13 @@ def test_a_fault_of_a_watchdog_that_stays_is_cleared_by_a_reset(
     )
 
 
+def test_what_a_drive_lacks_is_not_made_up() -> None:
+    """As a scan shows it: a fault without a code, no supply, no name."""
+    found = result(identity.identity_of(Objects({(0x6041, 0): 0x0208}), 3))  # type: ignore[arg-type]
+    assert (found.id, found.type, found.firmware) == (3, "CiA 402", "")
+    assert (found.fault.number, math.isnan(found.voltage)) == (0, True)
+
+
 ACTIONS = {
     Action.OFF: ["201#00000800000000", REST],
     Action.RESET: ["201#80000800000000", REST],
