@@ -277,6 +277,7 @@ def test_answers_for_registers_are_told_from_motions(data: str, mine: bool) -> N
 def test_a_register_of_a_damiao_is_picked(frame: str, value: float | None) -> None:
     assert damiao.reading(1, 0x15).pick(message(frame)) == value
     assert damiao.reading(1, 9).pick(message("011#01003309d0070000")) == 2000.0
+    assert not damiao.reading(1, 9).several  # one answer is enough
 
 
 def test_a_damiao_gets_another_id() -> None:
@@ -818,3 +819,24 @@ def test_numbers_of_a_command(
 def test_ids_that_are_none_are_refused(number: int) -> None:
     with pytest.raises(PlantSettingsError, match=f"one.id={number}: 1 to "):
         Codec("mit_can", ids=f"{number}")
+
+
+@pytest.mark.parametrize("options", [DAMIAO, MIT])
+def test_a_zero_is_set_by_its_frame(options: dict[str, str]) -> None:
+    """FE at the end, as published for MIT mode."""
+    codec, motor = of(options)
+    drive = far_of(codec)
+    drive.step(0.0, 0.5, 0.0)
+    ((_, data),) = drive.on_frame(1, bytes.fromhex("fffffffffffffffe"))
+    assert f.readings(motor.ranges, data)[0] == pytest.approx(0.0, abs=4e-4)
+
+
+@pytest.mark.parametrize(
+    ("command", "torque"),
+    [((0.0, 0.0, 0.0, 0.0, 0.25), 0.25), ((1.0, 0.0, 3.0, 0.0, 0.25), 1.75),
+     ((0.0, 2.0, 0.0, 0.5, 0.25), 0.75), ((1.0, 2.0, 3.0, 0.5, 0.25), 2.25),
+     ((0.0, 0.0, 0.0, 0.0, 99.0), 10.0), ((0.0, 0.0, 0.0, 0.0, -99.0), -10.0)],
+)  # fmt: skip
+def test_what_a_motor_makes_of_a_command(command: tuple[float, ...], torque: float) -> None:
+    """At 0.5 rad and 1 rad/s: τ + k (q - 0.5) + d (q̇ - 1), to the end of its range."""
+    assert f.given(f.Ranges(12.5, 30.0, 10.0), command, 0.5, 1.0) == pytest.approx(torque)
