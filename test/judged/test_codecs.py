@@ -224,14 +224,14 @@ def test_faults_of_a_damiao_are_those_that_another_names() -> None:
 def test_numbers_of_a_robstride_are_those_of_another() -> None:
     """Kinds of frames and parameters; names of faults stand in the manual's order of bits."""
     kinds, parameters = theirs.CommunicationType, theirs.ParameterType
-    for ours, name in {
-        private.IDENTIFY: "GET_DEVICE_ID", private.COMMAND: "OPERATION_CONTROL",
-        private.MOTION: "OPERATION_STATUS", private.ENABLE: "ENABLE", private.STOP: "DISABLE",
-        private.SET_ZERO: "SET_ZERO_POSITION", private.SET_ID: "SET_DEVICE_ID",
-        private.READ: "READ_PARAMETER", private.WRITE: "WRITE_PARAMETER",
-        private.FAULT: "FAULT_REPORT", private.STORE: "SAVE_PARAMETERS",
-        private.SET_BAUDRATE: "SET_BAUDRATE", private.SET_REPORT: "ACTIVE_REPORT",
-        private.SET_PROTOCOL: "SET_PROTOCOL",
+    for name, ours in {
+        "GET_DEVICE_ID": private.IDENTIFY, "OPERATION_CONTROL": private.COMMAND,
+        "OPERATION_STATUS": private.MOTION, "ENABLE": private.ENABLE, "DISABLE": private.STOP,
+        "SET_ZERO_POSITION": private.SET_ZERO, "SET_DEVICE_ID": private.SET_ID,
+        "READ_PARAMETER": private.READ, "WRITE_PARAMETER": private.WRITE,
+        "FAULT_REPORT": private.FAULT, "SAVE_PARAMETERS": private.STORE,
+        "SET_BAUDRATE": private.SET_BAUDRATE, "ACTIVE_REPORT": private.SET_REPORT,
+        "SET_PROTOCOL": private.SET_PROTOCOL,
     }.items():  # fmt: skip
         assert getattr(kinds, name) == ours, name
     assert [parameters.MODE[0], parameters.TORQUE_LIMIT[0], parameters.VBUS[0],
