@@ -24,6 +24,7 @@ from control_board_ros.core.laws.control import PEAK_SHARE
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.cia402.states import State
 from control_board_ros.plants.drives.serial_line import Item
+from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.feetech import table as feetech
 from control_board_ros.plants.interface import Description, DriveLimits, JointDescription
@@ -74,6 +75,28 @@ def test_a_lost_mode_packet_does_not_slam_a_feetech() -> None:
         moved = bench.world.state[0] - before
         assert (moved > 0.0).all()
         assert (moved < 0.05).all()
+
+
+@pytest.mark.parametrize("late", [8, 60])
+def test_a_mode_that_a_dynamixel_did_not_acknowledge_is_written_again(late: int) -> None:
+    """S8: PWM is given up, by the user or a fault: POSITION then is no full PWM."""
+    pytest.importorskip("dynamixel_sdk")
+    with Bench("dynamixel", names=("one",)) as bench:
+        servo = bench.drives[0]
+        bench.connect()
+        bench.follow(SetPoint.POSITION, 40)
+        answers = servo.on_packet
+        to_mode = dynamixel.MODE.address.to_bytes(2, "little")
+        servo.on_packet = lambda packet: (
+            answer for answer in answers(packet) if packet.parameters[:2] != to_mode
+        )
+        bench.follow(SetPoint.PWM, late)
+        servo.on_packet = answers
+        bench.follow(SetPoint.OFF, 40)
+        bench.recover()
+        bench.follow(SetPoint.POSITION, 60)
+        assert servo.table.get(dynamixel.MODE) == dynamixel.EXTENDED
+        assert abs(bench.world.state[0]).max() < 2e-3
 
 
 def test_a_feetech_whose_torque_is_switched_off_is_a_fault() -> None:

@@ -31,6 +31,8 @@ GOALS = {
     SetPoint.VELOCITY: (t.GOAL_VELOCITY, t.VELOCITY_MODE),
     SetPoint.POSITION: (t.GOAL_POSITION, t.EXTENDED),
 }
+#: A mode that was written and is not acknowledged yet.
+UNKNOWN = -1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,8 +154,9 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         rest = {t.PWM_MODE: t.GOAL_PWM, t.CURRENT_MODE: t.GOAL_CURRENT,
                 t.VELOCITY_MODE: t.GOAL_VELOCITY}  # fmt: skip
         if servo.mode != law:
+            servo.mode, servo.reset = UNKNOWN, True  # also where the acknowledgement is lost
             yield from self._put(k, t.MODE, law)
-            servo.mode, servo.reset = law, True
+            servo.mode = law
         if servo.reset and law not in rest:
             yield from self._put(k, t.POSITION_GAINS, servo.gains)
             servo.reset = False
