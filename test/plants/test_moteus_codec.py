@@ -415,6 +415,28 @@ def test_a_stream_that_pauses_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize(
+    ("pieces", "waits"),
+    [([b"", b"1.", b"25\n"], []), ([b"", b"1.", None, b"25\n"], [0.3]),
+     ([b"", None, b"1.25\n"], [0.3]), ([None, b"", b"1.25\n"], [0.3])],
+)  # fmt: skip
+def test_a_piece_that_is_lost_may_come_late(
+    pieces: list[bytes | None], waits: list[float]
+) -> None:
+    """It would be taken for the answer to the next line: its time is waited for."""
+    waited = []
+
+    def far(question: Any) -> list[bytes]:
+        if not question.request:
+            waited.append(question.patience)
+            return []
+        piece = pieces.pop(0)
+        return [] if piece is None else [piece]
+
+    assert converse(driver.said(1, "conf get a"), far) == "1.25"
+    assert (waited, pieces) == (waits, [])
+
+
+@pytest.mark.parametrize(
     ("ends", "limits"),
     [((-0.25, math.nan), (-REV / 4.0, None)), ((math.nan, 0.5), (None, REV / 2.0)),
      ((-0.25, 0.5), (-REV / 4.0, REV / 2.0))],
@@ -434,7 +456,7 @@ def test_an_identity_has_its_numbers() -> None:
         return head + struct.pack(f"<{len(numbers)}i", *numbers)
 
     found = driver.identity_of(3, about(0x102, 5))
-    assert (found.firmware, found.fault) == ("0.0.0", None)
+    assert (found.type, found.firmware, found.fault) == ("moteus", "0.0.0", None)
     assert driver.identity_of(3, about(0x100, 1, 0x010203, 5)).type == "moteus model 1"
     with pytest.raises(PlantSettingsError, match="id 3: its register map is 0; 5 is supported"):
         driver.identity_of(3, about(0x100, 1))
