@@ -121,6 +121,13 @@ def test_license_is_there_and_named_in_every_source_file() -> None:
     assert not without
 
 
+def test_lines_of_the_panel_s_page_are_short() -> None:
+    """At most 120 characters, as the Python's 99; drawings of icons are one word."""
+    for path in (PACKAGE / "panel" / "page").glob("*.js"):
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            assert len(line) <= 120 or ': "M' in line, f"{path.name}:{number}"
+
+
 def test_known_unsteady_tests_are_few_and_say_why() -> None:
     """A test that fails now and then exists, and has a date and a cause."""
     lines = (ROOT / "test" / "unsteady.txt").read_text(encoding="utf-8").splitlines()

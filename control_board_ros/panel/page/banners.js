@@ -14,7 +14,8 @@ const ADVICE = {
   9: "Check the encoder.", 10: "Check the encoder's cable.", 11: "Check the encoder for noise or a loose cable.",
   14: "Encoder and motor disagree: check the coupling.", 15: "The simulation diverged: lower the gains or the load.",
   16: "The joint has no such mode: choose one of its list.", 17: "Move the joint back from its hard stop.",
-  19: "Let the winding cool.", 20: "Clear the path to the stop, then calibrate again.", 21: "Send references more often than the timeout.",
+  19: "Let the winding cool.", 20: "Clear the path to the stop, then calibrate again.",
+  21: "Send references more often than the timeout.",
   24: "Release the emergency stop.",
 };
 
@@ -48,7 +49,9 @@ function callAttention() {
 /** Set the children of an element without replacing those that stay: a finger may be on one. */
 function keepChildren(element, children) {
   for (const child of [...element.children]) if (!children.includes(child)) child.remove();
-  children.forEach((child, k) => { if (element.children[k] !== child) element.insertBefore(child, element.children[k] ?? null); });
+  children.forEach((child, k) => {
+    if (element.children[k] !== child) element.insertBefore(child, element.children[k] ?? null);
+  });
 }
 
 /**
@@ -58,16 +61,22 @@ function keepChildren(element, children) {
 export class Banners {
   constructor(element, panel) {
     Object.assign(this, { element, panel, asked: null, ask: null, ages: new Map(), faults: [] });
-    this.lost = h("div", { class: "banner warn" }, h("strong", {}, "No connection to the panel's server."), " It is tried again every second. What was held has stopped.");
+    this.lost = h("div", { class: "banner warn" }, h("strong", {}, "No connection to the panel's server."),
+      " It is tried again every second. What was held has stopped.");
     this.headline = h("div", { class: "headline" });
     this.list = h("ul");
     this.more = h("li");
-    this.clear = h("button", { type: "button", class: "command", onclick: () => this.clearFaults(), "aria-label": "Clear faults: the joints go to idle, without power" });
+    this.clear = h("button", { type: "button", class: "command", onclick: () => this.clearFaults(),
+      "aria-label": "Clear faults: the joints go to idle, without power" });
     this.released = new Set(); // faults of a stop that is released
     this.waits = new Map(); // by joint: when its cause can be gone, ms
-    this.release = h("button", { type: "button", class: "command primary", onclick: () => this.releaseStop() }, "Release stop");
-    this.recover = h("button", { type: "button", class: "command primary", onclick: () => this.recoverAll(), "aria-label": "Recover: the joints go back to the modes before, where they are" }, "Recover");
-    this.fault = h("div", { class: "banner fault", role: "alert" }, this.headline, this.list, this.release, this.recover, this.clear);
+    this.release = h("button", { type: "button", class: "command primary", onclick: () => this.releaseStop() },
+      "Release stop");
+    this.recover = h("button",
+      { type: "button", class: "command primary", onclick: () => this.recoverAll(),
+        "aria-label": "Recover: the joints go back to the modes before, where they are" }, "Recover");
+    this.fault = h("div", { class: "banner fault", role: "alert" }, this.headline, this.list, this.release,
+      this.recover, this.clear);
   }
 
   draw() {
@@ -77,7 +86,8 @@ export class Banners {
     if (!asked) this.asked = null;
     else if (this.asked !== asking) this.begin(asking);
     this.drawFaults();
-    keepChildren(this.element, [model.you === null && this.lost, asked && this.ask, this.faults.length && this.fault].filter(Boolean));
+    keepChildren(this.element,
+      [model.you === null && this.lost, asked && this.ask, this.faults.length && this.fault].filter(Boolean));
     this.panel.permit(this.element);
     this.tick();
   }
@@ -89,23 +99,28 @@ export class Banners {
     this.until = performance.now() + 1000 * seconds;
     this.countdown = h("span");
     const answer = (yes) => () => this.panel.request("hand_over", { yes });
-    this.ask = h("div", { class: "banner ask" }, h("strong", {}, `${browsers[asking] ?? "Another browser"} asks to take over.`), " ", this.countdown,
-      h("span", { class: "space" }), h("button", { type: "button", onclick: answer(true) }, "Hand over"), h("button", { type: "button", class: "primary", onclick: answer(false) }, "Keep operating"));
+    this.ask = h("div", { class: "banner ask" },
+      h("strong", {}, `${browsers[asking] ?? "Another browser"} asks to take over.`), " ", this.countdown,
+      h("span", { class: "space" }), h("button", { type: "button", onclick: answer(true) }, "Hand over"),
+      h("button", { type: "button", class: "primary", onclick: answer(false) }, "Keep operating"));
     callAttention();
   }
 
   drawFaults() {
     const faults = this.panel.model.parts.flatMap((board) => board.faults.map((fault) => ({ board, fault })));
-    const ages = new Map(faults.slice(0, MOST_FAULTS).map((entry) => [key(entry), this.ages.get(key(entry)) ?? this.row(entry)]));
+    const ages = new Map(faults.slice(0, MOST_FAULTS)
+      .map((entry) => [key(entry), this.ages.get(key(entry)) ?? this.row(entry)]));
     this.faults = faults;
     this.ages = ages;
     setText(this.headline, faults.length === 1 ? "Fault" : `${faults.length} faults`);
-    for (const [name, { fault, advice }] of ages) if (fault.code === STOPPED) setText(advice, this.released.has(name) ? "Released: recover it." : ADVICE[STOPPED]);
+    for (const [name, { fault, advice }] of ages) if (fault.code === STOPPED)
+      setText(advice, this.released.has(name) ? "Released: recover it." : ADVICE[STOPPED]);
     this.release.hidden = !faults.some((entry) => entry.fault.code === STOPPED && !this.released.has(key(entry)));
     this.recover.classList.toggle("primary", this.release.hidden); // refused before the release
     setText(this.clear, faults.length === 1 ? "Clear fault" : "Clear faults");
     setText(this.more, `and ${faults.length - ages.size} more`);
-    keepChildren(this.list, [...[...ages.values()].map(({ row }) => row), ...(faults.length > ages.size ? [this.more] : [])]);
+    keepChildren(this.list, [...[...ages.values()].map(({ row }) => row),
+      ...(faults.length > ages.size ? [this.more] : [])]);
   }
 
   row({ board, fault }) {
@@ -113,10 +128,13 @@ export class Banners {
     const joint = board.joint(fault.name);
     const frame = h("div", { hidden: true });
     const name = joint?.short ?? fault.name;
-    const button = h("button", { type: "button", class: "small-button", "aria-expanded": "false", "aria-label": `${name}: what was around the fault`,
+    const button = h("button",
+      { type: "button", class: "small-button", "aria-expanded": "false",
+        "aria-label": `${name}: what was around the fault`,
       onclick: () => this.showFrame(board, joint, fault, button, frame) }, "Around it");
     const advice = h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause.");
-    return { board, fault, age, advice, row: h("li", {}, h("strong", {}, name), " ", h("span", { class: "cause" }, fault.text), " ", age,
+    return { board, fault, age, advice,
+      row: h("li", {}, h("strong", {}, name), " ", h("span", { class: "cause" }, fault.text), " ", age,
       advice, " ", button, frame) };
   }
 
@@ -146,7 +164,8 @@ export class Banners {
     for (const board of new Set(this.faults.map((entry) => entry.board))) {
       const joints = this.faults.filter((entry) => entry.board === board).map((entry) => entry.fault.name);
       const answer = await this.panel.request("recover", { board: board.name, joints });
-      for (const [name, wait] of Object.entries(answer.waits ?? {})) if (wait > 0) this.waits.set(`${board.name} ${name}`, performance.now() + 1000 * wait);
+      for (const [name, wait] of Object.entries(answer.waits ?? {})) if (wait > 0)
+        this.waits.set(`${board.name} ${name}`, performance.now() + 1000 * wait);
     }
     this.tick();
   }
@@ -164,6 +183,9 @@ export class Banners {
       const since = board.stamp ? ago(board.stamp - fault.stamp) : "";
       setText(age, left > 0 ? `${since}, wait ${Math.ceil(left)} s` : since);
     }
-    if (this.asked !== null) setText(this.countdown, `Without an answer control goes there in ${Math.ceil(Math.max(this.until - performance.now(), 0) / 1000)} s.`);
+    if (this.asked !== null) {
+      const seconds = Math.ceil(Math.max(this.until - performance.now(), 0) / 1000);
+      setText(this.countdown, `Without an answer control goes there in ${seconds} s.`);
+    }
   }
 }

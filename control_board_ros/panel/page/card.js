@@ -16,19 +16,24 @@ export class Card {
     const { short, label, name } = joint;
     this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${label}` });
     chooseOnce(this.mode, (mode) => this.setMode(mode), () => this.joint.mode);
-    this.interaction = h("div", { class: "segmented small", role: "radiogroup", "aria-label": `Interaction mode of ${label}` });
-    this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false", "aria-label": `More of ${label}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
+    this.interaction = h("div",
+      { class: "segmented small", role: "radiogroup", "aria-label": `Interaction mode of ${label}` });
+    this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false",
+      "aria-label": `More of ${label}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
     this.position = this.value("position", "big");
     this.values = VALUES.map((signal) => this.value(signal));
-    this.push = h("span", { class: "push", role: "meter", "aria-label": `External torque of ${label}`, "aria-valuemin": "-100", "aria-valuemax": "100" }, h("i"));
+    this.push = h("span", { class: "push", role: "meter", "aria-label": `External torque of ${label}`,
+      "aria-valuemin": "-100", "aria-valuemax": "100" }, h("i"));
     this.values.find((v) => v.signal === "torque").element.append(this.push);
     this.slots = h("div", { class: "slots" });
     this.why = h("p", { class: "why" });
     this.foot = h("div", { class: "foot" }, this.why);
     this.body = h("div", { class: "details", hidden: true });
     this.element = h("article", { class: "card", "aria-label": `Joint ${name}` },
-      h("header", {}, h("h3", { title: name, onclick: () => { if (this.folded) this.expand(true); } }, short), h("div", { class: "modes" }, this.mode, this.interaction), this.more),
-      h("div", { class: "readout" }, this.position.element, h("div", { class: "values" }, ...this.values.map((v) => v.element))),
+      h("header", {}, h("h3", { title: name, onclick: () => { if (this.folded) this.expand(true); } }, short),
+        h("div", { class: "modes" }, this.mode, this.interaction), this.more),
+      h("div", { class: "readout" }, this.position.element,
+        h("div", { class: "values" }, ...this.values.map((v) => v.element))),
       this.slots, this.foot, this.body);
     this.refresh();
   }
@@ -37,9 +42,11 @@ export class Card {
     const shown = h("span", { class: "n" });
     const unit = h("span", { class: "u" });
     const plot = () => (this.folded ? this.expand(true) : this.panel.plot(this.joint, signal));
-    const element = h("button", { type: "button", class: `value ${kind} ${signal}`, title: `${LABELS[signal]}: plot it`, "aria-pressed": "false",
+    const element = h("button",
+      { type: "button", class: `value ${kind} ${signal}`, title: `${LABELS[signal]}: plot it`, "aria-pressed": "false",
       "aria-label": `Plot ${LABELS[signal].toLowerCase()} of ${this.joint.label}`, onclick: plot },
-    h("span", { class: "l" }, kind ? "" : SHORT[signal] ?? LABELS[signal]), h("span", { class: "nu" }, shown, unit), icon("plot"));
+    h("span", { class: "l" }, kind ? "" : SHORT[signal] ?? LABELS[signal]), h("span", { class: "nu" }, shown, unit),
+      icon("plot"));
     return { signal, element, shown, unit };
   }
 
@@ -80,7 +87,8 @@ export class Card {
       if (answer.ok) joint.speed = answer.details.speed;
     }
     const length = Math.abs(way);
-    const time = Math.max(length / joint.speed, 1.875 * length / (velocity ?? Infinity), Math.sqrt(5.774 * length / (acceleration ?? Infinity)));
+    const time = Math.max(length / joint.speed, 1.875 * length / (velocity ?? Infinity),
+      Math.sqrt(5.774 * length / (acceleration ?? Infinity)));
     return Number.isFinite(time) ? `${time.toFixed(1)} s` : "at its set speed";
   }
 
@@ -103,7 +111,8 @@ export class Card {
   drawModes() {
     const { joint } = this;
     const codes = joint.modes.includes(joint.mode) ? joint.modes : [joint.mode, ...joint.modes];
-    this.mode.replaceChildren(...codes.filter(Boolean).map((code) => h("option", { value: code, selected: code === joint.mode }, MODES[code] ?? code)));
+    this.mode.replaceChildren(...codes.filter(Boolean)
+      .map((code) => h("option", { value: code, selected: code === joint.mode }, MODES[code] ?? code)));
     if (joint.mode === "hwfa") this.mode.append(h("option", { value: "fidl" }, "Clear the fault (idle)"));
     if (joint.mode === "cal") this.mode.append(h("option", { value: "fidl" }, "Abort (idle)"));
     this.mode.value = joint.mode;
@@ -204,7 +213,8 @@ export class Card {
     if (percent === this.pushed) return;
     this.pushed = percent;
     this.push.setAttribute("aria-valuenow", String(percent));
-    this.push.title = `External torque: ${quantity(joint.state.external_torque, "external_torque", joint.sliding)}; full at a quarter of the limit`;
+    const torque = quantity(joint.state.external_torque, "external_torque", joint.sliding);
+    this.push.title = `External torque: ${torque}; full at a quarter of the limit`;
     this.push.firstChild.style.cssText = `left:${50 + Math.min(percent, 0) / 2}%;width:${Math.abs(percent) / 2}%`;
   }
 

@@ -13,7 +13,8 @@ const MOST = 120; // characters of a name
 /** A name as shown by the server (control_board_ros/text.py): unprintable characters are replaced. */
 function clean(name) {
   const letters = [...name];
-  const shown = letters.slice(0, MOST).join("").replace(/[\t\n\v\f\r\x85\u2028\u2029]/g, " ").replace(/[\p{Cc}\p{Cf}\p{Cs}\p{Co}\p{Cn}]/gu, "\ufffd");
+  const shown = letters.slice(0, MOST).join("").replace(/[\t\n\v\f\r\x85\u2028\u2029]/g, " ")
+    .replace(/[\p{Cc}\p{Cf}\p{Cs}\p{Co}\p{Cn}]/gu, "\ufffd");
   return letters.length > MOST ? `${shown} … (${letters.length - MOST} characters more)` : shown;
 }
 
@@ -100,7 +101,8 @@ function readState(buffer, start, length) {
     state[field] = values.length ? values : new Float64Array(count).fill(NaN);
   }
   for (const values of Object.values(state)) {
-    if (values.length !== undefined && values.length !== state.names.length) throw new RangeError("not one value for each joint");
+    if (values.length !== undefined && values.length !== state.names.length)
+      throw new RangeError("not one value for each joint");
   }
   return state;
 }

@@ -4,7 +4,8 @@
 import { h, setText } from "./dom.js";
 import { LABELS, number, parse, quantity, unitOf } from "./units.js";
 
-const TITLES = { speed: "Reference speed", acceleration: "Reference acceleration", stiffness: "Stiffness", damping: "Damping" };
+const TITLES = { speed: "Reference speed", acceleration: "Reference acceleration", stiffness: "Stiffness",
+  damping: "Damping" };
 const GAINS = ["kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"];
 const CONTROLLERS = { position: "Position PID", direct: "Direct PID", torque: "Torque PID", current: "Current PID" };
 // Measurements of the motor, beside current, output and temperature on the card.
@@ -17,15 +18,21 @@ class Group {
     Object.assign(this, { fields, panel });
     this.rows = fields.map((field) => {
       const now = h("span", { class: "now" });
-      const input = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${title}: ${field.title}, wanted` });
+      const input = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
+        "aria-label": `${title}: ${field.title}, wanted` });
       input.addEventListener("input", () => this.changed());
       input.addEventListener("keydown", (event) => { if (event.key === "Enter") this.send(); });
-      return { field, now, input, value: null, element: h("label", { class: "row" }, h("span", { class: "name" }, field.title), now, input, h("span", { class: "u" }, field.unit())) };
+      return { field, now, input, value: null,
+        element: h("label", { class: "row" }, h("span", { class: "name" }, field.title), now, input,
+          h("span", { class: "u" }, field.unit())) };
     });
-    this.apply = h("button", { type: "button", class: "command primary", onclick: () => this.send(), "aria-label": `Apply ${title}` }, "Apply");
-    this.revert = h("button", { type: "button", onclick: () => this.reset(), "aria-label": `Revert ${title}` }, "Revert");
+    this.apply = h("button", { type: "button", class: "command primary", onclick: () => this.send(),
+      "aria-label": `Apply ${title}` }, "Apply");
+    this.revert = h("button", { type: "button", onclick: () => this.reset(), "aria-label": `Revert ${title}` },
+      "Revert");
     this.sendValues = apply;
-    this.element = h("fieldset", { class: "group" }, h("legend", {}, title), ...this.rows.map((row) => row.element), h("div", { class: "buttons" }, this.apply, this.revert));
+    this.element = h("fieldset", { class: "group" }, h("legend", {}, title), ...this.rows.map((row) => row.element),
+      h("div", { class: "buttons" }, this.apply, this.revert));
   }
 
   /** Values in force; a value being typed stays. */
@@ -40,7 +47,10 @@ class Group {
   }
 
   reset() {
-    for (const row of this.rows) { row.input.value = row.value === null ? "" : row.field.show(row.value); row.input.classList.remove("wrong"); }
+    for (const row of this.rows) {
+      row.input.value = row.value === null ? "" : row.field.show(row.value);
+      row.input.classList.remove("wrong");
+    }
     this.changed();
   }
 
@@ -80,16 +90,25 @@ export class Details {
       show: (value) => number(value, name, joint.sliding), parse: (text) => parse(text, name, joint.sliding),
     });
     const again = (answer) => { this.load(); return answer; };
-    this.speeds = new Group("Speeds", ["speed", "acceleration"].map(quantity), panel, (wanted) => panel.request("speed", { ...one, ...wanted }).then(again));
+    this.speeds = new Group("Speeds", ["speed", "acceleration"].map(quantity), panel,
+      (wanted) => panel.request("speed", { ...one, ...wanted }).then(again));
     this.impedance = joint.interactions.includes("comp")
-      ? new Group("Impedance", ["stiffness", "damping"].map(quantity), panel, (wanted) => panel.request("impedance", { ...one, ...wanted }).then(again)) : null;
+      ? new Group("Impedance", ["stiffness", "damping"].map(quantity), panel,
+        (wanted) => panel.request("impedance", { ...one, ...wanted }).then(again)) : null;
     this.gains = h("div", { class: "gains" });
     this.groups = new Map();
-    this.calibrate = h("button", { type: "button", class: "command", onclick: () => this.runCalibration(), "aria-label": `Calibrate ${joint.label}` }, "Calibrate");
-    this.idle = h("button", { type: "button", class: "command", onclick: () => panel.request("mode", { ...one, mode: "fidl" }), "aria-label": `Force ${joint.label} to idle: no power` }, "Force idle");
-    this.size = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `Size of a step of ${joint.label}, amplitude of a chirp` });
+    this.calibrate = h("button",
+      { type: "button", class: "command", onclick: () => this.runCalibration(),
+        "aria-label": `Calibrate ${joint.label}` }, "Calibrate");
+    this.idle = h("button", { type: "button", class: "command",
+      onclick: () => panel.request("mode", { ...one, mode: "fidl" }),
+      "aria-label": `Force ${joint.label} to idle: no power` }, "Force idle");
+    this.size = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
+      "aria-label": `Size of a step of ${joint.label}, amplitude of a chirp` });
     this.size.value = number(joint.sliding ? 0.005 : Math.PI / 36, "position", joint.sliding);
-    const measure = (verb, text, words) => h("button", { type: "button", class: "command", "aria-label": `${text} of ${joint.label}`, onclick: () => this.measure(verb, words) }, text);
+    const measure = (verb, text, words) =>
+      h("button", { type: "button", class: "command", "aria-label": `${text} of ${joint.label}`,
+        onclick: () => this.measure(verb, words) }, text);
     this.step = measure("step", "Step", "steps there and back by");
     this.chirp = measure("chirp", "Chirp", "swings for a minute by up to");
     this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": `Calibration of ${joint.label}` });
@@ -98,9 +117,14 @@ export class Details {
       const shown = h("b", {});
       return { signal, shown, element: h("span", { hidden: true }, `${LABELS[signal]} `, shown) };
     });
-    this.element = h("div", {}, h("p", { class: "motor", role: "group", "aria-label": `Motor of ${joint.label}` }, ...this.motor.map((one) => one.element)), h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
-      h("details", { class: "gain-box", "aria-label": `Gains of ${joint.label}` }, h("summary", {}, "Gains"), this.gains),
-      h("div", { class: "buttons" }, this.calibrate, this.idle, this.step, this.chirp, this.size, h("span", { class: "u" }, unitOf("position", joint.sliding)[1]), this.progress, this.phase));
+    this.element = h("div", {},
+      h("p", { class: "motor", role: "group", "aria-label": `Motor of ${joint.label}` },
+        ...this.motor.map((one) => one.element)),
+      h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
+      h("details", { class: "gain-box", "aria-label": `Gains of ${joint.label}` }, h("summary", {}, "Gains"),
+        this.gains),
+      h("div", { class: "buttons" }, this.calibrate, this.idle, this.step, this.chirp, this.size,
+        h("span", { class: "u" }, unitOf("position", joint.sliding)[1]), this.progress, this.phase));
     this.load();
   }
 
@@ -147,9 +171,11 @@ export class Details {
     const { joint, panel } = this;
     const size = parse(this.size.value, "position", joint.sliding);
     this.size.classList.toggle("wrong", size === null);
-    if (size === null || !await panel.questions.ask(`${joint.short} ${words} ${this.size.value} ${unitOf("position", joint.sliding)[1]}. Esc stops it.`, "Measure")) return;
+    const what = `${joint.short} ${words} ${this.size.value} ${unitOf("position", joint.sliding)[1]}`;
+    if (size === null || !await panel.questions.ask(`${what}. Esc stops it.`, "Measure")) return;
     setText(this.phase, `${verb} …`);
-    const answer = await panel.request(verb, { board: joint.board.name, joint: joint.name, [verb === "step" ? "size" : "amplitude"]: size });
+    const answer = await panel.request(verb,
+      { board: joint.board.name, joint: joint.name, [verb === "step" ? "size" : "amplitude"]: size });
     setText(this.phase, answer.ok ? "" : answer.message);
     if (answer.ok) panel.recording.open(answer.report);
   }
@@ -157,7 +183,8 @@ export class Details {
   async runCalibration() {
     this.progress.hidden = false;
     const show = ({ share, words }) => { this.progress.value = share; setText(this.phase, words); };
-    const answer = await this.panel.request("calibrate", { board: this.joint.board.name, joints: [this.joint.name] }, show);
+    const answer = await this.panel.request("calibrate", { board: this.joint.board.name, joints: [this.joint.name] },
+      show);
     this.progress.hidden = true;
     setText(this.phase, answer.ok ? "calibrated" : answer.message);
   }

@@ -17,10 +17,12 @@ export function h(tag, attributes = {}, ...children) {
 
 const SHAPES = {
   chevron: "M6 9l6 6 6-6", copy: "M9 9h10v11H9zM5 15V4h10", close: "M6 6l12 12M18 6L6 18",
-  plot: "M4 4v16h16M7 15l4-5 3 3 5-7", hand: "M8 12V6a2 2 0 0 1 4 0v5-6a2 2 0 0 1 4 0v7-4a2 2 0 0 1 4 0v6a7 7 0 0 1-7 7h-1c-3 0-5-2-8-7a2 2 0 0 1 3-2z",
+  plot: "M4 4v16h16M7 15l4-5 3 3 5-7",
+  hand: "M8 12V6a2 2 0 0 1 4 0v5-6a2 2 0 0 1 4 0v7-4a2 2 0 0 1 4 0v6a7 7 0 0 1-7 7h-1c-3 0-5-2-8-7a2 2 0 0 1 3-2z",
   pause: "M8 5v14M16 5v14", play: "M8 5l11 7-11 7z", moon: "M20 14a8 8 0 1 1-9-10 6 6 0 0 0 9 10z",
   sun: "M12 8a4 4 0 1 0 0 8 4 4 0 0 0 0-8zM12 2v2M12 20v2M2 12h2M20 12h2M5 5l1.5 1.5M17.5 17.5L19 19M5 19l1.5-1.5M17.5 6.5L19 5",
-  left: "M15 6l-6 6 6 6", right: "M9 6l6 6-6 6", fit: "M4 9V4h5M20 9V4h-5M4 15v5h5M20 15v5h-5", ghost: "M5 12a7 7 0 0 1 14 0v8l-3-2-2 2-2-2-2 2-2-2-3 2z",
+  left: "M15 6l-6 6 6 6", right: "M9 6l6 6-6 6", fit: "M4 9V4h5M20 9V4h-5M4 15v5h5M20 15v5h-5",
+  ghost: "M5 12a7 7 0 0 1 14 0v8l-3-2-2 2-2-2-2 2-2-2-3 2z",
 };
 
 /** An icon, hidden from screen readers. */
@@ -70,7 +72,8 @@ export function chooseOnce(select, choose, current) {
       walking = false;
       select.classList.remove("walking");
       if (value !== current()) choose(value);
-    } else if (event.key.startsWith("Arrow") || ["Home", "End", "PageUp", "PageDown"].includes(event.key) || event.key.length === 1) walking = true;
+    } else if (event.key.startsWith("Arrow") || ["Home", "End", "PageUp", "PageDown"].includes(event.key)
+      || event.key.length === 1) walking = true;
   });
   select.addEventListener("change", () => {
     if (walking) select.classList.add("walking");
@@ -96,7 +99,8 @@ export function toast(text, bad = false, loud = false) {
 
 /** Offer a text as a file. */
 export function download(name, content, type) {
-  const address = content instanceof Blob ? URL.createObjectURL(content) : URL.createObjectURL(new Blob([content], { type }));
+  const address = content instanceof Blob ? URL.createObjectURL(content)
+    : URL.createObjectURL(new Blob([content], { type }));
   h("a", { href: address, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(address), 1000);
 }

@@ -18,7 +18,8 @@ function shape(name, attributes) {
 }
 
 function line(times, values, x, y, followed) {
-  const points = times.map((time, k) => (values[k] === null ? null : `${x(time).toFixed(1)},${y(values[k]).toFixed(1)}`)).filter(Boolean);
+  const points = times.map((time, k) =>
+    (values[k] === null ? null : `${x(time).toFixed(1)},${y(values[k]).toFixed(1)}`)).filter(Boolean);
   return shape("polyline", { points: points.join(" "), class: followed ? "followed" : "measured" });
 }
 
@@ -34,7 +35,8 @@ function chart([title, measured, followed], rows, sliding) {
   svg.append(shape("line", { x1: x(0), x2: x(0), y1: 0, y2: HEIGHT, class: "instant" }));
   if (followed) svg.append(line(times, rows[followed], x, y, true));
   svg.append(line(times, rows[measured], x, y, false));
-  return h("figure", {}, svg, h("figcaption", {}, `${title} ${(factor * low).toPrecision(3)} to ${(factor * high).toPrecision(3)} ${unit}`));
+  return h("figure", {}, svg,
+    h("figcaption", {}, `${title} ${(factor * low).toPrecision(3)} to ${(factor * high).toPrecision(3)} ${unit}`));
 }
 
 /** The charts of a freeze frame; vertical line: the fault, dashed: the reference. */

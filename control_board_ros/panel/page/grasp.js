@@ -11,7 +11,8 @@ const LOOK = 80; // ms between looks at what is under the pointer
 
 /** The nearest joint that moves a part; not a fixed one. */
 function jointOf(part) {
-  for (let above = part; above; above = above.parent) if (above.isURDFJoint && above.jointType !== "fixed") return above;
+  for (let above = part; above; above = above.parent)
+    if (above.isURDFJoint && above.jointType !== "fixed") return above;
   return null;
 }
 
@@ -25,7 +26,10 @@ export class Grasp {
     const { canvas } = view;
     const listen = (name, listener) => view.element.addEventListener(name, listener, { capture: true });
     listen("pointerdown", (event) => { if (event.target === canvas) this.take(event); });
-    listen("pointermove", (event) => { if (this.held) this.drag(event); else if (event.target === canvas) this.look(event); });
+    listen("pointermove", (event) => {
+      if (this.held) this.drag(event);
+      else if (event.target === canvas) this.look(event);
+    });
     listen("pointerup", (event) => { if (this.held) this.release(event); });
     for (const name of ["pointercancel", "lostpointercapture"]) listen(name, () => this.drop());
   }
@@ -38,7 +42,8 @@ export class Grasp {
 
   aim(event) {
     const box = this.view.canvas.getBoundingClientRect();
-    this.ray.setFromCamera(new THREE.Vector2(2 * (event.clientX - box.left) / box.width - 1, 1 - 2 * (event.clientY - box.top) / box.height), this.view.camera);
+    this.ray.setFromCamera(new THREE.Vector2(2 * (event.clientX - box.left) / box.width - 1,
+      1 - 2 * (event.clientY - box.top) / box.height), this.view.camera);
     return this.ray.ray;
   }
 
@@ -81,7 +86,8 @@ export class Grasp {
     const origin = joint.getWorldPosition(new THREE.Vector3());
     const axis = joint.axis.clone().transformDirection(joint.matrixWorld).normalize();
     slider.begin(false);
-    this.held = { ...found, origin, axis, start: slider.joint.state.position, x: event.clientX, y: event.clientY, point };
+    this.held = { ...found, origin, axis, start: slider.joint.state.position, x: event.clientX, y: event.clientY,
+      point };
     this.view.canvas.setPointerCapture(event.pointerId);
   }
 

@@ -31,9 +31,12 @@ function script(entries, world) {
   for (const { at, board: of, lines: { [world]: line } } of done) {
     if (world === "python" && of && of !== before) lines.push(board(of));
     before = of || before;
-    lines.push(world === "python" ? `${line}  # ${clock(at)}` : `# ${clock(at)}`, ...(world === "python" ? [] : [line]));
+    lines.push(world === "python" ? `${line}  # ${clock(at)}` : `# ${clock(at)}`,
+      ...(world === "python" ? [] : [line]));
   }
-  const head = world === "python" ? ["import rclpy", "from control_board_ros.client import ControlBoardClient", "", "rclpy.init()", 'node = rclpy.create_node("script")'] : ["#!/bin/sh", "set -e"];
+  const head = world === "python"
+    ? ["import rclpy", "from control_board_ros.client import ControlBoardClient", "", "rclpy.init()",
+      'node = rclpy.create_node("script")'] : ["#!/bin/sh", "set -e"];
   return [...head, ...lines, ""].join("\n");
 }
 
@@ -46,7 +49,9 @@ export class Log {
     this.entries = [];
     this.choice = h("div", { class: "segmented small", role: "radiogroup", "aria-label": "Lines as" });
     this.list = h("ol", { class: "entries", tabindex: "0", "aria-label": "Commands, newest first" });
-    this.all = h("button", { type: "button", class: "small-button", "aria-label": "Copy all as a script", title: "What was done, oldest first, as a script", onclick: () => copy(script([...this.entries].reverse(), this.world)) }, "Copy all");
+    this.all = h("button", { type: "button", class: "small-button", "aria-label": "Copy all as a script",
+      title: "What was done, oldest first, as a script",
+      onclick: () => copy(script([...this.entries].reverse(), this.world)) }, "Copy all");
     element.replaceChildren(h("header", {}, h("h2", {}, "Commands"), this.choice, this.all), this.list);
     this.draw();
   }
@@ -59,7 +64,8 @@ export class Log {
     });
     this.list.replaceChildren(...this.entries.map((entry) => this.row(entry)));
     this.all.disabled = !this.entries.length;
-    if (!this.entries.length) this.list.replaceChildren(h("li", { class: "hint" }, "Everything that is done shows here, as lines to copy."));
+    if (!this.entries.length)
+      this.list.replaceChildren(h("li", { class: "hint" }, "Everything that is done shows here, as lines to copy."));
   }
 
   /** Entries before this page was opened. */
@@ -81,7 +87,8 @@ export class Log {
   take(entry) {
     const last = this.entries[0];
     const again = last && entry.live && last.live && entry.ok && last.ok && last.what === entry.what
-      && last.by === entry.by && last.board === entry.board && last.lines?.cbctl.split("=")[0] === entry.lines?.cbctl.split("=")[0];
+      && last.by === entry.by && last.board === entry.board
+        && last.lines?.cbctl.split("=")[0] === entry.lines?.cbctl.split("=")[0];
     entry.times = again ? last.times + 1 : 1;
     if (again) this.entries.shift();
     this.entries.unshift(entry);
@@ -93,11 +100,15 @@ export class Log {
     const line = what === "stop" && !message ? "" : lines?.[this.world];
     const mine = by !== undefined && by === this.panel.model.you;
     const from = mine ? "" : who;
-    const result = ok === undefined ? null : ok ? h("span", { class: "result", title: message || "accepted" }, times > 1 ? `✓ ×${times}` : "✓") : h("span", { class: "result bad" }, "refused");
+    const result = ok === undefined ? null : ok
+      ? h("span", { class: "result", title: message || "accepted" }, times > 1 ? `✓ ×${times}` : "✓")
+      : h("span", { class: "result bad" }, "refused");
     return h("li", { class: `entry${ok === false ? " bad" : ""}${by === undefined ? " elsewhere" : ""}` },
-      h("time", {}, clock(at)), h("span", { class: "words", title: line || what }, from ? h("span", { class: "from" }, `${from} `) : null,
+      h("time", {}, clock(at)), h("span", { class: "words", title: line || what },
+        from ? h("span", { class: "from" }, `${from} `) : null,
         line ? h("code", {}, line) : what === "stop" ? "STOP: every joint of every board" : what), result,
-      line ? h("button", { type: "button", class: "ghost", "aria-label": `Copy: ${line}`, onclick: () => copy(line) }, icon("copy")) : null,
+      line ? h("button", { type: "button", class: "ghost", "aria-label": `Copy: ${line}`, onclick: () => copy(line) },
+        icon("copy")) : null,
       message && ok === false ? h("span", { class: "reason" }, message) : null);
   }
 }

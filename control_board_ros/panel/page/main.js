@@ -105,7 +105,9 @@ class Panel {
     if (!connection.open) { toast("STOP NOT SENT: no connection to the panel's server", true, true); return; }
     let lives = false; // the server answers: then a board does not
     connection.ask("watch", { boards: (this.watched ?? "").split(",").filter(Boolean) }).then(() => { lives = true; });
-    const late = setTimeout(() => toast(`STOP NOT CONFIRMED: ${lives ? this.notAnswering() : "the panel's server does not answer"}`, true, true), STOP_ANSWER);
+    const late = setTimeout(() =>
+      toast(`STOP NOT CONFIRMED: ${lives ? this.notAnswering() : "the panel's server does not answer"}`, true, true),
+      STOP_ANSWER);
     connection.ask("stop").then((answer) => {
       clearTimeout(late);
       if (answer.ok) toast("Stopped: every joint of every board.");
@@ -118,7 +120,9 @@ class Panel {
     const silent = model.parts.filter((board) => board.silence);
     if (!silent.length) return "the panel's server lives, a board has not answered yet";
     const names = silent.map((board) => model.titleOf(board)).join(", ");
-    return `${names} ${silent.length > 1 ? "do" : "does"} not answer: no state for ${Math.max(...silent.map((board) => board.silence)).toFixed(1)} s. Cut its power if it moves.`;
+    const seconds = Math.max(...silent.map((board) => board.silence)).toFixed(1);
+    const verb = silent.length > 1 ? "do" : "does";
+    return `${names} ${verb} not answer: no state for ${seconds} s. Cut its power if it moves.`;
   }
 
   /** Disable every joint of every board at once, without confirmation. */
@@ -141,7 +145,8 @@ class Panel {
 
   /** The target of a move that has started, of any program. */
   askTargets(board) {
-    connection.ask("targets", { board: board.name }).then((answer) => { if (answer.ok) model.setTargets(board, answer.targets); });
+    connection.ask("targets", { board: board.name })
+      .then((answer) => { if (answer.ok) model.setTargets(board, answer.targets); });
   }
 
   /** Enable controls that command for the operator of an answering board. */
@@ -177,7 +182,8 @@ class Panel {
     if (!tabs.includes(this.tab)) this.tab = names.length > 1 ? ALL : names[0] ?? null;
     const choose = (name) => { this.tab = name; this.setLive(false); this.drawTabs(); };
     redraw($("tabs"), "[aria-selected=true]", tabs.map((name) => h("button", {
-      type: "button", role: "tab", "aria-selected": String(name === this.tab), "data-name": name, onclick: () => choose(name),
+      type: "button", role: "tab", "aria-selected": String(name === this.tab), "data-name": name,
+      onclick: () => choose(name),
     }, name === ALL ? "All joints" : model.titleOf(model.boards.get(name)))));
     $("tabs").onkeydown = (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
@@ -206,7 +212,8 @@ class Panel {
     const empty = $("empty");
     empty.hidden = this.cards.length > 0;
     empty.replaceChildren(h("h2", {}, "No board on this ROS domain"),
-      h("p", {}, "The panel looks for boards all the time. Start one with ", h("code", {}, "control_board"), ", with the same ROS_DOMAIN_ID."));
+      h("p", {}, "The panel looks for boards all the time. Start one with ", h("code", {}, "control_board"),
+        ", with the same ROS_DOMAIN_ID."));
     $("toolbar").hidden = this.cards.length === 0;
     this.refresh();
     this.view?.load(this.shownBoards());
@@ -228,30 +235,47 @@ class Panel {
   drawToolbar() {
     this.allModes = h("select", { class: "command", "aria-label": "Control mode of all joints shown" });
     chooseOnce(this.allModes, (mode) => this.setAll(mode), () => "");
-    this.liveSwitch = h("button", { type: "button", role: "switch", class: "switch command", "aria-checked": "false", "aria-label": "Live: send while a slider moves", title: "Send while a slider moves, not only when it is let go; long ways are not asked about", onclick: () => this.setLive(!this.live) }, h("span", { class: "knob" }), "Live");
-    this.idle = h("button", { type: "button", class: "command", "aria-label": "All joints shown to idle: no power", onclick: () => this.setAll("idl") }, "Idle all");
-    this.calibrateAll = h("button", { type: "button", class: "command", "aria-label": "Calibrate all joints shown", onclick: () => this.each("calibrate", {}) }, "Calibrate all");
+    this.liveSwitch = h("button",
+      { type: "button", role: "switch", class: "switch command", "aria-checked": "false",
+        "aria-label": "Live: send while a slider moves",
+        title: "Send while a slider moves, not only when it is let go; long ways are not asked about",
+        onclick: () => this.setLive(!this.live) }, h("span", { class: "knob" }), "Live");
+    this.idle = h("button", { type: "button", class: "command", "aria-label": "All joints shown to idle: no power",
+      onclick: () => this.setAll("idl") }, "Idle all");
+    this.calibrateAll = h("button",
+      { type: "button", class: "command", "aria-label": "Calibrate all joints shown",
+        onclick: () => this.each("calibrate", {}) }, "Calibrate all");
     this.rate = h("span", { class: "rate", title: "States shown per second" });
-    const above = h("input", { class: "number", type: "number", min: "0", max: "360", step: "5", "aria-label": "Ask before ways longer than this, degrees",
-      onchange: () => { this.askAbove = Math.max(Number(above.value) || 0, 0); localStorage.setItem("ask above", String(this.askAbove)); } });
+    const above = h("input", { class: "number", type: "number", min: "0", max: "360", step: "5",
+      "aria-label": "Ask before ways longer than this, degrees",
+      onchange: () => { this.askAbove = Math.max(Number(above.value) || 0, 0);
+        localStorage.setItem("ask above", String(this.askAbove)); } });
     above.value = String(this.askAbove);
-    $("toolbar").append(this.layout.choice, h("label", { class: "all" }, "All to", this.allModes), this.idle, this.calibrateAll, h("span", { class: "space" }), this.rate, h("label", { class: "all", title: "A tap or a typed number that leads further asks first; 50 mm where a joint slides at 15°" }, "Ask above", above, "°"), this.liveSwitch);
+    $("toolbar").append(this.layout.choice, h("label", { class: "all" }, "All to", this.allModes), this.idle,
+      this.calibrateAll, h("span", { class: "space" }), this.rate,
+      h("label", { class: "all",
+        title: "A tap or a typed number that leads further asks first; 50 mm where a joint slides at 15°" },
+        "Ask above", above, "°"), this.liveSwitch);
   }
 
   drawAllModes() {
-    const common = this.cards.map((card) => card.joint.modes).reduce((a, b) => a.filter((code) => b.includes(code)), this.cards[0]?.joint.modes ?? []);
+    const common = this.cards.map((card) => card.joint.modes)
+      .reduce((a, b) => a.filter((code) => b.includes(code)), this.cards[0]?.joint.modes ?? []);
     const key = common.join();
     if (key === this.allModes.key) return;
     this.allModes.key = key;
-    this.allModes.replaceChildren(h("option", { value: "" }, "mode …"), ...common.map((code) => h("option", { value: code }, MODES[code] ?? code)));
+    this.allModes.replaceChildren(h("option", { value: "" }, "mode …"),
+      ...common.map((code) => h("option", { value: code }, MODES[code] ?? code)));
   }
 
   async setAll(mode) {
     this.allModes.value = "";
     if (!mode) return;
     const falls = this.cards.map(({ joint }) => [joint.short, whatFalls(joint, mode)]).filter(([, why]) => why);
-    const words = falls.slice(0, 3).map(([short, why]) => `${short}: ${why}`).join(" ") + (falls.length > 3 ? ` And ${falls.length - 3} more.` : "");
-    if (falls.length && !await this.questions.ask(`All joints shown to ${MODES[mode] ?? mode}? ${words}`, "Set all")) return;
+    const words = falls.slice(0, 3).map(([short, why]) => `${short}: ${why}`).join(" ")
+      + (falls.length > 3 ? ` And ${falls.length - 3} more.` : "");
+    if (falls.length && !await this.questions.ask(`All joints shown to ${MODES[mode] ?? mode}? ${words}`, "Set all"))
+      return;
     this.each("mode", { mode });
   }
 

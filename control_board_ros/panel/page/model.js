@@ -13,8 +13,9 @@ const DRAWN = 150; // ms that a frame of the page counts for at most
 /** One joint: limits, modes, state, target. */
 class Joint {
   constructor(board, index, name, short) {
-    Object.assign(this, { board, index, name, short, label: short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
-      state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null, hasBrake: false });
+    Object.assign(this, { board, index, name, short, label: short, key: `${board.name} ${name}`, mode: "",
+      interaction: "", fault: null, state: null, target: null, proposed: null, modes: [], interactions: [],
+      kind: "", limits: {}, speed: null, hasBrake: false });
   }
 
   /** External torque as a share of a quarter of the limit, −1 to 1; null where it is not known. */
@@ -33,7 +34,8 @@ class Joint {
 
 class Board {
   constructor(name, number) {
-    Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], received: 0, interval: 0, quiet: 0 });
+    Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], received: 0, interval: 0,
+      quiet: 0 });
   }
   /** A state is received at a time of the page, ms. */
   receive(now) {
@@ -73,7 +75,11 @@ export class Model extends EventTarget {
     connection.on("faults", (m) => this.withBoard(m.board, (board) => this.setFaults(board, m.faults)));
     connection.on("targets", (m) => this.withBoard(m.board, (board) => this.setTargets(board, m.targets)));
     connection.on("frame", ({ number, state }) => this.setState(number, state));
-    connection.on("closed", () => { this.you = null; this.operator = { holder: null, asking: null, browsers: {} }; this.emit("operator"); });
+    connection.on("closed", () => {
+      this.you = null;
+      this.operator = { holder: null, asking: null, browsers: {} };
+      this.emit("operator");
+    });
   }
 
   emit(name, detail) { this.dispatchEvent(Object.assign(new Event(name), { detail })); }
@@ -146,7 +152,8 @@ export class Model extends EventTarget {
     const board = [...this.boards.values()].find((b) => b.number === number);
     if (!board) return;
     const states = state.names.map((_, k) => {
-      const one = { motion_done: state.motion_done[k], rejected: state.rejected_commands[k], calibrated: state.calibrated[k], brake: state.brake[k] };
+      const one = { motion_done: state.motion_done[k], rejected: state.rejected_commands[k],
+        calibrated: state.calibrated[k], brake: state.brake[k] };
       for (const signal of SIGNALS) one[signal] = state[signal][k];
       return one;
     });
@@ -200,7 +207,8 @@ export class Model extends EventTarget {
       if (!whole || !board.joints.length) return board === whole ? 1e6 : 0;
       return board === whole ? 1e6 : whole.joints.findIndex((joint) => joint.name === board.joints[0].name);
     };
-    return [...boards].sort((a, b) => a.space.localeCompare(b.space) || place(a) - place(b) || a.name.localeCompare(b.name));
+    return [...boards].sort((a, b) => a.space.localeCompare(b.space) || place(a) - place(b)
+      || a.name.localeCompare(b.name));
   }
 
   /** A board's name without the common beginning of all. */

@@ -8,7 +8,8 @@ const table = (words) => Object.assign(Object.create(null), words);
 
 export const MODES = table({
   pos: "Position", posd: "Position direct", vel: "Velocity", mix: "Mixed", torq: "Torque",
-  open: "Open loop", veld: "Velocity direct", icur: "Current", idl: "Idle", hwfa: "Hardware fault", cal: "Calibrating", cfgn: "Not configured",
+  open: "Open loop", veld: "Velocity direct", icur: "Current", idl: "Idle", hwfa: "Hardware fault", cal: "Calibrating",
+  cfgn: "Not configured",
 });
 export const INTERACTIONS = table({ stif: "Stiff", comp: "Compliant" });
 

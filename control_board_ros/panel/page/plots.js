@@ -7,14 +7,16 @@ import { LABELS, unitOf } from "./units.js";
 const WINDOWS = { 5: "5 s", 20: "20 s", 60: "60 s" };
 const HEIGHT = 150; // px
 const MOST = 12; // signals
-const BESIDE = { position: "position_reference", velocity: "velocity_reference", torque: "torque_reference" }; // drawn with it, dashed
+// Drawn with a signal, dashed.
+const BESIDE = { position: "position_reference", velocity: "velocity_reference", torque: "torque_reference" };
 // Modes with such a reference; in others none is drawn.
 const FOLLOWS = {
   position: (mode) => ["pos", "posd", "mix", "vel", "veld"].includes(mode),
   velocity: (mode) => ["pos", "mix", "vel", "veld"].includes(mode),
   torque: (mode) => mode === "torq",
 };
-const COLOURS = ["#4c9be8", "#e8964c", "#5cba7d", "#d8636f", "#a884e0", "#c9b23e", "#45b5bd", "#d77fb8", "#8f9aa8", "#b08357", "#6f86f0", "#7fae3c"];
+const COLOURS = ["#4c9be8", "#e8964c", "#5cba7d", "#d8636f", "#a884e0", "#c9b23e", "#45b5bd", "#d77fb8", "#8f9aa8",
+  "#b08357", "#6f86f0", "#7fae3c"];
 
 // Minimum span of a chart, by unit: noise stays small.
 const LEAST = { "°": 2, rad: 0.02, "°/s": 2, "rad/s": 0.05, mm: 2, "mm/s": 2, "N·m": 1, N: 1, "%": 2, A: 0.2, "°C": 2 };
@@ -30,14 +32,20 @@ export class Plots {
     Object.assign(this, { panel, element, signals: [], charts: [], paused: false, window: 20, dirty: false });
     this.windows = h("div", { class: "segmented small", role: "radiogroup", "aria-label": "Time shown" });
     this.pauseButton = h("button", { type: "button", class: "ghost", onclick: () => this.pause(!this.paused) });
-    this.png = h("button", { type: "button", class: "small-button", onclick: () => this.savePicture(), "aria-label": "Save the plots as PNG" }, "PNG");
-    this.csv = h("button", { type: "button", class: "small-button", onclick: () => this.saveTable(), "aria-label": "Save the plots as CSV" }, "CSV");
+    this.png = h("button", { type: "button", class: "small-button", onclick: () => this.savePicture(),
+      "aria-label": "Save the plots as PNG" }, "PNG");
+    this.csv = h("button", { type: "button", class: "small-button", onclick: () => this.saveTable(),
+      "aria-label": "Save the plots as CSV" }, "CSV");
     this.adder = h("select", { "aria-label": "Add a signal of all joints shown", onchange: () => this.addAll() },
-      h("option", { value: "" }, "Add …"), ...Object.entries(LABELS).map(([signal, label]) => h("option", { value: signal }, label)));
-    this.clearButton = h("button", { type: "button", class: "small-button", onclick: () => this.clear(), "aria-label": "Remove all plots" }, "Clear");
+      h("option", { value: "" }, "Add …"),
+      ...Object.entries(LABELS).map(([signal, label]) => h("option", { value: signal }, label)));
+    this.clearButton = h("button",
+      { type: "button", class: "small-button", onclick: () => this.clear(), "aria-label": "Remove all plots" },
+      "Clear");
     this.body = h("div", { class: "charts" });
     this.legend = h("ul", { class: "legend", "aria-label": "Signals in the plots" });
-    element.replaceChildren(h("header", {}, h("h2", {}, "Plots"), this.adder, this.windows, this.pauseButton, this.png, this.csv, this.clearButton), this.legend, this.body);
+    element.replaceChildren(h("header", {}, h("h2", {}, "Plots"), this.adder, this.windows, this.pauseButton, this.png,
+      this.csv, this.clearButton), this.legend, this.body);
     this.pause(false);
     this.drawWindows();
     this.rebuild();
@@ -45,13 +53,15 @@ export class Plots {
   }
 
   drawWindows() {
-    segmented(this.windows, "Time shown", WINDOWS, String(this.window), (seconds) => { this.window = Number(seconds); this.drawWindows(); });
+    segmented(this.windows, "Time shown", WINDOWS, String(this.window),
+      (seconds) => { this.window = Number(seconds); this.drawWindows(); });
   }
 
   addAll() {
     const signal = this.adder.value;
     this.adder.value = "";
-    if (signal) for (const { joint } of this.panel.cards.slice(0, MOST)) if (!this.find(joint, signal)) this.add(joint, signal);
+    if (signal) for (const { joint } of this.panel.cards.slice(0, MOST)) if (!this.find(joint, signal))
+      this.add(joint, signal);
   }
 
   /** The boards whose signals are plotted, also hidden ones: their states are received. */
@@ -78,7 +88,8 @@ export class Plots {
   add(joint, signal) {
     if (this.signals.length >= MOST) this.signals.shift();
     const used = new Set(this.signals.map((s) => s.colour));
-    this.signals.push({ joint, board: joint.board.name, signal, colour: COLOURS.find((c) => !used.has(c)) ?? COLOURS[0], times: [], values: [], beside: BESIDE[signal] ?? null, references: [] });
+    this.signals.push({ joint, board: joint.board.name, signal, colour: COLOURS.find((c) => !used.has(c)) ?? COLOURS[0],
+      times: [], values: [], beside: BESIDE[signal] ?? null, references: [] });
     this.rebuild();
     this.panel.watch();
   }
@@ -124,10 +135,15 @@ export class Plots {
       const dot = h("span", { class: "dot" });
       dot.style.background = s.colour;
       const name = this.nameOf(s);
-      return h("li", {}, dot, h("span", {}, name, s.beside ? h("span", { class: "beside" }, "– – reference") : null), h("button", { type: "button", class: "ghost", "aria-label": `Remove ${name} from the plots`, onclick: () => this.remove(s) }, icon("close")));
+      return h("li", {}, dot, h("span", {}, name, s.beside ? h("span", { class: "beside" }, "– – reference") : null),
+        h("button", { type: "button", class: "ghost", "aria-label": `Remove ${name} from the plots`,
+          onclick: () => this.remove(s) }, icon("close")));
     }));
-    for (const button of [this.png, this.csv, this.clearButton, this.pauseButton]) button.disabled = !this.signals.length;
-    if (!this.signals.length) this.body.replaceChildren(h("p", { class: "hint" }, "Press a value of a joint to plot it, with its reference beside it."));
+    for (const button of [this.png, this.csv, this.clearButton, this.pauseButton])
+      button.disabled = !this.signals.length;
+    if (!this.signals.length)
+      this.body.replaceChildren(h("p", { class: "hint" },
+        "Press a value of a joint to plot it, with its reference beside it."));
     this.dirty = true;
   }
 
@@ -140,9 +156,12 @@ export class Plots {
       width: Math.max(this.body.clientWidth, 200), height: HEIGHT, legend: { show: false }, pxAlign: 0,
       cursor: { sync: { key: "panel" }, drag: { x: false, y: false }, points: { size: 6 } },
       scales: { x: { time: false }, y: { range: (_, low, high) => wide(low, high, LEAST[unit] ?? 1) } },
-      axes: [{ ...axis, size: 26, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} s`.replace("-", "−"))) },
+      axes: [
+        { ...axis, size: 26, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} s`.replace("-", "−"))) },
         { ...axis, size: 54, label: unit, labelSize: 14, labelFont: "11px system-ui, sans-serif", labelGap: 0 }],
-      series: [{}, ...curves(signals).map(({ s, reference }) => ({ label: this.nameOf(s), stroke: s.colour, width: reference ? 1.1 : 1.6, dash: reference ? [5, 4] : undefined, points: { show: false }, spanGaps: !reference }))],
+      series: [{}, ...curves(signals).map(({ s, reference }) => ({
+        label: this.nameOf(s), stroke: s.colour, width: reference ? 1.1 : 1.6,
+        dash: reference ? [5, 4] : undefined, points: { show: false }, spanGaps: !reference }))],
       plugins: [{ hooks: { setCursor: [(plot) => this.readout(plot, unit, signals)] } }],
     }, [[], ...curves(signals).map(() => [])], this.body);
   }
@@ -154,12 +173,14 @@ export class Plots {
     box.hidden = idx === null || idx === undefined;
     if (box.hidden) return;
     const time = plot.data[0][idx];
-    box.replaceChildren(h("div", { class: "t" }, `${time?.toFixed(2)} s`), ...curves(signals).map(({ s, reference }, k) => {
+    const rows = curves(signals).map(({ s, reference }, k) => {
       const value = plot.data[k + 1][idx];
-      const row = h("div", {}, `${reference ? "– –" : this.nameOf(s)}: ${value === null || value === undefined ? "–" : value.toFixed(unitOf(s.signal, s.joint.sliding)[2] + 1)} ${unit}`);
+      const shown = value?.toFixed(unitOf(s.signal, s.joint.sliding)[2] + 1) ?? "–";
+      const row = h("div", {}, `${reference ? "– –" : this.nameOf(s)}: ${shown} ${unit}`);
       row.style.color = s.colour;
       return row;
-    }));
+    });
+    box.replaceChildren(h("div", { class: "t" }, `${time?.toFixed(2)} s`), ...rows);
     box.style.left = plot.cursor.left > plot.over.clientWidth / 2 ? "4px" : "auto";
     box.style.right = plot.cursor.left > plot.over.clientWidth / 2 ? "auto" : "4px";
   }
@@ -180,7 +201,8 @@ export class Plots {
 
   /** The visible part of a signal: times before its board's last state, s; its values, and its reference's. */
   seen(s) {
-    const now = Math.max(...this.signals.filter((other) => other.board === s.board).map((other) => other.times.at(-1) ?? -Infinity));
+    const now = Math.max(...this.signals.filter((other) => other.board === s.board)
+      .map((other) => other.times.at(-1) ?? -Infinity));
     const found = s.times.findIndex((t) => t >= now - this.window);
     const first = found < 0 ? s.times.length : found;
     const columns = s.beside ? [s.values, s.references] : [s.values];
@@ -204,7 +226,12 @@ export class Plots {
     let y = 0;
     for (const canvas of canvases) { context.drawImage(canvas, 0, y); y += canvas.height; }
     context.font = "13px system-ui, sans-serif";
-    for (const s of this.signals) { y += gap; context.fillStyle = s.colour; context.fillText(`${s.joint.name} ${LABELS[s.signal].toLowerCase()} (${unitOf(s.signal, s.joint.sliding)[1]})`, 16, y); }
+    for (const s of this.signals) {
+      y += gap;
+      context.fillStyle = s.colour;
+      context.fillText(`${s.joint.name} ${LABELS[s.signal].toLowerCase()} (${unitOf(s.signal, s.joint.sliding)[1]})`,
+        16, y);
+    }
     whole.toBlob((picture) => download("plots.png", picture));
   }
 
@@ -229,5 +256,6 @@ export class Plots {
 
 /** The curves of a chart: each signal, followed by its reference, if any. */
 function curves(signals) {
-  return signals.flatMap((s) => (s.beside ? [{ s, reference: false }, { s, reference: true }] : [{ s, reference: false }]));
+  return signals.flatMap((s) =>
+    (s.beside ? [{ s, reference: false }, { s, reference: true }] : [{ s, reference: false }]));
 }

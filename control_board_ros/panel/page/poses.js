@@ -38,33 +38,42 @@ export class Poses {
     this.element.hidden = !this.offered;
     if (!this.offered) return;
     const go = (pose) => this.panel.request("pose", { board: this.board.name, pose });
-    this.name = h("input", { type: "text", class: "command", placeholder: "name", "aria-label": "Name of the pose to save", maxlength: "60" });
-    const save = h("button", { type: "button", class: "command", onclick: () => this.save(), "aria-label": "Save the joints as they are as a pose" }, "Save as");
+    this.name = h("input", { type: "text", class: "command", placeholder: "name",
+      "aria-label": "Name of the pose to save", maxlength: "60" });
+    const save = h("button", { type: "button", class: "command", onclick: () => this.save(),
+      "aria-label": "Save the joints as they are as a pose" }, "Save as");
     this.element.replaceChildren(
       h("header", {}, h("h2", {}, "Poses"), h("span", { class: "space" }), this.name, save),
       h("div", { class: "pose-list" }, ...this.poses.map((pose) => h("span", { class: "pose" },
         h("button", { type: "button", class: "command", "aria-label": `Go to ${pose}`, onclick: () => go(pose) }, pose),
-        h("button", { type: "button", class: "ghost", "aria-label": `Add ${pose} to the sequence`, onclick: () => this.addStep(pose) }, "+")))),
+        h("button", { type: "button", class: "ghost", "aria-label": `Add ${pose} to the sequence`,
+          onclick: () => this.addStep(pose) }, "+")))),
       this.sequence());
     this.permit();
   }
 
   sequence() {
     const rows = this.steps.map((step, k) => {
-      const speed = h("input", { type: "text", class: "number", "aria-label": `Step ${k + 1}: speed, or time with s`, placeholder: "pose's own",
+      const speed = h("input", { type: "text", class: "number", "aria-label": `Step ${k + 1}: speed, or time with s`,
+        placeholder: "pose's own",
         onchange: (event) => { step.how = event.target.value.trim(); this.keep(); } });
       speed.value = step.how;
       return h("li", { class: this.running?.at === k ? "now" : "" }, h("span", {}, step.pose), speed,
-        h("button", { type: "button", class: "ghost", "aria-label": `Remove step ${k + 1}`, onclick: () => { this.steps.splice(k, 1); this.keep(); this.draw(); } }, "×"));
+        h("button", { type: "button", class: "ghost", "aria-label": `Remove step ${k + 1}`,
+          onclick: () => { this.steps.splice(k, 1); this.keep(); this.draw(); } }, "×"));
     });
-    const button = (text, label, click, kind = "") => h("button", { type: "button", class: kind, "aria-label": label, onclick: click }, text);
+    const button = (text, label, click, kind = "") =>
+      h("button", { type: "button", class: kind, "aria-label": label, onclick: click }, text);
     const running = this.running !== null;
     return h("details", { class: "sequence", open: this.steps.length > 0 }, h("summary", {}, "Sequence"),
-      this.steps.length ? h("ol", {}, ...rows) : h("p", { class: "hint" }, "Add poses with +. Each step may have a speed (20deg/s) or a time (3s)."),
+      this.steps.length ? h("ol", {}, ...rows)
+        : h("p", { class: "hint" }, "Add poses with +. Each step may have a speed (20deg/s) or a time (3s)."),
       h("div", { class: "buttons" },
-        running ? button("End", "End the sequence", () => this.end(), "primary") : button("Run", "Run the sequence once", () => this.run(false), "command primary"),
+        running ? button("End", "End the sequence", () => this.end(), "primary")
+          : button("Run", "Run the sequence once", () => this.run(false), "command primary"),
         running ? null : button("Cycle", "Run the sequence again and again", () => this.run(true), "command"),
-        button("Save file", "Save the sequence to a file", () => download("sequence.json", JSON.stringify(this.steps, null, 1), "application/json")),
+        button("Save file", "Save the sequence to a file",
+          () => download("sequence.json", JSON.stringify(this.steps, null, 1), "application/json")),
         button("Load file", "Load a sequence from a file", () => this.loadFile())));
   }
 
@@ -77,7 +86,8 @@ export class Poses {
     input.addEventListener("change", async () => {
       try {
         const steps = JSON.parse(await input.files[0].text());
-        if (!Array.isArray(steps) || steps.some((s) => typeof s.pose !== "string" || typeof s.how !== "string")) throw new Error("it is no sequence");
+        if (!Array.isArray(steps) || steps.some((s) => typeof s.pose !== "string" || typeof s.how !== "string"))
+          throw new Error("it is no sequence");
         this.steps = steps.slice(0, 100).map(({ pose, how }) => ({ pose, how }));
         this.keep();
         this.draw();
@@ -116,12 +126,16 @@ export class Poses {
       const found = await this.panel.ask("poses", { board, pose });
       if (!found.ok) { toast(found.message, true); return found; }
       const joints = new Map(this.panel.cards.map(({ joint }) => [joint.name, joint]));
-      const ways = found.names.map((name, k) => Math.abs(found.positions[k] - (joints.get(name)?.state?.position ?? 0)));
+      const ways = found.names.map((name, k) =>
+        Math.abs(found.positions[k] - (joints.get(name)?.state?.position ?? 0)));
       const speeds = ways.map((way) => Math.max(way / Number(time[1]), 1e-3));
       asked = this.panel.request("move", { board, joints: found.names, positions: found.positions, speeds });
     } else {
       const speed = how ? parse(how, "velocity", false) : null;
-      if (how && !(speed > 0)) { toast(`${how} is neither a speed (20deg/s) nor a time (3s)`, true); return { ok: false }; }
+      if (how && !(speed > 0)) {
+        toast(`${how} is neither a speed (20deg/s) nor a time (3s)`, true);
+        return { ok: false };
+      }
       asked = this.panel.request("pose", { board, pose, ...(speed ? { speed } : {}) });
     }
     running.request = asked.id;

@@ -16,7 +16,8 @@ export class Push {
     Object.assign(this, { urdfJoint, radius, length: 0, group: new THREE.Group() });
     this.group.matrixAutoUpdate = false;
     this.group.visible = false;
-    this.turn = new THREE.Matrix4().makeRotationFromQuaternion(new THREE.Quaternion().setFromUnitVectors(NEAR_Z, urdfJoint.axis));
+    this.turn = new THREE.Matrix4()
+      .makeRotationFromQuaternion(new THREE.Quaternion().setFromUnitVectors(NEAR_Z, urdfJoint.axis));
     scene.add(this.group);
   }
 
@@ -36,7 +37,8 @@ export class Push {
     if (!length) return;
     const thick = 0.07 * this.radius;
     const head = new THREE.Mesh(new THREE.ConeGeometry(3 * thick, 7 * thick, 12), material);
-    const parts = this.urdfJoint.jointType === "prismatic" ? this.straight(length, thick, head) : this.round(length, thick, head);
+    const parts = this.urdfJoint.jointType === "prismatic" ? this.straight(length, thick, head)
+      : this.round(length, thick, head);
     for (const part of parts) { part.renderOrder = 2; this.group.add(part); }
   }
 

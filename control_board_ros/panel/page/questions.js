@@ -21,8 +21,10 @@ export class Questions {
       this.open = answer;
       const back = document.activeElement;
       const reply = (value) => () => { this.end(value); back?.focus?.(); };
-      const go = h("button", { type: "button", class: "command primary", "aria-label": `${yes}: yes`, onclick: reply(true) }, yes);
-      const no = h("button", { type: "button", "aria-label": "Cancel: nothing moves", onclick: reply(false) }, "Cancel");
+      const go = h("button", { type: "button", class: "command primary", "aria-label": `${yes}: yes`,
+        onclick: reply(true) }, yes);
+      const no = h("button", { type: "button", "aria-label": "Cancel: nothing moves", onclick: reply(false) },
+        "Cancel");
       this.element.replaceChildren(h("p", { id: "question-text" }, text), h("span", { class: "space" }), go, no);
       this.element.hidden = false;
       this.panel.permit(this.element);

@@ -9,9 +9,11 @@ export const reportOf = (name) => `report/${encodeURIComponent(name)}`;
 export class Recording {
   constructor(element, panel) {
     Object.assign(this, { element, panel, state: { running: "", reports: [], busy: "" } });
-    this.button = h("button", { type: "button", class: "command record", "aria-label": "Record the boards shown", onclick: () => this.toggle() });
+    this.button = h("button", { type: "button", class: "command record", "aria-label": "Record the boards shown",
+      onclick: () => this.toggle() });
     this.time = h("span", { class: "rate" });
-    this.note = h("input", { type: "text", class: "command", placeholder: "note", maxlength: "200", "aria-label": "Note for the recording; Enter writes it",
+    this.note = h("input", { type: "text", class: "command", placeholder: "note", maxlength: "200",
+      "aria-label": "Note for the recording; Enter writes it",
       onkeydown: (event) => { if (event.key === "Enter") this.write(); } });
     this.list = h("ul", { class: "reports", "aria-label": "Reports" });
     element.replaceChildren(h("header", {}, h("h2", {}, "Recording"), this.time, this.note, this.button), this.list);
@@ -27,7 +29,8 @@ export class Recording {
     this.button.title = folder ? `into ${folder}` : "";
     this.button.dataset.idle = String(Boolean(busy));
     this.note.hidden = !running;
-    redraw(this.list, "a", reports.slice(0, 5).map((name) => h("li", {}, h("a", { href: reportOf(name), target: "_blank", rel: "noopener" }, name))));
+    redraw(this.list, "a", reports.slice(0, 5)
+      .map((name) => h("li", {}, h("a", { href: reportOf(name), target: "_blank", rel: "noopener" }, name))));
     this.permit();
     this.tick();
   }

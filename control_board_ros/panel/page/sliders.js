@@ -12,7 +12,8 @@ const HANDLE = 16; // px, width of a slider's handle; beside it is the track
 const TOUCH_DELAY = 150; // ms that a finger rests on a button before it acts: not for scrolling
 const SLIP = 8; // px that it may move in this time
 
-const percent = (value, lower, upper) => `${(100 * Math.min(Math.max((value - lower) / (upper - lower), 0), 1)).toFixed(2)}%`;
+const percent = (value, lower, upper) =>
+  `${(100 * Math.min(Math.max((value - lower) / (upper - lower), 0), 1)).toFixed(2)}%`;
 
 function range(label, lower, upper, step) {
   const input = h("input", { type: "range", "aria-label": label, class: "range command" });
@@ -44,7 +45,8 @@ function dragHandle(handle, input, { begin, move, end, cancel }) {
 /** A slider for positions, with marks for measurement and target. On touch screens only its handle moves it. */
 export class PositionSlider {
   constructor(joint, { send, isLive, ask }) {
-    Object.assign(this, { joint, send, isLive, ask, dragging: false, onHandle: false, voided: false, sentAt: -Infinity });
+    Object.assign(this, { joint, send, isLive, ask, dragging: false, onHandle: false, voided: false,
+      sentAt: -Infinity });
     this.measured = h("span", { class: "mark measured", title: "measured" });
     this.target = h("span", { class: "mark target", title: "target" });
     this.fill = h("span", { class: "fill" });
@@ -55,9 +57,11 @@ export class PositionSlider {
     this.box = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
       "aria-label": `Position reference of ${joint.label}, typed; Enter sends` });
     this.element = h("div", { class: "slider" }, this.lower,
-      h("div", { class: "track" }, this.fill, this.target, this.measured, this.input, this.handle), this.upper, this.box);
+      h("div", { class: "track" }, this.fill, this.target, this.measured, this.input, this.handle),
+      this.upper, this.box);
     this.steps = h("div", { class: "steps", role: "group", "aria-label": `Steps of ${joint.label}` });
-    this.input.addEventListener("pointerdown", (event) => this.begin(Math.abs(event.clientX - this.handleAt()) <= HANDLE));
+    this.input.addEventListener("pointerdown",
+      (event) => this.begin(Math.abs(event.clientX - this.handleAt()) <= HANDLE));
     this.input.addEventListener("pointercancel", () => this.drop());
     this.input.addEventListener("keydown", () => this.begin(false));
     this.input.addEventListener("input", () => this.moved());
@@ -84,8 +88,10 @@ export class PositionSlider {
     this.step = step;
     const unit = joint.sliding ? " mm" : inDegrees() ? "°" : " rad";
     this.steps.replaceChildren(...STEPS.map((count) => {
-      const way = `${count < 0 ? "−" : "+"}${joint.sliding || inDegrees() ? Math.abs(count) : Math.abs(count) / 100}${unit}`;
-      return h("button", { type: "button", class: "command", "aria-label": `${joint.label} ${way}`, onclick: () => this.stepped(count * step) }, way);
+      const size = joint.sliding || inDegrees() ? Math.abs(count) : Math.abs(count) / 100;
+      const way = `${count < 0 ? "−" : "+"}${size}${unit}`;
+      return h("button", { type: "button", class: "command", "aria-label": `${joint.label} ${way}`,
+        onclick: () => this.stepped(count * step) }, way);
     }));
     this.lower.textContent = joint.endless ? "∞" : number(joint.lower, "position", joint.sliding).replace(/\.0$/, "");
     this.upper.textContent = joint.endless ? "∞" : number(joint.upper, "position", joint.sliding).replace(/\.0$/, "");
@@ -95,7 +101,8 @@ export class PositionSlider {
   handleAt() {
     const box = this.input.getBoundingClientRect();
     const { lower, upper } = this.joint;
-    return box.left + HANDLE / 2 + (box.width - HANDLE) * Math.min(Math.max((this.shown - lower) / (upper - lower), 0), 1);
+    return box.left + HANDLE / 2
+      + (box.width - HANDLE) * Math.min(Math.max((this.shown - lower) / (upper - lower), 0), 1);
   }
 
   /** Begin a pointer's or key's input, on the handle or not. */
@@ -125,9 +132,11 @@ export class PositionSlider {
     const value = parse(this.box.value, "position", joint.sliding);
     const range = [joint.lower, joint.upper].map((end) => quantity(end, "position", joint.sliding)).join(" to ");
     if (value === null) {
-      this.wrong(`${joint.short}: "${this.box.value}" is no position; type a number${joint.sliding ? ", mm or m" : ", deg or rad"}`);
+      const units = joint.sliding ? "mm or m" : "deg or rad";
+      this.wrong(`${joint.short}: "${this.box.value}" is no position; type a number, ${units}`);
     } else if (!joint.endless && (value < joint.lower - 1e-9 || value > joint.upper + 1e-9)) {
-      this.wrong(`${joint.short}: ${quantity(value, "position", joint.sliding)} is outside its limits, ${range}; nothing was sent`);
+      const typed = quantity(value, "position", joint.sliding);
+      this.wrong(`${joint.short}: ${typed} is outside its limits, ${range}; nothing was sent`);
     } else {
       this.box.classList.remove("wrong");
       this.box.blur();
@@ -197,7 +206,8 @@ export class PositionSlider {
 export class HoldSlider {
   constructor(joint, kind, { hold, release }) {
     Object.assign(this, { joint, kind, hold, release, timer: 0, value: 0 });
-    const label = { velocity: "Velocity", veldirect: "Velocity", torque: "Torque", output: "Output", current: "Current" }[kind];
+    const label = { velocity: "Velocity", veldirect: "Velocity", torque: "Torque", output: "Output",
+      current: "Current" }[kind];
     this.zero = h("span", { class: "mark zero" });
     this.measured = h("span", { class: "mark measured", title: "measured" });
     this.input = range(`${label} of ${joint.label}, acts while held`, -1, 1, "any");
@@ -252,7 +262,8 @@ export class HoldSlider {
   }
 
   button(direction, label, shape) {
-    const button = h("button", { type: "button", class: "jog command", "aria-label": label, title: "acts while held" }, icon(shape));
+    const button = h("button", { type: "button", class: "jog command", "aria-label": label, title: "acts while held" },
+      icon(shape));
     const start = () => this.begin(this.rest() + direction * this.typed(), button);
     button.addEventListener("pointerdown", (event) => this.press(event, button, start));
     button.addEventListener("keydown", (event) => {
@@ -269,7 +280,9 @@ export class HoldSlider {
   press(event, button, start) {
     if (event.pointerType !== "touch") { button.setPointerCapture(event.pointerId); start(); return; }
     const rests = setTimeout(() => { settled(); button.setPointerCapture(event.pointerId); start(); }, TOUCH_DELAY);
-    const slips = (moved) => { if (Math.hypot(moved.clientX - event.clientX, moved.clientY - event.clientY) > SLIP) settled(); };
+    const slips = (moved) => {
+      if (Math.hypot(moved.clientX - event.clientX, moved.clientY - event.clientY) > SLIP) settled();
+    };
     const settled = () => {
       clearTimeout(rests);
       document.removeEventListener("pointermove", slips);

@@ -54,7 +54,8 @@ export function quantity(value, signal, sliding) {
 }
 
 // Accepted units of positions, speeds and accelerations, as factors to the board's.
-const GIVEN = { rad: new Map([["deg", DEGREE], ["°", DEGREE], ["rad", 1]]), m: new Map([["mm", 0.001], ["cm", 0.01], ["m", 1]]) };
+const GIVEN = { rad: new Map([["deg", DEGREE], ["°", DEGREE], ["rad", 1]]),
+  m: new Map([["mm", 0.001], ["cm", 0.01], ["m", 1]]) };
 
 /** A typed value in the board's unit, also "90deg" and "1.5rad"; null if invalid. */
 export function parse(text, signal, sliding) {

@@ -55,15 +55,25 @@ function looks({ joint, position, wanted }) {
 
 export class View {
   constructor(element, panel) {
-    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, begun: 0, look: null, colours: new Map(), pushes: new Map(), cost: 0, placed: false, checked: 0 });
-    this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag or arrow keys turn it, + and − zoom", role: "img", tabindex: "0" });
+    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, begun: 0, look: null,
+      colours: new Map(), pushes: new Map(), cost: 0, placed: false, checked: 0 });
+    this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag or arrow keys turn it, + and − zoom", role: "img",
+      tabindex: "0" });
     this.note = h("p", { class: "hint" });
     this.showGhost = true;
-    this.ghostButton = h("button", { type: "button", class: "ghost", "aria-pressed": "true", "aria-label": "Show the reference as a ghost", title: "Reference as a ghost", onclick: () => this.toggleGhost() }, icon("ghost"));
-    this.fitButton = h("button", { type: "button", class: "ghost", "aria-label": "Show the whole robot", title: "Reset the view", onclick: () => this.fit() }, icon("fit"));
-    this.dragButton = h("button", { type: "button", class: "ghost", "aria-pressed": "false", "aria-label": "Drag joints in the view", title: "Drag joints: sets their targets", onclick: () => this.toggleDrag() }, icon("hand"));
-    element.replaceChildren(this.canvas, h("div", { class: "view-tools" }, this.dragButton, this.ghostButton, this.fitButton),
-      h("div", { class: "scale", "aria-label": "Colour: share of the torque limit" }, "torque", h("span", { class: "ramp" }), "limit"), this.note);
+    this.ghostButton = h("button",
+      { type: "button", class: "ghost", "aria-pressed": "true", "aria-label": "Show the reference as a ghost",
+        title: "Reference as a ghost", onclick: () => this.toggleGhost() }, icon("ghost"));
+    this.fitButton = h("button",
+      { type: "button", class: "ghost", "aria-label": "Show the whole robot", title: "Reset the view",
+        onclick: () => this.fit() }, icon("fit"));
+    this.dragButton = h("button",
+      { type: "button", class: "ghost", "aria-pressed": "false", "aria-label": "Drag joints in the view",
+        title: "Drag joints: sets their targets", onclick: () => this.toggleDrag() }, icon("hand"));
+    element.replaceChildren(this.canvas,
+      h("div", { class: "view-tools" }, this.dragButton, this.ghostButton, this.fitButton),
+      h("div", { class: "scale", "aria-label": "Colour: share of the torque limit" }, "torque",
+        h("span", { class: "ramp" }), "limit"), this.note);
     const coarse = drawnByProcessors();
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !coarse, alpha: true });
     this.renderer.setPixelRatio(coarse ? COARSE : Math.min(devicePixelRatio, 2));
@@ -112,7 +122,9 @@ export class View {
     const tilt = { ArrowUp: -0.1, ArrowDown: 0.1 }[event.key];
     const zoom = { "+": 0.9, "-": 1 / 0.9 }[event.key];
     if (round) way.applyAxisAngle(this.camera.up, round);
-    else if (tilt) way.applyAxisAngle(new THREE.Vector3().crossVectors(this.camera.up, way).normalize(), tilt * (way.angleTo(this.camera.up) + tilt > 0.05 && way.angleTo(this.camera.up) + tilt < 3.09));
+    else if (tilt)
+      way.applyAxisAngle(new THREE.Vector3().crossVectors(this.camera.up, way).normalize(),
+        tilt * (way.angleTo(this.camera.up) + tilt > 0.05 && way.angleTo(this.camera.up) + tilt < 3.09));
     else if (zoom) way.multiplyScalar(zoom);
     else return;
     event.preventDefault();
@@ -149,7 +161,8 @@ export class View {
       const loader = new URDFLoader();
       loader.packages = "";
       loader.loadMeshCb = (path, _manager, _material, done) => {
-        const waiting = this.mesh(path, meshes).then((mesh) => { done(make(mesh)); return mesh; }, () => done(new THREE.Group()));
+        const waiting = this.mesh(path, meshes)
+          .then((mesh) => { done(make(mesh)); return mesh; }, () => done(new THREE.Group()));
         loaded.push(waiting);
       };
       return loader.parse(text);
@@ -162,7 +175,8 @@ export class View {
     } catch (error) { this.fail(error); return; }
     await Promise.all(loaded);
     if (key !== this.key) return;
-    const pale = new THREE.MeshStandardMaterial({ color: 0x4c9be8, transparent: true, opacity: 0.28, depthWrite: false });
+    const pale = new THREE.MeshStandardMaterial({ color: 0x4c9be8, transparent: true, opacity: 0.28,
+      depthWrite: false });
     this.paint(robot);
     this.ghostParts = [];
     ghost.traverse((part) => {
@@ -256,7 +270,8 @@ export class View {
   draw(boards, now = false) {
     const time = performance.now();
     if (this.cost === null) this.cost = Math.min(time - this.begun, 500); // to the frame after it
-    if (!this.robot || (!now && (time - this.drawn < Math.max(EVERY, SHARE * this.cost - 60) || document.hidden))) return;
+    if (!this.robot || (!now && (time - this.drawn < Math.max(EVERY, SHARE * this.cost - 60) || document.hidden)))
+      return;
     this.keepInside();
     const places = boards.flatMap((board) => this.places(board));
     const asked = boards.some((board) => board.joints.some((joint) => joint.proposed !== null));
@@ -285,7 +300,8 @@ export class View {
     this.robot.updateMatrixWorld();
     for (const joint of boards.flatMap((board) => board.joints)) {
       if (!Object.hasOwn(this.robot.joints, joint.name)) continue;
-      if (!this.pushes.has(joint.name)) this.pushes.set(joint.name, new Push(this.scene, this.robot.joints[joint.name], 0.17 * this.size));
+      if (!this.pushes.has(joint.name))
+        this.pushes.set(joint.name, new Push(this.scene, this.robot.joints[joint.name], 0.17 * this.size));
       this.pushes.get(joint.name).show(joint.externalShare);
     }
   }
@@ -308,6 +324,7 @@ export class View {
     if (!material) return;
     if (joint.mode === "hwfa") { material.color.setRGB(0.85, 0.16, 0.16); return; }
     const share = torqueShare(joint);
-    material.color.setRGB(0.6 + 0.3 * Math.min(2 * share, 1), 0.63 - 0.42 * share * share - 0.1 * share, 0.68 - 0.5 * Math.min(2 * share, 1));
+    material.color.setRGB(0.6 + 0.3 * Math.min(2 * share, 1), 0.63 - 0.42 * share * share - 0.1 * share,
+      0.68 - 0.5 * Math.min(2 * share, 1));
   }
 }
