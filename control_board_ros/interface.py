@@ -261,6 +261,14 @@ HEARTBEAT = Endpoint(
     "Sign of life of the board's supervisor; with `heartbeat_timeout` above 0 its silence is an "
     "emergency stop.",
 )
+GOAL_HEARTBEAT = Endpoint(
+    "command",
+    "~/goal_heartbeat",
+    "unique_identifier_msgs/msg/UUID",
+    QoS(depth=10, reliable=False),
+    "Sign of life of the program behind a goal of `~/follow_joint_trajectory`: the goal's id. A "
+    "goal that has had one ends, and its joints stop, when none comes for 2 s; others need none.",
+)
 
 # -- services ---------------------------------------------------------------------------------
 

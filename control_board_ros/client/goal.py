@@ -19,7 +19,7 @@ from unique_identifier_msgs.msg import UUID
 from control_board_ros.core.terms.reply import Reply, accepted, refused
 from control_board_ros.interface import Endpoint
 
-from .errors import BoardError
+from .errors import BoardError, BoardTimeout
 from .executor_thread import GONE, hidden_node
 from .goals import Trajectory
 from .link import Outcome
@@ -63,6 +63,7 @@ class RosGoal:
         self._feedback: deque[Any] = deque(maxlen=FEEDBACK_KEPT)  # not shown yet
         self._received = 0  # feedback messages
         self._wait: Wait | None = None
+        self._silent = False  # the board
 
     async def run(
         self,
@@ -72,6 +73,7 @@ class RosGoal:
         read: Callable[[Any], F],
         *,
         to_the_end: bool = True,
+        attended: bool = False,
     ) -> Reply:
         """See :meth:`Goal.run`."""
 
@@ -80,6 +82,7 @@ class RosGoal:
                 feedback(read(message))
 
         self._client = await self._link.action(self._action)
+        end_beats = await self._link.beat(self._id) if attended else lambda: None
         try:
             if not await self._send(fields):
                 return refused(f"the board refused to {self._name}; see its log", names)
@@ -95,9 +98,12 @@ class RosGoal:
                 self._ask_to_cancel()
             raise
         except BaseException:
-            await self._cancel()
+            if not self._silent:  # or it would stop when the network is back
+                await self._cancel()
             self._changed()
             raise
+        finally:
+            end_beats()
         await self._drain_feedback()
         while self._feedback:
             show(self._feedback.popleft())
@@ -131,15 +137,20 @@ class RosGoal:
         """Wait for feedback or the result.
 
         Raises:
-            BoardError: the board has disappeared.
+            BoardTimeout: the board has disappeared: discovery forgets one that was killed after
+                20 s only, but it gives neither feedback nor an answer.
         """
         self._wait = wait = self._thread.wait(PRESENCE_PERIOD)
         if self._feedback or self._result.done():
             wait.finish()
         await wait
-        if not wait.done and not self._client.server_is_ready():
-            raise BoardError(
-                f"{self._link.name} went away during {self._name}; is it still running?"
+        if wait.done or (self._client.server_is_ready() and await self._link.is_answering()):
+            return
+        if not (self._feedback or self._result.done()):
+            self._silent = True
+            raise BoardTimeout(
+                f"{self._link.name} went silent during {self._name}; is it still running, and the "
+                "network up? The joints may still move; send a stop"
             )
 
     async def _drain_feedback(self) -> None:

@@ -103,6 +103,8 @@ class Goals(Interface):
         positions: Values,
         velocities: Values | None = None,
         feedback: Callable[[float], None] | None = None,
+        *,
+        attended: bool = False,
     ) -> Reply:
         """Follow a trajectory in POSITION_DIRECT and wait for the end (T1).
 
@@ -115,6 +117,8 @@ class Goals(Interface):
             positions: rad, shape (n, k).
             velocities: rad/s, shape (n, k); None: linear in between, else cubic.
             feedback: called with the time from its start, s, in the caller's thread.
+            attended: whether the board stops the joints where it does not hear of this program
+                for 2 s, as when it was killed; else the trajectory goes on to its end.
         """
         try:
             selection = await self._services.select(joints)
@@ -128,7 +132,11 @@ class Goals(Interface):
         )
         fields = {"trajectory": points}
         return await goal.run(
-            fields, selection.names, feedback, lambda sent: seconds(sent.desired.time_from_start)
+            fields,
+            selection.names,
+            feedback,
+            lambda sent: seconds(sent.desired.time_from_start),
+            attended=attended,
         )
 
     @operation

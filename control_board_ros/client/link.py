@@ -98,6 +98,7 @@ class Goal(Protocol):
         read: Callable[[Any], Any],
         *,
         to_the_end: bool = True,
+        attended: bool = False,
     ) -> Awaitable[Reply]:
         """Send it and wait for the result, or for the first feedback.
 
@@ -109,6 +110,7 @@ class Goal(Protocol):
             feedback: called in the caller's thread.
             read: makes its argument of a feedback message.
             to_the_end: false: return at the first feedback.
+            attended: send heartbeats of it, so that it ends with this program.
         """
 
 

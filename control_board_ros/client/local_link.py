@@ -459,8 +459,9 @@ class LocalGoal:
         read: Callable[[Any], Any],
         *,
         to_the_end: bool = True,
+        attended: bool = False,  # noqa: ARG002
     ) -> Reply:
-        """See :meth:`Goal.run`."""
+        """See :meth:`Goal.run`; in one process every goal is attended."""
         with self._link.lock:
             self._begin(Message(**fields))
         try:

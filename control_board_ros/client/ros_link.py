@@ -22,6 +22,8 @@ import numpy as np
 from rcl_interfaces.msg import Parameter
 from rclpy.action.client import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -31,6 +33,7 @@ from rclpy.parameter import parameter_value_to_python
 from control_board_ros.interface import (
     EMERGENCY_STOP,
     GET_CONTROL_MODE,
+    GOAL_HEARTBEAT,
     MODES,
     NOT_KNOWN_YET,
     STOP,
@@ -46,6 +49,8 @@ from .executor_thread import GONE, ExecutorThread, hidden_node
 MATCHING_TIME = 0.05
 #: s without an answer before the query is repeated.
 REPEAT_TIME = 0.3
+#: s between heartbeats of a goal.
+BEAT_PERIOD = 0.2
 #: What is sent before and without waiting for anything else (E2).
 STOPS = (EMERGENCY_STOP, STOP)
 #: s between log lines about lost messages.
@@ -202,6 +207,11 @@ class RosLink:
             await self.thread.until(lambda: bool(answers(sent)), REPEAT_TIME)
         return sent
 
+    async def is_answering(self) -> bool:
+        """Whether the board answers a query, which has no effect, within the answer timeout."""
+        client = self._client(GET_CONTROL_MODE)
+        return bool(answers(await self._ask(client, {}, self.answer_timeout)))
+
     async def call(self, service: Endpoint, **fields: Any) -> Any:
         """The response of a service; references published before are in force when it answers.
 
@@ -309,6 +319,30 @@ class RosLink:
         await self._get_acquainted(action, self.find_timeout)
         await self.flush()
         return client
+
+    async def beat(self, goal_id: Any) -> Callable[[], None]:
+        """Send heartbeats of a goal from now on; returns what ends them."""
+
+        def make(kind: Any, name: str) -> Any:
+            return self._node.create_publisher(kind, name, GOAL_HEARTBEAT.qos.profile())
+
+        publisher = self._entity(GOAL_HEARTBEAT, make)
+        await self.thread.until(lambda: publisher.get_subscription_count() > 0, REPEAT_TIME)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+
+        def start() -> Any:
+            publisher.publish(goal_id)  # before the goal
+            return self._node.create_timer(
+                BEAT_PERIOD, lambda: publisher.publish(goal_id), clock=steady
+            )
+
+        timer = await self.thread.run(start)
+
+        def end() -> None:
+            with contextlib.suppress(BoardError, *GONE):  # otherwise destroyed with the node
+                self.thread.later(lambda: self._node.destroy_timer(timer))
+
+        return end
 
     async def _get_acquainted(self, endpoint: Endpoint, patience: float) -> None:
         """Wait until this run of the board has discovered the client of a service or action.

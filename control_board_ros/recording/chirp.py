@@ -77,8 +77,9 @@ def sweep(
 
 def times_of(low: float, rate: float, seconds: float) -> Floats:
     """Times with a constant number of points per period; no more than are refused."""
-    times, t = list[float](), 0.0
-    while t < seconds and len(times) <= MAX_POINTS:
+    times, t, step = list[float](), 0.0, 0.0
+    while t < seconds - 0.5 * step and len(times) <= MAX_POINTS:
         times.append(t)
-        t += min(1.0 / (PER_PERIOD * low * math.exp(rate * t)), 1.0 / PER_SECOND)
+        step = min(1.0 / (PER_PERIOD * low * math.exp(rate * t)), 1.0 / PER_SECOND)
+        t += step
     return np.array([*times, seconds])

@@ -16,7 +16,7 @@ from processes import python
 from talk import patient
 from waiting import GUARD
 
-from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import FAULTS
 from control_board_ros.testing import BoardProcess, ros_node
@@ -49,6 +49,10 @@ node = rclpy.create_node("program")
 client = ControlBoardClient(node, "control_board", find_timeout=60.0, answer_timeout=60.0)
 """
 ASKING = f"{PROGRAM}print(client.get_control_mode(0)[0].name)"
+SWEEPING = (
+    f"{PROGRAM}client.follow_trajectory(0, [0.0, 60.0], [[0.0], [1.5]], None, "
+    "lambda past: print('moving', flush=True), attended=True)"
+)
 MOVING = f"{PROGRAM}client.move(0, 1.5, 0.1, lambda feedback: print('moving', flush=True))"
 
 
@@ -82,6 +86,36 @@ def test_ctrl_c_where_rclpy_handles_signals(board: BoardProcess, node: Any) -> N
         client.wait_for_state(lambda state: bool(state.motion_done[0]), GUARD)
         assert client.get_encoder(0)[0] < 1.4
         assert client.get_target_position(0) == pytest.approx([1.5])
+
+
+@pytest.mark.slow
+def test_a_trajectory_ends_with_its_program(board: BoardProcess, node: Any) -> None:
+    """Killed, it cancels nothing: the board misses its heartbeats."""
+    with patient(node, board.name) as client:
+        assert client.set_control_mode(0, "posd")
+        program = subprocess.Popen(
+            [sys.executable, "-c", SWEEPING], env=board.environment, stdout=subprocess.PIPE
+        )
+        assert program.stdout is not None
+        assert program.stdout.readline() == b"moving\n"
+        client.wait_for_state(lambda state: bool(state.velocity_reference[0] > 0.0), GUARD)
+        program.kill()
+        program.communicate()
+        client.wait_for_state(lambda state: bool(state.velocity_reference[0] == 0.0), GUARD)
+        assert client.get_ref_position(0)[0] < 1.4
+
+
+@pytest.mark.slow
+def test_a_board_that_is_killed_ends_a_move() -> None:
+    """Before discovery forgets it."""
+    with (
+        BoardProcess() as board,
+        ros_node(board.domain, "left", spin=False) as node,
+        ControlBoardClient(node, board.name, find_timeout=GUARD) as client,
+    ):
+        with pytest.raises(BoardTimeout, match="went silent during move; is it still running"):
+            client.move(0, 1.5, 0.01, lambda _: board.process.kill())
+        assert client._link.is_there()
 
 
 @pytest.mark.slow

@@ -19,9 +19,11 @@ from control_msgs.msg import (
     JointTolerance,
     JointTrajectoryControllerState,
 )
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from unique_identifier_msgs.msg import UUID
 from waiting import until
 
 pytestmark = pytest.mark.ros
@@ -99,6 +101,28 @@ def test_a_goal_succeeds_with_feedback(talker: Talker, names: list[str]) -> None
         if passed < 2.0:
             assert one.desired.positions[5] == pytest.approx(0.1 * passed, abs=1e-3)
     assert stamp_of(feedback[-1]) > stamp_of(feedback[0])
+
+
+def test_an_attended_goal_ends_with_its_program(talker: Talker, names: list[str]) -> None:
+    """One whose heartbeats end: the joints stop; one without any goes on alone."""
+    feedback: list[Any] = []
+    handle = send(talker, feedback, trajectory=trajectory(names, (60.0, [1.0, 1.0])))
+    alive = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    for _ in range(5):
+        talker.command("goal_heartbeat", UUID(uuid=list(range(16))), alive)  # of another goal
+    until(lambda: len(feedback) > 60)  # 3 s
+    assert handle.status == GoalStatus.STATUS_EXECUTING
+
+    def beat() -> int:
+        talker.command("goal_heartbeat", handle.goal_id, alive)
+        return len(feedback) > 120
+
+    until(beat, period=0.1)
+    status, code, text = end(talker, handle)
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert text == "ended before its time; its program has been silent for 2 s"
+    talker.state(lambda s: not any(s.velocity_reference[5:7]))
+    assert max(positions(talker, names)) < 0.9
 
 
 def test_cancelling_stops_the_joints(talker: Talker, names: list[str]) -> None:

@@ -211,6 +211,7 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
                     way.positions,
                     way.velocities,
                     lambda past: bar.update(past / way.duration, f"{way.duration - past:.1f} s"),
+                    attended=True,
                 )
             if reply:
                 bar.update(1.0, "done")

@@ -241,7 +241,7 @@ def follow(session: Session, motion: Motion, bounds: dict[str, Bounds]) -> dict[
     begin = client.get_state().stamp
     try:
         reply = client.follow_trajectory(
-            names, motion.times, motion.positions, motion.velocities, look
+            names, motion.times, motion.positions, motion.velocities, look, attended=True
         )
         ended = "" if reply else reply.message
     except StoppedMotion as error:

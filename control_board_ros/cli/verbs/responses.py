@@ -159,7 +159,7 @@ def chirp(
             positions = experiment.start + plan.offsets[:, None]
             velocities = plan.velocities[:, None]
             reply = session.client.follow_trajectory(
-                experiment.joint, plan.times, positions, velocities, feedback
+                experiment.joint, plan.times, positions, velocities, feedback, attended=True
             )
             if not reply:
                 raise Refused(reply.message)

@@ -193,6 +193,11 @@ class TrajectoryGoal:
             self.cancelled = True
             self._end(Code.SUCCESSFUL, f"cancelled; {', '.join(self.names)} stopped")
 
+    def abandon(self, why: str) -> None:
+        """End it before its time, and stop the joints as :meth:`cancel` does."""
+        if self.outcome is None:
+            self._end(Code.INVALID_GOAL, f"ended before its time; {why}")
+
     def take_over(self, old: TrajectoryGoal) -> None:
         """Preempt a goal: joints of both go on with it until this one begins, the others stop."""
         if old.outcome is not None:

@@ -130,10 +130,18 @@ class BoardNode:
             self._void,
         )
         reporter.offer_services(requests, services)
+        trajectories = self._follow_trajectory = FollowTrajectory(
+            node,
+            member,
+            partial(start_goal, follower, member.board),
+            reporter.on_error,
+            requests,
+        )
         commands = CommandTopics(
             member,
             injection=injection,
             joint_trajectory=trajectory_callback(member, follower, reporter.warn),
+            goal_heartbeat=trajectories.beat,
             warn=reporter.warn,
         )
         self._subscriptions = reporter.subscribe(
@@ -150,13 +158,6 @@ class BoardNode:
                 part=role.below,
             )
         self._actions = Actions(node, member, reporter.warn, poses.move, requests)
-        self._follow_trajectory = FollowTrajectory(
-            node,
-            member,
-            partial(start_goal, follower, member.board),
-            reporter.on_error,
-            requests,
-        )
 
     def publish(self) -> None:
         """One round of the publishing thread: new states, answers and events."""

@@ -23,6 +23,7 @@ from ...interface import (
     EXTERNAL_TORQUE,
     EXTERNAL_TORQUE_SENSOR,
     FEEDFORWARD_COMMAND,
+    GOAL_HEARTBEAT,
     HEARTBEAT,
     JOINT_COMMANDS,
     JOINT_TRAJECTORY,
@@ -101,10 +102,16 @@ class CommandTopics:
     """
 
     def __init__(
-        self, member: Member, *, injection: bool, joint_trajectory: Callback, warn: Warn
+        self,
+        member: Member,
+        *,
+        injection: bool,
+        joint_trajectory: Callback,
+        goal_heartbeat: Callback,
+        warn: Warn,
     ) -> None:
-        self._member, self._injection = member, injection
-        self._joint_trajectory, self._warn = joint_trajectory, warn
+        self._member, self._injection, self._warn = member, injection, warn
+        self._others = {JOINT_TRAJECTORY: joint_trajectory, GOAL_HEARTBEAT: goal_heartbeat}
 
     def callbacks(self) -> dict[Endpoint, Callback]:
         """The receivers of each command topic."""
@@ -113,14 +120,17 @@ class CommandTopics:
             for topic in COMMAND_TOPICS
             if topic.reference is not None and topic is not JOINT_TRAJECTORY
         }
-        return by_topic | {
-            FEEDFORWARD_COMMAND: self._feedforward,
-            EXTERNAL_TORQUE: self._external_torque,
-            JOINT_TRAJECTORY: self._joint_trajectory,
-            JOINT_COMMANDS: self._joint_commands,
-            HEARTBEAT: self._heartbeat,
-            EXTERNAL_TORQUE_SENSOR: self._external_torque_sensor,
-        }
+        return (
+            by_topic
+            | self._others
+            | {
+                FEEDFORWARD_COMMAND: self._feedforward,
+                EXTERNAL_TORQUE: self._external_torque,
+                JOINT_COMMANDS: self._joint_commands,
+                HEARTBEAT: self._heartbeat,
+                EXTERNAL_TORQUE_SENSOR: self._external_torque_sensor,
+            }
+        )
 
     def _joint_commands(self, message: Any) -> None:
         with self._member.exclusive() as board:

@@ -7,6 +7,7 @@ feedback and its result.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -30,11 +31,13 @@ from ...interface import FOLLOW_JOINT_TRAJECTORY
 from ...operations import doubles, truncated
 from ..loop.loop import ControlLoop, Member
 from ..loop.timing import TimeBase
-from .actions import Goal, action_server, goal_timer
+from .actions import PERIOD, Goal, action_server, goal_timer
 from .messages import NANOSECONDS, set_stamp
 from .request_log import GoalRecord, RequestLog
 from .topics import Callback, Warn
 
+#: Silence of a program that sends heartbeats of its goal, after which the goal ends, s.
+SILENCE = 2.0
 #: A stamp so far from the board's time is one of another clock, s.
 OTHER_CLOCK = 3600.0
 
@@ -60,6 +63,8 @@ class FollowTrajectory:
         self._requests = requests
         self._logger = node.get_logger()
         self._goal: Goal[TrajectoryGoal] | None = None
+        self._beaten: Any = None  # id of the last heartbeat, which precedes its goal
+        self._unheard = math.nan  # looks at the goal since its last heartbeat; NaN: it had none
         # before the follower's step: reading and reference agree
         member.loop.hooks.insert(0, self._check)
         self._timer = goal_timer(node, self._look)
@@ -98,6 +103,7 @@ class FollowTrajectory:
             if old is not None:
                 task.take_over(old.task)
             self._goal = Goal(handle, task, Future())
+            self._unheard = 0.0 if self._beaten == handle.goal_id else math.nan
         self._timer.reset()
         if old is not None:
             try:
@@ -113,6 +119,12 @@ class FollowTrajectory:
                 goal.task.cancel()
         return CancelResponse.ACCEPT
 
+    def beat(self, message: Any) -> None:
+        """Note a heartbeat, the id of a goal."""
+        goal, self._beaten = self._goal, message
+        if goal is not None and goal.handle.goal_id == message:
+            self._unheard = 0.0
+
     def _check(self, _board: JointGroup, _time: float) -> None:
         """In every control cycle."""
         goal = self._goal
@@ -125,7 +137,10 @@ class FollowTrajectory:
         if goal is None:
             self._timer.cancel()
             return
+        self._unheard += 1  # looks, not time: while this program stands still no one is silent
         with self._member.exclusive() as board:
+            if self._unheard > SILENCE / PERIOD:
+                goal.task.abandon(f"its program has been silent for {SILENCE:g} s")
             goal.task.check()  # simulated time may be stopped
             message = feedback(board, goal.task)
             set_stamp(message.header.stamp, self._member.loop.time_base.stamp(board.time))
