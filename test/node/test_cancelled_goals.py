@@ -122,6 +122,7 @@ def test_an_error_in_the_end_of_a_goal_is_none_of_the_next(
     old = SimpleNamespace(task=ended, close=lambda **_: 1 / 0)
     server._goal = cast(Any, old)
     goal = SimpleNamespace(header=SimpleNamespace(stamp=0), joint_names=[])
-    server._start(SimpleNamespace(request=SimpleNamespace(trajectory=goal)))
+    server._beaten = None
+    server._start(SimpleNamespace(goal_id=1, request=SimpleNamespace(trajectory=goal)))
     assert done == ["watched", "division by zero"]
     assert server._goal is not old

@@ -106,7 +106,7 @@ def test_a_goal_succeeds_with_feedback(talker: Talker, names: list[str]) -> None
 def test_an_attended_goal_ends_with_its_program(talker: Talker, names: list[str]) -> None:
     """One whose heartbeats end: the joints stop; one without any goes on alone."""
     feedback: list[Any] = []
-    handle = send(talker, feedback, trajectory=trajectory(names, (60.0, [1.0, 1.0])))
+    handle = send(talker, feedback, trajectory=trajectory(names, (600.0, [1.0, 1.0])))
     alive = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     for _ in range(5):
         talker.command("goal_heartbeat", UUID(uuid=list(range(16))), alive)  # of another goal

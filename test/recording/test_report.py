@@ -272,6 +272,13 @@ def test_a_sweep_keeps_the_limits(high: float) -> None:
     assert plan.times.size < MAX_POINTS
 
 
+@pytest.mark.parametrize("seconds", [10.0, 40.0, 41.3, 60.0])
+def test_the_times_of_a_sweep_rise(seconds: float) -> None:
+    """At 20 points a second, whose sums are not exact, the last one is no second time."""
+    steps = np.diff(sweep(0.1, 1.0, seconds, 0.2, 2.0, 10.0).times)
+    assert steps.min() > 0.02
+
+
 def test_a_sweep_that_is_too_long() -> None:
     with pytest.raises(ValueError, match="make it shorter"):
         sweep(1.0, 100.0, 600.0, 0.2, 2.0, 10.0)

@@ -107,8 +107,8 @@ class CommandTopics:
         *,
         injection: bool,
         joint_trajectory: Callback,
-        goal_heartbeat: Callback,
         warn: Warn,
+        goal_heartbeat: Callback = lambda _: None,
     ) -> None:
         self._member, self._injection, self._warn = member, injection, warn
         self._others = {JOINT_TRAJECTORY: joint_trajectory, GOAL_HEARTBEAT: goal_heartbeat}
