@@ -153,7 +153,7 @@ def test_an_adapter_of_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     assert bus.recv(0.0) == received(5, b"")
     assert (len(far.waits), bus.recv(-1.0)) == (2, None)
     assert far.waits[2] == 0.0
-    device.gives = [b"x" * 9000] * 3 + [b"\nrcv 6 00 bf\n"]
+    device.gives = [b"x" * 9000] * 3 + [b"\nrcv\nOK 7 00\nrcv 7 0g\nrcv 6 00\n"]
     far.then = [lambda: None] * 3
     assert bus.recv(0.7) is None
     assert len(bus._bytes) < 9000

@@ -493,6 +493,10 @@ def test_a_drive_that_forgot_its_watchdog_gets_no_power() -> None:
     rig.driver.confirms[0], rig.driver.slow = False, 1
     assert rig.go(POSITION).faults == [RESTARTED, None]
     assert rig.driver.power == [False, True]
+    rig = powered()  # each time it was off
+    rig.driver.confirms[0], rig.driver.slow = False, 1
+    assert not any(rig.go(OFF).faults)
+    assert rig.go(POSITION).faults == [RESTARTED, None]
 
 
 def test_a_fault_of_a_drive_is_reset_once() -> None:
@@ -627,6 +631,8 @@ def test_a_set_up_that_is_refused_faults_its_joint_alone() -> None:
     rig.go(POSITION)
     assert rig.go(POSITION, 9).faults == ["its table is odd", None]
     assert rig.actions == [Action.OFF, Action.GOAL]
+    rig.driver.slow = 1
+    rig.go(POSITION, 20)
     assert rig.plant.answers.reported[0].lost
     with pytest.raises(ValueError, match="its table is odd"):
         Rig(refusal="its table is odd")

@@ -193,6 +193,7 @@ def test_traits_of_servos() -> None:
         traits = codec.driver.traits
         assert traits.resolution == pytest.approx(REV / 4096)
         assert (traits.current, traits.temperature, traits.voltage) == (True, True, True)
+        assert traits.stiffness
     laws = {kind: dynamixel()[0].driver.law(0, kind) for kind in GOALS}
     assert laws == {SetPoint.POSITION: 4, SetPoint.VELOCITY: 1, SetPoint.CURRENT: 0,
                     SetPoint.PWM: 16}  # fmt: skip
@@ -484,7 +485,7 @@ def test_options_of_a_dynamixel() -> None:
     for timeout, steps in ((0.119, 5), (1e-3, 1), (9.0, 127)):
         setup = Setup(period=0.002, timeout=timeout, joints=(None,))
         codec.driver.open(setup, codec.answers)
-        assert codec.driver._watch == steps
+        assert (codec.driver._watch, codec.driver._wait) == (steps, pytest.approx(0.0012))
 
 
 def test_readings_of_a_feetech_that_are_others_are_refused() -> None:
@@ -572,3 +573,37 @@ def test_tables_of_a_feetech() -> None:
     assert d.ERRORS.keys() == {1, 4, 8, 16, 32}
     for table, place in ((d, 0), (f, 3)):
         assert table.LIBRARY.markers == tuple(Item(place, length) for length in (3, 5, 7, 9))
+
+
+#: Numbers of the maker's .model files.
+NUMBERS = """
+1000 XH430-W350 1001 XD430-T350 1010 XH430-W210 1011 XD430-T210 1020 XM430-W350
+1030 XM430-W210 1040 XH430-V350 1050 XH430-V210 1060 XL430-W250 1070 XC430-W150
+1080 XC430-W240 1090 2XL430-W250 1100 XH540-W270 1101 XD540-T270 1110 XH540-W150
+1111 XD540-T150 1120 XM540-W270 1130 XM540-W150 1140 XH540-V270 1150 XH540-V150
+1160 2XC430-W250 1170 XW540-T260 1180 XW540-T140 1190 XL330-M077 1200 XL330-M288
+1210 XC330-T181 1220 XC330-T288 1230 XC330-M181 1240 XC330-M288 1270 XW430-T333
+1280 XW430-T200 1310 XW540-H260
+"""
+#: Places and lengths of the makers' pages: XM430-W350 of the e-Manual, STS3215's memory table.
+PLACES = (
+    (d, """MODEL 0 2 FIRMWARE 6 1 ID 7 1 MODE 11 1 PWM_LIMIT 36 2 CURRENT_LIMIT 38 2
+           VELOCITY_LIMIT 44 4 MAX_POSITION 48 4 MIN_POSITION 52 4 TORQUE 64 1 ERROR 70 1
+           POSITION_GAINS 80 6 WATCHDOG 98 1 GOAL_PWM 100 2 GOAL_CURRENT 102 2
+           GOAL_VELOCITY 104 4 GOAL_POSITION 116 4 CURRENT 126 2 VELOCITY 128 4
+           POSITION 132 4 VOLTAGE 144 2 TEMPERATURE 146 1""", (2.0, (False,), 9, 2, 4, 0x7F)),
+    (f, """FIRMWARE 0 2 MODEL 3 2 ID 5 1 MIN_POSITION 9 2 MAX_POSITION 11 2 PHASE 18 1 P 21 1
+           CURRENT_LIMIT 28 2 ANGULAR_RESOLUTION 30 1 HOMING 31 2 MODE 33 1 TORQUE 40 1
+           ACCELERATION 41 1 GOALS 42 6 TORQUE_LIMIT 48 2 LOCK 55 1 POSITION 56 2
+           VELOCITY 58 2 VOLTAGE 62 1 TEMPERATURE 63 1 STATUS 65 1 CURRENT 69 2
+           SPEED_LIMIT 84 1""", (0, (), 5, 1, 2, 0)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("table", "places", "packets"), PLACES, ids=["dynamixel", "feetech"])
+def test_tables_are_those_of_the_makers_pages(table: Any, places: str, packets: Any) -> None:
+    words = places.split()
+    for name, address, length in zip(words[::3], words[1::3], words[2::3], strict=True):
+        assert getattr(table, name) == Item(int(address), int(length)), name
+    assert table.LIBRARY[3:9] == packets
+    assert " ".join(f"{n} {m.name}" for n, m in d.MODELS.items()) == " ".join(NUMBERS.split())
