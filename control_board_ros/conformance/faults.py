@@ -96,9 +96,9 @@ def outlived(bench: Bench) -> str:
     """
     limits = bench.range
     bench.enter(M.POSITION_DIRECT)
-    stream(bench, limits.start, 0.2)
+    sent = stream(bench, limits.start, 0.2)
     bench.fault()
-    stream(bench, limits.start, 0.1)
+    sent = stream(bench, limits.start, 0.1, sent)
     fallen = float(bench.latest().position[bench.j]) - limits.start
     way = 2.0 * bench.kind.choose(NEAR_ANGLE, NEAR_DISTANCE)
     inwards = 0.5 * (limits.low + limits.high) - limits.start
@@ -110,7 +110,7 @@ def outlived(bench: Bench) -> str:
         raise NotTestable(f"the board offers no recovery: {error}") from None
     assume(reply, f"recover is refused, see E1: {reply.message}")
     counted, begin = bench.latest().rejected_commands[bench.j], bench.latest().stamp
-    stream(bench, away, 0.5)
+    stream(bench, away, 0.5, sent)
     states = bench.since(begin)
     expect(
         not any(map(bench.reached(away), states)),
@@ -121,15 +121,23 @@ def outlived(bench: Bench) -> str:
     return f"{ignored} references ignored, {bench.still(states):.2g} {bench.kind.unit} of way"
 
 
-def stream(bench: Bench, position: float, seconds: float) -> None:
-    """Send a direct position over and over for some time of the board.
+def stream(bench: Bench, position: float, seconds: float, sent: float = math.inf) -> float:
+    """Send a direct position over and over for some time of the board; when the last was, s.
+
+    Args:
+        bench: with the joint.
+        position: rad.
+        seconds: of the board's time.
+        sent: when the stream that goes on here was sent last, s; infinite: it begins.
 
     Raises:
         NotTested: the machine paused the stream.
     """
-    begin = last = bench.latest().stamp
+    begin = bench.latest().stamp
+    last = min(begin, sent)
     while last < begin + seconds:
         bench.send(K.POSITION_DIRECT, position)
         bench.following(1)
         pause, last = bench.latest().stamp - last, bench.latest().stamp
         assume(pause < 0.5 * PAUSE, f"the stream paused for {pause:.2g} s")
+    return last

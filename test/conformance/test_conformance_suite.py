@@ -119,6 +119,20 @@ def test_answers_that_are_late_let_no_velocity_expire_unseen(monkeypatch: Any) -
     assert result.outcome is not Outcome.NOT_HELD, result.evidence
 
 
+def test_a_recovery_that_is_late_ends_no_stream_unseen() -> None:
+    """F8: after a pause of 0.5 s it is another stream, which acts."""
+    session = board_in_process.session_of(joint="left")
+    client: Any = session.bench.client
+
+    def recover(joint: str) -> Any:
+        session.channel.sleep(0.6)
+        return client.__getattr__("recover")(joint)
+
+    client.recover = recover
+    result = session.try_one(RULES["F8"])
+    assert (result.outcome, "paused" in result.evidence) == (Outcome.NOT_TESTED, True), result
+
+
 def test_the_interval_of_states_is_that_of_their_parameter() -> None:
     """100 Hz of 250 are 8 and 12 ms in turns, and 8 may be the median."""
     session = board_in_process.session_of()
