@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An SO-101 on virtual servos of either make, in one thread, in a time of its cycles."""
+"""An arm on virtual drives of a make, in one thread, in a time of its cycles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from direct_bus import DirectPort
+from direct_bus import DirectCan, DirectPort
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.terms.faults import FaultCode
@@ -19,10 +19,11 @@ from control_board_ros.core.terms.measurement import Actuation, Measurement, Row
 from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.exchange import Exchange
 from control_board_ros.plants.offers import bounded, derived_gains, within
+from control_board_ros.plants.virtual.can_bus import VirtualCan
 from control_board_ros.plants.virtual.plant import FarEnd
 from control_board_ros.plants.virtual.pty_bus import VirtualSerial
 from control_board_ros.plants.virtual.servo import Framer
-from control_board_ros.settings.loading import load
+from control_board_ros.settings.loading import Settings, load
 
 #: Bytes of a packet that contain its length.
 HEAD = {"dynamixel": 7, "feetech": 4}
@@ -46,31 +47,39 @@ PARAMETERS: dict[str, Any] = {
 
 
 class ServoArm:
-    """A ``core.measurement.Plant``: a driver in the box and its virtual servos.
+    """A ``core.measurement.Plant``: a driver in the box and its virtual drives.
 
     Args:
         make: Folder of its driver.
+        settings: Of the board; None: of an SO-101 of servos.
+        options: Of the driver.
 
     Attributes: settings (of its board), world (its body), close (it is to be called).
     """
 
-    def __init__(self, make: str) -> None:
-        settings = load(None, PARAMETERS)
+    def __init__(
+        self, make: str, settings: Settings | None = None, options: dict[str, str] | None = None
+    ) -> None:
+        settings, options = settings or load(None, PARAMETERS), options or {}
         virtual = import_module(f"control_board_ros.plants.{make}.virtual")
         clock = self._clock = ManualClock()
 
         def bus(world: Any, drives: Any) -> Any:
             world.clock, world.time, world.longest = clock.now, clock.now(), math.inf
-            framer = Framer(virtual.HEADER, HEAD[make], virtual.length_of, virtual.unpacked)
-            made: Any = VirtualSerial(world, drives, framer)
+            if make in HEAD:
+                framer = Framer(virtual.HEADER, HEAD[make], virtual.length_of, virtual.unpacked)
+                made: Any = VirtualSerial(world, drives, framer)
+            else:
+                made = VirtualCan(world, drives)
             made.address = "direct"
             return made
 
         with mock.patch.object(virtual, "virtual_bus", bus):
-            far_end = FarEnd(make, settings.board, settings.simulation, {})
+            far_end = FarEnd(make, settings.board, settings.simulation, options)
         self.close = far_end.world.body.close  # its bus has no thread
-        plant = far_end.make(settings.board.names, {"bus": "direct"})
-        plant.driver.line.connect = lambda *_, **__: DirectPort(far_end.bus, clock)
+        plant = far_end.make(settings.board.names, options | {"bus": "direct"})
+        end: Any = DirectPort if make in HEAD else DirectCan
+        plant.driver.line.connect = lambda *_, **__: end(far_end.bus, clock)
         plant.clock, self.world = clock, far_end.world
         self.settings = within(settings, make, plant.describe())
         self._exchange = Exchange(plant, self.settings.board, 1.0)
@@ -78,11 +87,11 @@ class ServoArm:
         joints, derived = plant.describe().joints, derived_gains(self.settings)
         own = bounded(self.settings.board, joints, derived)
         self.settings = replace(self.settings, board=own)
-        self._period = self.settings.board.period
-        self._cycle, self._sample = 0, self._exchange.run(SetPoints.off(6), {})
+        self._period, off = own.period, SetPoints.off(len(own.joints))
+        self._cycle, self._sample = 0, self._exchange.run(off, {})
         while not np.isfinite(self._sample.values[Row.POSITION]).all():  # not all are read yet
             clock.time += self._period
-            self._sample = self._exchange.run(SetPoints.off(6), {})
+            self._sample = self._exchange.run(off, {})
 
     def read(self) -> Measurement:
         values, faults = self._sample.values, self._sample.faults
