@@ -46,13 +46,14 @@ class Browser:
     Args:
         number: of the connection.
         name: for display: device and address.
+        tab: of the page, the same when it is loaded again; empty: unknown.
 
-    Attributes: number, name, watched (names of boards whose frames it receives), running (its
+    Attributes: number, name, tab, watched (names of boards whose frames it receives), running (its
     active requests, by id), bucket (limits its rate), lost (it reads too slowly).
     """
 
-    def __init__(self, number: int, name: str) -> None:
-        self.number, self.name = number, name
+    def __init__(self, number: int, name: str, tab: str = "") -> None:
+        self.number, self.name, self.tab = number, name, tab
         self.watched: frozenset[str] = frozenset()
         self.running: dict[int, asyncio.Task[None]] = {}
         self.bucket = TokenBucket(RATE, BURST, BURST, time.monotonic())

@@ -85,9 +85,9 @@ class Hub:
 
     # Browsers
 
-    def enter(self, name: str) -> Browser:
+    def enter(self, name: str, tab: str = "") -> Browser:
         """Add a browser; the first one operates, if permitted."""
-        browser = Browser(next(self._numbers), name)
+        browser = Browser(next(self._numbers), name, tab)
         self.state.browsers[browser.number] = browser
         browser.send("hello", you=browser.number, read_only=self.state.read_only)
         for board in self.state.boards.values():

@@ -55,7 +55,12 @@ class LeaseService:
         self.changed()
 
     def leave(self, browser: Browser) -> None:
+        """Remove a browser; a page that was loaded again before it left goes on operating."""
+        same = (b for b in self._state.browsers.values() if browser.tab and b.tab == browser.tab)
+        operates = self.lease.holder == browser.number
         self.lease.leave(browser.number)
+        if operates and self.lease.holder is None and (again := next(same, None)):
+            self.lease.give_to(again.number)
         self.changed()
 
     def check(self, browser: Browser, request: Request) -> None:

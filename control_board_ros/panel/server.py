@@ -225,7 +225,7 @@ def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:
 
 async def serve(hub: Hub, websocket: WebSocket) -> None:
     """Serve one browser until it disconnects."""
-    browser = hub.enter(name_of(websocket))
+    browser = hub.enter(name_of(websocket), websocket.query_params.get("tab", ""))
     writing = asyncio.create_task(browser.write(websocket))
     reading = asyncio.create_task(read(hub, browser, websocket))
     try:

@@ -43,6 +43,23 @@ def test_taking_over_is_asked(panel: Panel) -> None:
     assert first.ask("mode", board="/b", joints=["a"], mode="idl")["ok"] is False
 
 
+@pytest.mark.parametrize("tab", ["1", "2", ""])
+def test_a_page_that_is_loaded_again_goes_on_operating(panel: Panel, tab: str) -> None:
+    """Also where its old connection ends after the new one began; no other page does."""
+    first, second = panel.browser("1"), panel.browser(tab)
+    one, two = first.read("hello")["you"], second.read("hello")["you"]
+    second.read("operator", holder=one)
+    first.socket.close()
+    assert second.read("operator", holder=two if tab == "1" else None)
+
+
+def test_who_asked_goes_before_a_page_that_is_loaded_again(panel: Panel) -> None:
+    first, asking, again = panel.browser("1"), panel.browser(), panel.browser("1")
+    assert asking.ask("operate")["ok"]
+    first.socket.close()
+    assert again.read("operator", holder=asking.kept[0]["you"])
+
+
 @pytest.mark.slow
 def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None:
     """Asked, answered, shown as among browsers of one panel; what was held there ends."""

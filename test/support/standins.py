@@ -249,7 +249,7 @@ class Panel:
         connection.close()
         return answer.status, body, headers
 
-    def connect(self, **how: Any) -> ClientConnection:
+    def connect(self, tab: str = "", **how: Any) -> ClientConnection:
         """A WebSocket; raises where it is refused."""
         given: dict[str, Any] = {
             "origin": f"http://{self.host}",
@@ -258,11 +258,11 @@ class Panel:
             "max_size": None,
             "max_queue": None,
         }
-        return connect(f"ws://{self.host}/ws", **(given | how))
+        return connect(f"ws://{self.host}/ws?tab={tab}", **(given | how))
 
-    def browser(self) -> Browser:
+    def browser(self, tab: str = "") -> Browser:
         """A browser that is connected, for the rest of the test."""
-        return Browser(self._stack.enter_context(self.connect()))
+        return Browser(self._stack.enter_context(self.connect(tab)))
 
     def close(self) -> None:
         self._stack.close()

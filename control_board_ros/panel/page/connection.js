@@ -5,6 +5,12 @@ import { readFrames } from "./cdr.js";
 
 const AGAIN = 1000; // ms until the next try
 
+/** Names this tab, also after a reload: whoever operates goes on. */
+function tab() {
+  if (!sessionStorage.tab) sessionStorage.tab = String(Math.random()).slice(2);
+  return sessionStorage.tab;
+}
+
 export class Connection extends EventTarget {
   constructor() {
     super();
@@ -17,7 +23,7 @@ export class Connection extends EventTarget {
   connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const base = location.pathname.replace(/[^/]*$/, "");
-    this.socket = new WebSocket(`${scheme}://${location.host}${base}ws`);
+    this.socket = new WebSocket(`${scheme}://${location.host}${base}ws?tab=${tab()}`);
     this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => { this.open = true; this.emit("open"); };
     this.socket.onclose = (event) => {
