@@ -19,7 +19,7 @@ from waiting import GUARD
 from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import FAULTS
-from control_board_ros.testing import BoardProcess, ros_node
+from control_board_ros.testing import BoardProcess, board_process, ros_node
 
 pytestmark = pytest.mark.ros
 
@@ -109,7 +109,7 @@ def test_a_trajectory_ends_with_its_program(board: BoardProcess, node: Any) -> N
 def test_a_board_that_is_killed_ends_a_move() -> None:
     """Before discovery forgets it."""
     with (
-        BoardProcess() as board,
+        board_process(exit_code=-signal.SIGKILL) as board,
         ros_node(board.domain, "left", spin=False) as node,
         ControlBoardClient(node, board.name, find_timeout=GUARD) as client,
     ):
