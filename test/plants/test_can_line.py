@@ -252,7 +252,10 @@ def test_it_asks_a_question(line: Any, several: bool, answers: list[bytes]) -> N
 def test_it_is_closed_with_last_frames_and_twice(line: Any) -> None:
     bus = line.bus
     bus.fails = [OSError("down")]
+    assert line.fileno() is None
+    bus.fileno = lambda: 7
     with line as opened:
+        assert opened.fileno() == 7
         opened.close([(1, b""), (2, b"")])
     assert bus.sent == [(1, b""), (2, b"")]
     line.close([(3, b"")])

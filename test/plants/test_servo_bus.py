@@ -308,6 +308,15 @@ def test_a_servo_that_is_to_get_an_id_is_looked_for_three_times(bus: Any) -> Non
     assert [words[1] for words in bus.protocol.sent] == [1] * 3
 
 
+def test_a_servo_is_unlocked_while_it_stores_its_id(bus: Any) -> None:
+    far = bus.protocol
+    one, two = far.packet(1, b"\x09\x03"), far.packet(5, b"\x09\x03")
+    far.replies.extend([[one], [], [], [], [far.packet(1, b"\0")], [], [], [two]])
+    bus.set_id(1, 5, range(10), Item(5, 1), Item(55, 1))
+    written = [words[1:] for words in far.sent if words[0] == "write, answered"]
+    assert written == [(1, 55, 1, [0]), (1, 5, 1, [5]), (5, 55, 1, [1])]
+
+
 def test_it_is_open_within_with() -> None:
     far, asked = Handler(feetech.LIBRARY), list[Any]()
     made = ServoBus(feetech.LIBRARY, "/dev/ttyX", 57_600)

@@ -126,6 +126,8 @@ def test_what_a_dynamixel_is_told(kind: SetPoint) -> None:
     assert said(codec, line, Action.ASK, kind, **SOME) == [reads, ("hold", 1, 0.5)]
     assert said(codec, line, Action.OFF, kind, **SOME) == [reads, ("hold", 1, 0.0)]
     codec.reported.power = True
+    assert said(codec, line, Action.GOAL, kind, **SOME) == [goal, reads, ("hold", 1, 0.5)]
+    assert said(codec, line, Action.ASK, kind, **SOME) == [reads, ("hold", 1, 0.5)]
     off = (64, {1: "00"})
     assert said(codec, line, Action.OFF, kind, **SOME) == [off, reads, ("hold", 1, 0.0)]
     codec.reported.power, codec.reported.lost = False, True

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -16,21 +17,21 @@ NAMES = {1: "hot", 2: "stuck", 4: "lost"}
 
 
 @pytest.mark.parametrize(
-    ("fault", "text"),
+    ("made", "text"),
     [
-        (faults.coded(2, NAMES), "2 stuck"),
-        (faults.coded(9, NAMES), "9 see its manual"),
-        (faults.flagged(5, NAMES), "5 hot, lost"),
-        (faults.flagged(8, NAMES), "8 see its manual"),
-        (faults.flagged(0, NAMES), "None"),
-        (faults.WATCHDOG, "0 watchdog: no command within its timeout"),
-        (faults.RESTARTED, "0 drive restarted"),
-        (DriveFault(faults.UNCONFIRMED, "keeps its power"), "0 keeps its power"),
+        (lambda: faults.coded(2, NAMES), "2 stuck"),
+        (lambda: faults.coded(9, NAMES), "9 see its manual"),
+        (lambda: faults.flagged(5, NAMES), "5 hot, lost"),
+        (lambda: faults.flagged(8, NAMES), "8 see its manual"),
+        (lambda: faults.flagged(0, NAMES), "None"),
+        (lambda: faults.WATCHDOG, "0 watchdog: no command within its timeout"),
+        (lambda: faults.RESTARTED, "0 drive restarted"),
+        (lambda: DriveFault(faults.UNCONFIRMED, "keeps its power"), "0 keeps its power"),
     ],
 )
-def test_a_fault_has_number_and_name(fault: DriveFault | None, text: str) -> None:
+def test_a_fault_has_number_and_name(made: Callable[[], DriveFault | None], text: str) -> None:
     """S6: its maker's number; 0 where it has none."""
-    assert str(fault) == text
+    assert str(made()) == text
 
 
 @pytest.mark.parametrize(
