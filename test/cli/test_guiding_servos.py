@@ -47,8 +47,8 @@ def rests(ask: Asker) -> bool:
     """Whether no joint moves for half a second; on a busy machine both states may be the same."""
     before = places(ask)
     time.sleep(0.5)
-    rows = ask("watch", "--once")
-    return places(ask) == before and not any(float(row["velocity"]) for row in rows.values())
+    speeds = [abs(float(row["velocity"])) for row in ask("watch", "--once").values()]
+    return places(ask) == before and max(speeds) < 0.02
 
 
 def insist(ask: Asker, *words: str) -> None:
