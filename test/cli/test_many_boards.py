@@ -78,7 +78,8 @@ def test_an_emergency_stop_waits_for_no_second(monkeypatch: pytest.MonkeyPatch) 
             stopped.append(on)
             return accepted(("neck",))
 
-        return SimpleNamespace(emergency_stop=stop, close=lambda: None)
+        seen = {"names": (), "get_control_mode": list, "get_drives": list}
+        return SimpleNamespace(emergency_stop=stop, close=lambda: None, **seen)
 
     monkeypatch.setattr("control_board_ros.client.ControlBoardClient", client)
     session = Alone(read_options([], [])[0])
