@@ -62,7 +62,7 @@ soak: ## Run the board for a long time under load, then the tests that take minu
 	@$(BIN)/python benchmark/soak.py $(ARGS)
 	@$(PYTEST) -m soak
 
-conformance: ## Print rule -> tests -> result, write docs/conformance.md
+conformance: ## Run the tests of all rules, try them on a board of each make, write docs/conformance.md
 	@$(SETUP) test
 	@$(BIN)/python test/spec/conformance.py $(ARGS)
 

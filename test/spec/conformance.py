@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make conformance``: run the tests of the rules and show, rule by rule, how they went.
+"""``make conformance``: run the tests of the rules, then try the rules from outside, over ROS.
 
-Prints the table rule -> tests -> result, records it in conformance.json and docs/conformance.md,
-and ends with 1 when a rule has no test or a test failed, or when ``control_board_conformance``
-finds one that is not held. The tests are those of test/spec, and those of a rule beyond the source
-wherever they are, but for soak tests. Arguments go to pytest, for example ``-k brakes``; the
-record is only written, and the board only tried from outside, by a run of all tests. ``--tables``
-runs nothing and prints the recorded table, which the site shows.
+Prints rule -> tests -> result, tries a simulated board and the virtual drives of each make with
+``control_board_conformance``, and records both in conformance.json and docs/conformance.md. Ends
+with 1 when a rule has no test, a test failed, or a board does not keep a rule. The tests are those
+of test/spec that name a rule, and those of a rule beyond the source wherever they are, but for
+soak tests. ``--boards`` tries boards only, all or those of ``--boards=moteus,feetech``; other
+arguments go to pytest, for example ``-k brakes``: then nothing else is run, and nothing recorded.
+``--tables`` runs nothing and prints the tests of the rules, for the site.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
-from collections import Counter, defaultdict
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from itertools import groupby
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -24,168 +28,191 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "conformance.md"
 RECORD = HERE / "conformance.json"
-#: Rule -> its result, the one from outside, and its tests with how often each ran.
+#: Rule -> how often its tests passed, failed and were skipped; board -> rule -> its outcome.
 Record = dict[str, dict[str, Any]]
 sys.path.insert(0, str(HERE.parent / "support"))
 
-from conformance_sessions import ARM, session_on  # noqa: E402
-from rules import RULES, counts, files, proved_by  # noqa: E402
+from conformance_sessions import BOARDS, tried_on  # noqa: E402
+from rules import RULES, proofs  # noqa: E402
 
-from control_board_ros.conformance import Outcome, Result, as_line, as_text, run  # noqa: E402
-from control_board_ros.conformance.rules import in_order  # noqa: E402
-from control_board_ros.testing import board_process  # noqa: E402
+from control_board_ros.conformance import Outcome  # noqa: E402
 
 ORDER = ("failed", "skipped", "passed")
+#: Tests, and boards, that run side by side.
+JOBS = int(os.environ.get("JOBS", "3"))
 
 
 class Results:
-    """A pytest plugin that notes which rules each test proves, and how it went."""
+    """A pytest plugin that notes how each test went."""
 
     def __init__(self) -> None:
-        self.rules: dict[str, list[str]] = {}
         self.outcomes: dict[str, str] = {}
-        self.chosen = False
-
-    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
-        for item in items:
-            self.rules[item.nodeid] = proved_by(getattr(item, "function", item).__doc__)
-        items[:] = [
-            item
-            for item in items
-            if counts(item.path, self.rules[item.nodeid]) and not item.get_closest_marker("soak")
-        ]
-
-    def pytest_deselected(self, items: list[Any]) -> None:
-        self.chosen = True
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         before = self.outcomes.get(report.nodeid, "passed")
-        worse = min(before, report.outcome, key=ORDER.index)
         if report.when == "call" or report.outcome != "passed":
-            self.outcomes[report.nodeid] = worse
+            self.outcomes[report.nodeid] = min(before, report.outcome, key=ORDER.index)
 
-    def by_rule(self) -> dict[str, dict[str, Counter[str]]]:
-        """For each rule its tests, and for each of them how often it passed, failed, skipped."""
-        table: dict[str, dict[str, Counter[str]]] = {rule: defaultdict(Counter) for rule in RULES}
+    def by_rule(self) -> dict[str, Counter[str]]:
+        """For each rule how often its tests passed, failed, were skipped."""
+        table: dict[str, Counter[str]] = {rule: Counter() for rule in RULES}
         for test, outcome in self.outcomes.items():
-            name = test.split("[")[0].removeprefix("test/spec/")
-            for rule in self.rules.get(test, []):
-                table[rule][name][outcome] += 1
+            for rule in proofs()[test.split("[")[0]]:
+                table[rule][outcome] += 1
         return table
 
 
-def verdict(tests: dict[str, Counter[str]]) -> str:
+def verdict(runs: dict[str, int]) -> str:
     """What all tests of a rule say together."""
-    total: Counter[str] = sum(tests.values(), Counter())
-    if not total["passed"] + total["failed"]:
+    if not runs.get("passed", 0) + runs.get("failed", 0):
         return "NO TEST"
-    return "FAILED" if total["failed"] else "passed"
+    return "FAILED" if runs.get("failed") else "passed"
 
 
-def from_outside() -> dict[str, Result]:
-    """Try the rules as ``control_board_conformance`` does, on the board of the tests."""
-    with board_process(config=ARM) as board, session_on(board) as session:
-        results, _ = run(session, in_order(), lambda result: print(as_line(result), flush=True))
-    print(f"from outside: {as_text(results)}")
-    return {result.rule.name: result for result in results}
+def from_outside(boards: list[str]) -> Record:
+    """Try the rules as ``control_board_conformance`` does: the outcomes by board and rule."""
+    found = {}
+    with ProcessPoolExecutor(JOBS, get_context("spawn")) as pool:
+        asked = {pool.submit(tried_on, board): board for board in boards}
+        for done in as_completed(asked):
+            board, results = asked[done], done.result()
+            found[board] = {rule: outcome for rule, (outcome, _) in results.items()}
+            print(f"from outside, {board}: {summed_up(found[board])}", flush=True)
+            for rule, (outcome, evidence) in results.items():
+                if outcome in (Outcome.NOT_HELD, Outcome.NOT_TESTED):
+                    print(f"    {rule} {outcome}: {evidence}", flush=True)
+    return found
+
+
+def summed_up(outcomes: dict[str, str]) -> str:
+    """How many rules a board keeps, and which it does not."""
+    count = Counter(outcomes.values())
+    text = ", ".join(f"{count[outcome]} {outcome}" for outcome in Outcome)
+    wrong = [r for r, o in outcomes.items() if o in (Outcome.NOT_HELD, Outcome.NOT_TESTED)]
+    return text + f" ({', '.join(wrong)})" * bool(wrong)
 
 
 HEAD = """\
 # Conformance
 
-Every rule of the [specification](spec.md) has tests, and `make conformance` runs them: rule,
-tests, runs, result. A test names its rules at the start of its docstring:
+Every rule of the [specification](spec.md) has tests, and `make conformance` runs them, with
+different modes, joints and values. A test names its rules at the start of its docstring:
 `grep -rnE '""[A-Z0-9, ]*M4[,:]' test` finds those of a rule, and the site's page *The tests of the
-rules* lists all. *From outside* is [`control_board_conformance`](howto/conformance.md) over ROS;
-of the rules that are testable there; it has those of the source and of YARP 4.
+rules* lists all.
 
+"""
+OUTSIDE = """\
+
+## From outside
+
+[`control_board_conformance`](howto/conformance.md) over ROS, with all permissions, on a simulated
+board and on the virtual drives of each make; it has the rules of the source, of YARP 4, and E.
+*Not testable* are those that the board does not offer, or that are not visible from outside.
+
+| board | held | not held | not tested | not testable |
+|---|---|---|---|---|
 """
 FULL = """\
 # The tests of the rules
 
-Rule by rule, the tests that prove it, those of `test/spec` by their file alone, and how often each
-ran (with different modes, joints or values); [conformance](../conformance.md) in short.
+Rule by rule, the tests that prove it, those of `test/spec` by their file alone;
+[conformance](../conformance.md) has how they went.
 
-| rule | about | result | from outside | tests |
-|---|---|---|---|---|
+| rule | about | tests |
+|---|---|---|
 """
 
 
-def recorded(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) -> Record:
-    """What conformance.json keeps of a run."""
-    return {
-        rule: {
-            "result": verdict(tests),
-            "outside": f"{outside[rule].outcome}" if rule in outside else "–",
-            "tests": {name: sum(n.values()) for name, n in sorted(tests.items())},
-        }
-        for rule, tests in table.items()
-    }
-
-
 def page(record: Record) -> str:
-    """docs/conformance.md: a line for each section of the specification."""
-    lines = ["| rules | tests | runs | held from outside |", "|---|---|---|---|"]
-    for _, group in groupby(record, key=lambda rule: rule[0]):
+    """docs/conformance.md: a line for each section of the specification, and for each board."""
+    lines, runs = ["| rules | runs of their tests |", "|---|---|"], record["tests"]
+    for _, group in groupby(runs, key=lambda rule: rule[0]):
         rules = list(group)
-        links = [
-            f"[{rule}](spec.md#{rule.lower()})" for rule in dict.fromkeys((rules[0], rules[-1]))
+        ends = dict.fromkeys((rules[0], rules[-1]))
+        links = " to ".join(f"[{rule}](spec.md#{rule.lower()})" for rule in ends)
+        lines.append(f"| {links} | {sum(sum(runs[rule].values()) for rule in rules)} |")
+    broken = [rule for rule in runs if verdict(runs[rule]) != "passed"]
+    lines += ["", f"{len(runs) - len(broken)} of {len(runs)} rules hold"]
+    lines[-1] += f": not {', '.join(broken)}." if broken else "."
+    text = HEAD + "\n".join([*lines, ""]) + OUTSIDE
+    for board, outcomes in record["boards"].items():
+        cells = [
+            f"{len(rules)}{': ' * named}{', '.join(rules * named)}"
+            for outcome in Outcome
+            for rules in [[rule for rule, found in outcomes.items() if found == outcome]]
+            for named in [bool(rules) and outcome in (Outcome.NOT_HELD, Outcome.NOT_TESTED)]
         ]
-        of = [record[rule] for rule in rules]
-        tests = {name: runs for entry in of for name, runs in entry["tests"].items()}
-        tried = [e["outside"] for e in of if e["outside"] not in ("–", "not testable")]
-        outside = f"{tried.count('held')} of {len(tried)}" if tried else "–"
-        cells = (" to ".join(links), len(tests), sum(tests.values()), outside)
-        lines.append(f"| {' | '.join(map(str, cells))} |")
-    broken = [rule for rule, entry in record.items() if entry["result"] != "passed"]
-    verdict = f"{len(record) - len(broken)} of {len(record)} rules hold{': not ' * bool(broken)}"
-    return HEAD + "\n".join([*lines, "", f"{verdict}{', '.join(broken)}.", ""])
+        text += f"| {board} | {' | '.join(cells)} |\n"
+    return text
 
 
-def tables(record: Record) -> str:
+def tables() -> str:
     """The page of all tests, for the site."""
     lines = []
-    for rule, entry in record.items():
-        shown = "<br>".join(f"`{name}` × {runs}" for name, runs in entry["tests"].items())
-        linked = f"[{rule}](../spec.md#{rule.lower()})"
-        cells = (linked, RULES[rule], entry["result"], entry["outside"], shown)
-        lines.append(f"| {' | '.join(cells)} |")
+    for rule, about in RULES.items():
+        names = (name for name, rules in proofs().items() if rule in rules)
+        shown = "<br>".join(f"`{name.removeprefix('test/spec/')}`" for name in names)
+        lines.append(f"| [{rule}](../spec.md#{rule.lower()}) | {about} | {shown} |")
     return FULL + "\n".join([*lines, ""])
 
 
-def show(table: dict[str, dict[str, Counter[str]]]) -> None:
+def show(table: dict[str, Counter[str]]) -> None:
     """Print the table."""
     print(f"\n{'rule':<5}{'result':<9}{'tests':>6}{'runs':>6}  about")
-    for rule, tests in table.items():
-        runs = sum(sum(n.values()) for n in tests.values())
-        print(f"{rule:<5}{verdict(tests):<9}{len(tests):>6}{runs:>6}  {RULES[rule]}")
-        for name, n in sorted(tests.items()):
-            if n["failed"]:
-                print(f"       failed: {name}")
+    for rule, runs in table.items():
+        count = sum(rule in rules for rules in proofs().values())
+        print(f"{rule:<5}{verdict(runs):<9}{count:>6}{sum(runs.values()):>6}  {RULES[rule]}")
+
+
+def write(table: dict[str, dict[str, int]] | None, found: Record) -> None:
+    """Record what was run, beside what is recorded, and the page."""
+    record = json.loads(RECORD.read_text("utf-8"))
+    before = record["boards"] | found
+    record = {"tests": table or record["tests"], "boards": {n: before[n] for n in BOARDS}}
+    text = json.dumps(record, indent=1, ensure_ascii=False)
+    RECORD.write_text(f"{text}\n", encoding="utf-8")
+    PAGE.write_text(page(record), encoding="utf-8")
+    print(f"\nwritten: {PAGE.relative_to(ROOT)}")
+
+
+def run_tests(arguments: list[str]) -> tuple[int, dict[str, Counter[str]]]:
+    """Run the tests of the rules: the exit code, and the outcomes by rule.
+
+    What fails is run again alone, as in CI, and named.
+    """
+    results = Results()
+    options = ["-q", f"--rootdir={ROOT}", "-m", "not soak"]
+    names = [str(ROOT / name) for name in proofs()]
+    beside = [f"-n{JOBS}", "--dist=loadfile"]
+    code = pytest.main([*options, *beside, *names, *arguments], plugins=[results])
+    if failed := [test for test, outcome in results.outcomes.items() if outcome == "failed"]:
+        print("again:", *failed)
+        for test in failed:
+            del results.outcomes[test]
+        alone = [f"{ROOT}/{test}" for test in failed]
+        code = pytest.main([*options, "-pno:xdist", *alone], plugins=[results])
+    return int(code), results.by_rule()
 
 
 def main(arguments: list[str]) -> int:
     if arguments == ["--tables"]:
-        print(tables(json.loads(RECORD.read_text("utf-8"))), end="")
+        print(tables(), end="")
         return 0
-    results = Results()
-    options = ["-q", "-p", "no:cacheprovider", f"--rootdir={ROOT}"]
-    code = pytest.main([*options, *map(str, files()), *arguments], plugins=[results])
-    table = results.by_rule()
-    show(table)
-    good = all(verdict(tests) == "passed" for tests in table.values())
-    if code > pytest.ExitCode.TESTS_FAILED:  # it could not read them, or was interrupted
-        return int(code)
-    if not results.chosen and not arguments:
-        outside = from_outside()
-        good = good and all(r.outcome is not Outcome.NOT_HELD for r in outside.values())
-        record = recorded(table, outside)
-        text = json.dumps(record, indent=1, ensure_ascii=False)
-        RECORD.write_text(f"{text}\n", encoding="utf-8")
-        PAGE.write_text(page(record), encoding="utf-8")
-        print(f"\nwritten: {PAGE.relative_to(ROOT)}")
-    print(f"\n{'all rules hold' if good and not code else 'not all rules hold'}")
-    return int(code) or int(not good)
+    boards, good, table = list(BOARDS), True, None
+    if arguments and arguments[0].startswith("--boards"):
+        _, _, names = arguments[0].partition("=")
+        boards = names.split(",") if names else boards
+    else:
+        code, table = run_tests(arguments)
+        show(table)
+        good = not code and all(verdict(runs) == "passed" for runs in table.values())
+        if arguments or code > pytest.ExitCode.TESTS_FAILED:  # it could not read them
+            return code
+    found = from_outside(boards)
+    write(table, found)
+    good &= all(Outcome.NOT_HELD not in outcomes.values() for outcomes in found.values())
+    print(f"\n{'all rules hold' if good else 'not all rules hold'}")
+    return int(not good)
 
 
 if __name__ == "__main__":

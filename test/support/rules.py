@@ -84,17 +84,15 @@ def counts(path: Path, rules: list[str]) -> bool:
 
 
 @cache
-def named_in(path: Path) -> list[list[str]]:
-    """The rules that each test of a file proves, of those in the conformance table."""
-    named = []
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
-            rules = proved_by(ast.get_docstring(node))
-            if counts(path, rules):
-                named.append(rules)
-    return named
-
-
-def files() -> list[Path]:
-    """The files with tests of the conformance table."""
-    return [path for path in sorted(ALL.rglob("test_*.py")) if named_in(path)]
+def proofs() -> dict[str, list[str]]:
+    """The tests of the conformance table, as pytest names them, and the rules that each proves."""
+    found = {}
+    for path in sorted(ALL.rglob("test_*.py")):
+        for node in ast.parse(path.read_text("utf-8")).body:
+            within = f"{node.name}::" if isinstance(node, ast.ClassDef) else ""
+            for one in node.body if isinstance(node, ast.ClassDef) else [node]:
+                if isinstance(one, ast.FunctionDef) and one.name.startswith("test_"):
+                    rules = proved_by(ast.get_docstring(one))
+                    if rules and counts(path, rules):
+                        found[f"{path.relative_to(ALL.parent)}::{within}{one.name}"] = rules
+    return found
