@@ -141,7 +141,7 @@ def test_an_adapter_of_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its lines come in parts; noise does not fill the memory."""
     device, far = Adapter(monkeypatch), Waits(monkeypatch, fdcanusb)
     bus = open_bus("fdcanusb:/dev/x", fd=True)
-    how = {"timeout": 0, "write_timeout": fdcanusb.STUCK, "exclusive": True}
+    how = {"timeout": 0, "write_timeout": 0.05, "exclusive": True}
     assert (device.opened, device.state) == (("/dev/x", how), ["flushed"])
     bus.put(0x8001, b"\1\xff")
     open_bus("fdcanusb:/dev/x").put(5, b"")

@@ -19,7 +19,7 @@ from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Answers, Identity, Order, Traits
 from control_board_ros.plants.drives.faults import RESTARTED
 from control_board_ros.plants.drives.interview import PAUSE, Question, Questions
-from control_board_ros.plants.drives.plant import PACE, DrivesPlant
+from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.interface import DriveFault, DriveLimits, Readings, Setup
 from control_board_ros.testing.plant_contract import set_points
@@ -644,7 +644,7 @@ def test_a_set_up_asks_a_question_per_exchange_at_its_pace(period: float) -> Non
     assert rig.driver.line.clock is rig.clock
     assert rig.driver.closed == 1
     assert np.diff(rig.driver.at[:-1]).tolist() == pytest.approx(
-        [min(period, PACE)] * (len(rig.driver.at) - 2)
+        [min(period, 5e-3)] * (len(rig.driver.at) - 2)
     )
     assert len(rig.driver.at) > 3
 
