@@ -834,7 +834,7 @@ def test_a_zero_is_set_by_its_frame(options: dict[str, str]) -> None:
 @pytest.mark.parametrize(
     ("command", "torque"),
     [((0.0, 0.0, 0.0, 0.0, 0.25), 0.25), ((1.0, 0.0, 3.0, 0.0, 0.25), 1.75),
-     ((0.0, 2.0, 0.0, 0.5, 0.25), 0.75), ((1.0, 2.0, 3.0, 0.5, 0.25), 2.25),
+     ((0.0, 3.0, 0.0, 0.5, 0.25), 1.25), ((1.0, 3.0, 3.0, 0.5, 0.25), 2.75),
      ((0.0, 0.0, 0.0, 0.0, 99.0), 10.0), ((0.0, 0.0, 0.0, 0.0, -99.0), -10.0)],
 )  # fmt: skip
 def test_what_a_motor_makes_of_a_command(command: tuple[float, ...], torque: float) -> None:
