@@ -31,6 +31,8 @@ FREQUENCY_INTERVAL = cython.declare(cython.double, 1.2)
 #: not there; at most, s.
 FADE_TIME_AGES = cython.declare(cython.double, 16.0)
 MAX_FADE_TIME = cython.declare(cython.double, 0.16)
+#: Part of that time for a drive that closes a loop of its own.
+DRIVE_FADE_SHARE = cython.declare(cython.double, 0.75)
 #: Of a swing whose middle is near: way, of the limit's edge, speed and torque, of their limits.
 SWING = cython.declare(cython.double, 0.04)
 SWING_SPEED = cython.declare(cython.double, 0.01)
@@ -162,6 +164,8 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
     time = min(FADE_TIME_AGES * max(j.wire, j.outage), MAX_FADE_TIME)
     if time <= 0.0:
         return INFINITE
+    if j.kind >= AS_VELOCITY:
+        time *= DRIVE_FADE_SHARE
     return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)
 
 
