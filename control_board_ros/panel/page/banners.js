@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Banners: faults and their recovery, takeover requests, a lost connection.
 
 import { h, setText } from "./dom.js";
@@ -48,7 +49,7 @@ function callAttention() {
 
 /** Set the children of an element without replacing those that stay: a finger may be on one. */
 function keepChildren(element, children) {
-  for (const child of [...element.children]) if (!children.includes(child)) child.remove();
+  for (const child of Array.from(element.children)) if (!children.includes(child)) child.remove();
   children.forEach((child, k) => {
     if (element.children[k] !== child) element.insertBefore(child, element.children[k] ?? null);
   });
@@ -59,8 +60,13 @@ function keepChildren(element, children) {
  * the finger, its countdown continues, and it signals once.
  */
 export class Banners {
+  /** @param {HTMLElement} element @param {Panel} panel */
   constructor(element, panel) {
-    Object.assign(this, { element, panel, asked: null, ask: null, ages: new Map(), faults: [] });
+    this.element = element;
+    this.panel = panel;
+    this.asked = this.ask = null;
+    this.ages = new Map();
+    this.faults = [];
     this.lost = h("div", { class: "banner warn" }, h("strong", {}, "No connection to the panel's server."),
       " It is tried again every second. What was held has stopped.");
     this.headline = h("div", { class: "headline" });

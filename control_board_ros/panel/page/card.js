@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // One joint: modes, values, references.
 
 import { Details } from "./details.js";
@@ -11,8 +12,13 @@ const SHORT = { temperature: "Temp." };
 const VALUES = ["velocity", "torque", "position_reference", "output", "current", "temperature"];
 
 export class Card {
+  /** @param {Joint} joint @param {Panel} panel */
   constructor(joint, panel) {
-    Object.assign(this, { joint, panel, sliders: [], shownMode: null, shownModes: null, shownWays: null, scale: null });
+    this.joint = joint;
+    this.panel = panel;
+    /** @type {Control[]} */
+    this.sliders = [];
+    this.shownMode = this.shownModes = this.shownWays = this.scale = null;
     const { short, label, name } = joint;
     this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${label}` });
     chooseOnce(this.mode, (mode) => this.setMode(mode), () => this.joint.mode);
@@ -22,8 +28,9 @@ export class Card {
       "aria-label": `More of ${label}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
     this.position = this.value("position", "big");
     this.values = VALUES.map((signal) => this.value(signal));
+    this.bar = h("i");
     this.push = h("span", { class: "push", role: "meter", "aria-label": `External torque of ${label}`,
-      "aria-valuemin": "-100", "aria-valuemax": "100" }, h("i"));
+      "aria-valuemin": "-100", "aria-valuemax": "100" }, this.bar);
     this.values.find((v) => v.signal === "torque").element.append(this.push);
     this.slots = h("div", { class: "slots" });
     this.why = h("p", { class: "why" });
@@ -103,7 +110,10 @@ export class Card {
     if (ways !== this.shownWays) this.drawInteraction(); // else a press on it would be lost
     if (joint.mode !== this.shownMode) this.drawSliders();
     else if (scale !== this.scale) for (const slider of this.sliders) slider.layout(); // keeps what is typed
-    Object.assign(this, { shownModes: modes, shownWays: ways, shownMode: joint.mode, scale });
+    this.shownModes = modes;
+    this.shownWays = ways;
+    this.shownMode = joint.mode;
+    this.scale = scale;
     this.panel.permit(this.element);
     this.details?.permit();
   }
@@ -215,7 +225,7 @@ export class Card {
     this.push.setAttribute("aria-valuenow", String(percent));
     const torque = quantity(joint.state.external_torque, "external_torque", joint.sliding);
     this.push.title = `External torque: ${torque}; full at a quarter of the limit`;
-    this.push.firstChild.style.cssText = `left:${50 + Math.min(percent, 0) / 2}%;width:${Math.abs(percent) / 2}%`;
+    this.bar.style.cssText = `left:${50 + Math.min(percent, 0) / 2}%;width:${Math.abs(percent) / 2}%`;
   }
 
   /** Cancel inputs in progress. */

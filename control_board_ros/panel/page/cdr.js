@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Reads a serialized BoardState: CDR, 8-byte numbers aligned to 8 bytes.
 
 const FLOATS_BEFORE = ["position", "velocity", "torque", "position_reference",
@@ -78,8 +79,10 @@ export function readFrames(buffer) {
   return frames;
 }
 
+/** @returns {BoardState} */
 function readState(buffer, start, length) {
   const reader = new Reader(buffer, start, length);
+  /** @type {any} */
   const state = { stamp: reader.int32() + 1e-9 * reader.uint32() };
   reader.string(); // frame_id
   state.names = reader.strings().map(clean);
@@ -95,7 +98,7 @@ function readState(buffer, start, length) {
     state[field] = values.length ? values : new Float64Array(count).fill(NaN);
   }
   const brake = reader.bools();
-  state.brake = brake.length ? brake : new Array(count).fill(false);
+  state.brake = brake.length ? brake : Array.from({ length: count }, () => false);
   for (const field of FLOATS_LAST) {
     const values = reader.at < reader.view.byteLength ? reader.floats() : [];
     state[field] = values.length ? values : new Float64Array(count).fill(NaN);

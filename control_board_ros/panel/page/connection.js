@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // The WebSocket: requests with numbers and their answers, messages, frames; reconnects by itself.
 
 import { readFrames } from "./cdr.js";
@@ -39,9 +40,9 @@ export class Connection extends EventTarget {
     };
   }
 
-  emit(name, detail = {}) { this.dispatchEvent(Object.assign(new Event(name), { detail })); }
+  emit(name, detail = {}) { this.dispatchEvent(new CustomEvent(name, { detail })); }
 
-  on(name, listener) { this.addEventListener(name, (event) => listener(event.detail)); }
+  on(name, listener) { this.addEventListener(name, (/** @type {CustomEvent} */ { detail }) => listener(detail)); }
 
   receive(message) {
     const asked = this.waiting.get(message.id);
@@ -54,7 +55,7 @@ export class Connection extends EventTarget {
     this.emit(message.is, message);
   }
 
-  /** Send a request; returns a promise of its answer, with the request's id. */
+  /** Send a request; returns a promise of its answer, with the request's id. @returns {Asked} */
   ask(what, fields = {}, progress = null) {
     const id = this.next++;
     const answer = new Promise((done) => {

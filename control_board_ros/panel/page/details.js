@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Details of a joint: speeds, impedance, gains, calibration.
 
 import { h, setText } from "./dom.js";
@@ -14,8 +15,9 @@ const plain = (value) => (value === null || value === undefined ? "–" : String
 
 /** A group of numbers applied together: values in force and wanted. */
 class Group {
+  /** @param {string} title @param {Field[]} fields @param {Panel} panel @param {Function} apply */
   constructor(title, fields, panel, apply) {
-    Object.assign(this, { fields, panel });
+    this.panel = panel;
     this.rows = fields.map((field) => {
       const now = h("span", { class: "now" });
       const input = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
@@ -82,8 +84,10 @@ class Group {
 }
 
 export class Details {
+  /** @param {Joint} joint @param {Panel} panel */
   constructor(joint, panel) {
-    Object.assign(this, { joint, panel });
+    this.joint = joint;
+    this.panel = panel;
     const one = { board: joint.board.name, joints: [joint.name] };
     const quantity = (name) => ({
       name, title: TITLES[name], unit: () => unitOf(name, joint.sliding)[1],

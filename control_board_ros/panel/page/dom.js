@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Creates elements. Text is always set as text: names are of other machines.
 
-/** An element: h("button", {class: "a", onclick: f, "aria-label": "b"}, "text", child). */
+/**
+ * An element: h("button", {class: "a", onclick: f, "aria-label": "b"}, "text", child).
+ * @template {keyof HTMLElementTagNameMap} T @param {T} tag @returns {HTMLElementTagNameMap[T]}
+ */
 export function h(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
@@ -82,7 +86,7 @@ export function chooseOnce(select, choose, current) {
   select.addEventListener("blur", () => { if (walking) leave(); });
 }
 
-/** Set a text only if it differs. */
+/** Set a text only if it differs. @param {HTMLElement & {shown?: string}} element */
 export function setText(element, text) {
   if (element.shown !== text) { element.shown = text; element.textContent = text; }
 }

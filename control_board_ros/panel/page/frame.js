@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // The freeze frame of a fault: measurements and references around it, as small charts.
 
 import { h } from "./dom.js";
@@ -23,6 +24,7 @@ function line(times, values, x, y, followed) {
   return shape("polyline", { points: points.join(" "), class: followed ? "followed" : "measured" });
 }
 
+/** @param {string[]} row @param {Columns} rows @param {boolean} sliding */
 function chart([title, measured, followed], rows, sliding) {
   const times = rows.time, [factor, unit] = unitOf(measured, sliding);
   const values = [rows[measured], followed ? rows[followed] : []].flat().filter((value) => value !== null);
@@ -39,7 +41,7 @@ function chart([title, measured, followed], rows, sliding) {
     h("figcaption", {}, `${title} ${(factor * low).toPrecision(3)} to ${(factor * high).toPrecision(3)} ${unit}`));
 }
 
-/** The charts of a freeze frame; vertical line: the fault, dashed: the reference. */
+/** The charts of a freeze frame; vertical line: the fault, dashed: the reference. @param {Columns} rows */
 export function frameCharts(rows, sliding) {
   const from = rows.time[0].toFixed(1), to = rows.time.at(-1).toFixed(1);
   return h("div", { class: "frame", role: "group", "aria-label": `From ${from} s to ${to} s around the fault` },

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Dragging a joint in the 3D view sets its target, with the limits and questions of its slider.
 
 import * as THREE from "three";
@@ -17,11 +18,12 @@ function jointOf(part) {
 }
 
 export class Grasp {
-  /**
-   * view: the 3D view; a joint is dragged where its card has a slider for positions that is alive.
-   */
+  /** A joint is dragged where its card has a slider for positions that is alive. @param {View} view */
   constructor(view) {
-    Object.assign(this, { view, on: false, held: null, over: null, looked: 0 });
+    this.view = view;
+    this.on = false;
+    this.held = this.over = null;
+    this.looked = 0;
     this.ray = new THREE.Raycaster();
     const { canvas } = view;
     const listen = (name, listener) => view.element.addEventListener(name, listener, { capture: true });

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Layout of joints: cards, a table with a line for each, or a phone's list with one open.
 
 import { h, segmented } from "./dom.js";
@@ -9,8 +10,10 @@ const HEADS = ["Joint", "Mode", "Interaction", "Position", "Target", "", "Veloci
 const narrow = matchMedia("(max-width: 700px)");
 
 export class Layout {
+  /** @param {Panel} panel @param {HTMLElement} element */
   constructor(panel, element) {
-    Object.assign(this, { panel, element });
+    this.panel = panel;
+    this.element = element;
     this.choice = h("div", { class: "segmented small views", role: "radiogroup", "aria-label": "Joints as" });
     this.heads = h("div", { class: "table-head", "aria-hidden": "true" }, ...HEADS.map((text) => h("span", {}, text)));
     narrow.addEventListener("change", () => this.draw());
@@ -37,7 +40,7 @@ export class Layout {
     });
   }
 
-  /** Open a joint; in a list, close the others. */
+  /** Open a joint; in a list, close the others. @param {Card} card */
   opened(card) {
     if (this.view === "list") for (const other of this.panel.cards) if (other !== card) other.expand(false);
   }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // The log of actions: by whom, as lines to copy.
 
 import { h, icon, segmented, toast } from "./dom.js";
@@ -43,6 +44,7 @@ function script(entries, world) {
 const clock = (at) => new Date(1000 * at).toTimeString().slice(0, 8);
 
 export class Log {
+  /** @param {HTMLElement} element @param {Panel} panel */
   constructor(element, panel) {
     this.panel = panel;
     this.world = localStorage.getItem("world") ?? "cbctl";

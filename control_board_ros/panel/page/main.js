@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // The page: tabs of boards, cards of joints, and shared controls.
 
 import { Banners } from "./banners.js";
@@ -27,11 +28,12 @@ const $ = (id) => document.getElementById(id);
 const connection = new Connection();
 const model = new Model(connection);
 
-class Panel {
+export class Panel {
   constructor() {
     this.live = false;
     this.drops = 0; // how often everything was dropped
     this.tab = null;
+    /** @type {Card[]} */
     this.cards = [];
     this.written = this.framed = 0;
     this.model = model;
@@ -143,7 +145,7 @@ class Panel {
     for (const card of this.cards) card.drop();
   }
 
-  /** The target of a move that has started, of any program. */
+  /** The target of a move that has started, of any program. @param {Board} board */
   askTargets(board) {
     connection.ask("targets", { board: board.name })
       .then((answer) => { if (answer.ok) model.setTargets(board, answer.targets); });
@@ -229,7 +231,7 @@ class Panel {
     this.banners.draw();
     this.operator.draw();
     $("stop").classList.toggle("dead", model.you === null);
-    $("stop").firstChild.data = model.you === null ? "NO STOP: not connected" : "STOP";
+    /** @type {Text} */ ($("stop").firstChild).data = model.you === null ? "NO STOP: not connected" : "STOP";
   }
 
   drawToolbar() {
@@ -262,8 +264,8 @@ class Panel {
     const common = this.cards.map((card) => card.joint.modes)
       .reduce((a, b) => a.filter((code) => b.includes(code)), this.cards[0]?.joint.modes ?? []);
     const key = common.join();
-    if (key === this.allModes.key) return;
-    this.allModes.key = key;
+    if (key === this.offered) return;
+    this.offered = key;
     this.allModes.replaceChildren(h("option", { value: "" }, "mode …"),
       ...common.map((code) => h("option", { value: code }, MODES[code] ?? code)));
   }

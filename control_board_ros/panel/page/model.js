@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Boards and joints, as the server reports them.
 
 import { shortNames } from "./units.js";
@@ -11,11 +12,23 @@ const SILENT = 800; // ms without a state after which a board counts as gone
 const DRAWN = 150; // ms that a frame of the page counts for at most
 
 /** One joint: limits, modes, state, target. */
-class Joint {
+export class Joint {
+  /** @param {Board} board @param {number} index @param {string} name @param {string} short */
   constructor(board, index, name, short) {
-    Object.assign(this, { board, index, name, short, label: short, key: `${board.name} ${name}`, mode: "",
-      interaction: "", fault: null, state: null, target: null, proposed: null, modes: [], interactions: [],
-      kind: "", limits: {}, speed: null, hasBrake: false });
+    this.board = board;
+    this.index = index;
+    this.name = name;
+    this.short = this.label = short;
+    this.key = `${board.name} ${name}`;
+    this.mode = this.interaction = this.kind = "";
+    this.modes = [];
+    this.interactions = [];
+    /** @type {Fault | null} */
+    this.fault = null;
+    this.state = this.target = this.proposed = this.speed = null;
+    /** @type {Limits} */
+    this.limits = {};
+    this.hasBrake = false;
   }
 
   /** External torque as a share of a quarter of the limit, −1 to 1; null where it is not known. */
@@ -32,10 +45,17 @@ class Joint {
   get endless() { return this.limits.lower == null || this.limits.upper == null; }
 }
 
-class Board {
+export class Board {
+  /** @param {string} name @param {number} number */
   constructor(name, number) {
-    Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], received: 0, interval: 0,
-      quiet: 0 });
+    this.name = name;
+    this.number = number;
+    /** @type {Joint[]} */
+    this.joints = [];
+    /** @type {Fault[]} */
+    this.faults = [];
+    this.info = null;
+    this.stamp = this.received = this.interval = this.quiet = 0;
   }
   /** A state is received at a time of the page, ms. */
   receive(now) {
@@ -60,8 +80,10 @@ class Board {
 }
 
 export class Model extends EventTarget {
+  /** @param {Connection} connection */
   constructor(connection) {
     super();
+    /** @type {Map<string, Board>} */
     this.boards = new Map();
     this.you = null;
     this.readOnly = false;
@@ -82,8 +104,8 @@ export class Model extends EventTarget {
     });
   }
 
-  emit(name, detail) { this.dispatchEvent(Object.assign(new Event(name), { detail })); }
-  on(name, listener) { this.addEventListener(name, (event) => listener(event.detail)); }
+  emit(name, detail) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+  on(name, listener) { this.addEventListener(name, (/** @type {CustomEvent} */ { detail }) => listener(detail)); }
 
   get mayOperate() { return this.you !== null && this.you === this.operator.holder; }
 
@@ -177,7 +199,7 @@ export class Model extends EventTarget {
     if (begun) this.emit("move", board);
   }
 
-  /** The parts of a robot's own board; none of any other board. */
+  /** The parts of a robot's own board; none of any other board. @param {Board} whole */
   partsOf(whole) {
     if (whole.joints.length < 2) return [];
     const names = new Set(whole.joints.map((joint) => joint.name));
@@ -186,7 +208,7 @@ export class Model extends EventTarget {
     return parts.reduce((sum, part) => sum + part.joints.length, 0) === names.size ? parts : [];
   }
 
-  /** The boards to watch for these: a robot's own instead of all its parts. */
+  /** The boards to watch for these: a robot's own instead of all its parts. @param {Board[]} boards */
   sources(boards) {
     let left = [...boards];
     const found = [];
@@ -199,7 +221,7 @@ export class Model extends EventTarget {
     return [...found, ...left];
   }
 
-  /** Boards in order: parts as in the robot, then its own board; others by name. */
+  /** Boards in order: parts as in the robot, then its own board; others by name. @param {Board[]} boards */
   inOrder(boards) {
     const wholes = [...this.boards.values()].filter((board) => this.partsOf(board).length);
     const place = (board) => {
@@ -211,7 +233,7 @@ export class Model extends EventTarget {
       || a.name.localeCompare(b.name));
   }
 
-  /** A board's name without the common beginning of all. */
+  /** A board's name without the common beginning of all. @param {Board} board */
   titleOf(board) {
     const one = [...this.boards.values()].every((other) => other.space === board.space);
     return one && this.boards.size > 1 ? board.name.slice(board.space.length + 1) : board.title;

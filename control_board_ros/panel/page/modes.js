@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Modes for people: names, colours (in style.css, by code), what each accepts, why nothing moves.
 
 import { quantity } from "./units.js";
@@ -39,7 +40,7 @@ const FREE = table({
   icur: (load) => `In current control nothing holds its place: it carries ${load}, and runs when its load changes.`,
 });
 
-/** The effect of a change of mode on a loaded joint: a sentence; empty if it stays. */
+/** The effect of a change of mode on a loaded joint; empty if it stays. @param {Joint} joint @param {string} mode */
 export function whatFalls(joint, mode) {
   const { state } = joint;
   if (mode === "idl" && joint.hasBrake) return "";
@@ -48,7 +49,7 @@ export function whatFalls(joint, mode) {
   return FREE[mode](quantity(state.torque, "torque", joint.sliding));
 }
 
-/** Why a joint does not move, or that a move is active; empty otherwise. */
+/** Why a joint does not move, or that a move is active; empty otherwise. @param {Joint} joint */
 export function whyStill(joint) {
   const { mode, state } = joint;
   if (!state) return "Waiting for its state.";

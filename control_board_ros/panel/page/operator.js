@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // The operator: shown, requested, answered.
 
 import { h } from "./dom.js";
 
 export class Operator {
-  constructor(element, panel) { Object.assign(this, { element, panel }); }
+  /** @param {HTMLElement} element @param {Panel} panel */
+  constructor(element, panel) {
+    this.element = element;
+    this.panel = panel;
+  }
 
   draw() {
     const { model } = this.panel;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Live plots of any signals: one chart per unit, one time axis, one cursor.
 
 import { download, h, icon, segmented } from "./dom.js";
@@ -28,8 +29,15 @@ function wide(low, high, least) {
 }
 
 export class Plots {
+  /** @param {HTMLElement} element @param {Panel} panel */
   constructor(element, panel) {
-    Object.assign(this, { panel, element, signals: [], charts: [], paused: false, window: 20, dirty: false });
+    this.panel = panel;
+    this.element = element;
+    /** @type {Plotted[]} */
+    this.signals = [];
+    this.charts = [];
+    this.paused = this.dirty = false;
+    this.window = 20; // s
     this.windows = h("div", { class: "segmented small", role: "radiogroup", "aria-label": "Time shown" });
     this.pauseButton = h("button", { type: "button", class: "ghost", onclick: () => this.pause(!this.paused) });
     this.png = h("button", { type: "button", class: "small-button", onclick: () => this.savePicture(),
@@ -70,7 +78,7 @@ export class Plots {
     return [...new Set(this.signals.map((s) => model.boards.get(s.board)))].filter(Boolean);
   }
 
-  /** A joint and a signal for display; with the board if several are plotted. */
+  /** A joint and a signal for display; with the board if several are plotted. @param {Plotted} s */
   nameOf(s) {
     const { model } = this.panel;
     const board = model.boards.get(s.board);
@@ -78,6 +86,7 @@ export class Plots {
     return `${of}${s.joint.short} ${LABELS[s.signal].toLowerCase()}`;
   }
 
+  /** @param {Joint} joint @param {string} signal */
   find(joint, signal) { return this.signals.find((s) => s.joint.key === joint.key && s.signal === signal); }
 
   toggle(joint, signal) {
@@ -105,7 +114,7 @@ export class Plots {
     this.pauseButton.setAttribute("aria-pressed", String(paused));
   }
 
-  /** Add a state of a board. */
+  /** Add a state of a board. @param {Board} board */
   take(board) {
     if (this.paused) return;
     for (const s of this.signals) {
@@ -254,7 +263,7 @@ export class Plots {
   }
 }
 
-/** The curves of a chart: each signal, followed by its reference, if any. */
+/** The curves of a chart: each signal, followed by its reference, if any. @param {Plotted[]} signals */
 function curves(signals) {
   return signals.flatMap((s) =>
     (s.beside ? [{ s, reference: false }, { s, reference: true }] : [{ s, reference: false }]));

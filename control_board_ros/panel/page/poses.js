@@ -1,12 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Named poses of a board: go, save, and sequences of them.
 
 import { download, h, toast } from "./dom.js";
 import { parse } from "./units.js";
 
 export class Poses {
+  /** @param {HTMLElement} element @param {Panel} panel */
   constructor(element, panel) {
-    Object.assign(this, { element, panel, poses: [], steps: [], running: null, offered: false });
+    this.element = element;
+    this.panel = panel;
+    this.poses = [];
+    this.steps = [];
+    this.running = null;
+    this.offered = false;
     element.hidden = true;
   }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Torques from outside in the view: an arrow around the axis of each joint that is pushed.
 
 import * as THREE from "three";
@@ -13,7 +14,10 @@ const NEAR_Z = new THREE.Vector3(0, 0, 1);
 /** The arrow of a joint of the description, beside the robot: its box is not the robot's. */
 export class Push {
   constructor(scene, urdfJoint, radius) {
-    Object.assign(this, { urdfJoint, radius, length: 0, group: new THREE.Group() });
+    this.urdfJoint = urdfJoint;
+    this.radius = radius;
+    this.length = 0;
+    this.group = new THREE.Group();
     this.group.matrixAutoUpdate = false;
     this.group.visible = false;
     this.turn = new THREE.Matrix4()

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // A question before something moves or falls. It covers nothing: STOP stays in reach.
 
 import { h } from "./dom.js";
 
 export class Questions {
+  /** @param {HTMLElement} element @param {Panel} panel */
   constructor(element, panel) {
-    Object.assign(this, { element, panel, open: null });
+    this.element = element;
+    this.panel = panel;
+    this.open = null;
     element.hidden = true;
     // The key that opened the question, still held, does not answer it.
     element.addEventListener("keydown", (event) => { if (event.repeat) event.preventDefault(); });
@@ -19,7 +23,7 @@ export class Questions {
     this.end(false);
     return new Promise((answer) => {
       this.open = answer;
-      const back = document.activeElement;
+      const back = /** @type {HTMLElement} */ (document.activeElement);
       const reply = (value) => () => { this.end(value); back?.focus?.(); };
       const go = h("button", { type: "button", class: "command primary", "aria-label": `${yes}: yes`,
         onclick: reply(true) }, yes);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Recordings of the boards shown, notes in them, and their reports.
 
 import { h, redraw, setText } from "./dom.js";
@@ -7,8 +8,12 @@ import { h, redraw, setText } from "./dom.js";
 export const reportOf = (name) => `report/${encodeURIComponent(name)}`;
 
 export class Recording {
+  /** @param {HTMLElement} element @param {Panel} panel */
   constructor(element, panel) {
-    Object.assign(this, { element, panel, state: { running: "", reports: [], busy: "" } });
+    this.element = element;
+    this.panel = panel;
+    /** @type {Recordings} */
+    this.state = { running: "", reports: [], busy: "" };
     this.button = h("button", { type: "button", class: "command record", "aria-label": "Record the boards shown",
       onclick: () => this.toggle() });
     this.time = h("span", { class: "rate" });

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Sliders: one sends a position on release, one acts only while held.
 
 import { h, icon, toast } from "./dom.js";
@@ -44,9 +45,14 @@ function dragHandle(handle, input, { begin, move, end, cancel }) {
 
 /** A slider for positions, with marks for measurement and target. On touch screens only its handle moves it. */
 export class PositionSlider {
+  /** @param {Joint} joint */
   constructor(joint, { send, isLive, ask }) {
-    Object.assign(this, { joint, send, isLive, ask, dragging: false, onHandle: false, voided: false,
-      sentAt: -Infinity });
+    this.joint = joint;
+    this.send = send;
+    this.isLive = isLive;
+    this.ask = ask;
+    this.dragging = this.onHandle = this.voided = false;
+    this.sentAt = -Infinity;
     this.measured = h("span", { class: "mark measured", title: "measured" });
     this.target = h("span", { class: "mark target", title: "target" });
     this.fill = h("span", { class: "fill" });
@@ -106,7 +112,10 @@ export class PositionSlider {
   }
 
   /** Begin a pointer's or key's input, on the handle or not. */
-  begin(onHandle) { Object.assign(this, { onHandle, voided: false }); }
+  begin(onHandle) {
+    this.onHandle = onHandle;
+    this.voided = false;
+  }
 
   moved() {
     if (this.voided) { this.draw(); return; }
@@ -204,8 +213,13 @@ export class PositionSlider {
 
 /** A slider that acts while held, and two buttons likewise. */
 export class HoldSlider {
+  /** @param {Joint} joint @param {string} kind */
   constructor(joint, kind, { hold, release }) {
-    Object.assign(this, { joint, kind, hold, release, timer: 0, value: 0 });
+    this.joint = joint;
+    this.kind = kind;
+    this.hold = hold;
+    this.release = release;
+    this.timer = this.value = 0;
     const label = { velocity: "Velocity", veldirect: "Velocity", torque: "Torque", output: "Output",
       current: "Current" }[kind];
     this.zero = h("span", { class: "mark zero" });

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Dark or light: as the system, also after its changes, or as chosen.
 
 import { icon } from "./dom.js";

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // Quantities for display: degrees or radians, millimetres, others in the board's units.
 
 const DEGREE = Math.PI / 180;
@@ -10,8 +11,9 @@ export function setDegrees(value) {
   localStorage.setItem("unit", value ? "deg" : "rad");
 }
 
-/** Factor to the shown unit, its name, and digits behind the point. */
+/** Factor to the shown unit, its name, and digits behind the point. @returns {[number, string, number]} */
 export function unitOf(signal, sliding) {
+  /** @type {[number, string, number]} */
   const angle = sliding ? [1000, "mm", 1] : degrees ? [1 / DEGREE, "°", 1] : [1, "rad", 3];
   switch (signal) {
     case "position": case "position_reference": case "target": return angle;

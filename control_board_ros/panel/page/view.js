@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// @ts-check
 // The robot in motion: as measured, its reference as a ghost, torque as colour, pushes as arrows.
 
 import * as THREE from "three";
@@ -54,9 +55,16 @@ function looks({ joint, position, wanted }) {
 }
 
 export class View {
+  /** @param {HTMLElement} element @param {Panel} panel */
   constructor(element, panel) {
-    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, begun: 0, look: null,
-      colours: new Map(), pushes: new Map(), cost: 0, placed: false, checked: 0 });
+    this.element = element;
+    this.panel = panel;
+    this.key = "";
+    this.robot = this.ghost = this.look = null;
+    this.drawn = this.begun = this.cost = this.checked = 0;
+    this.colours = new Map();
+    this.pushes = new Map();
+    this.placed = false;
     this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag or arrow keys turn it, + and − zoom", role: "img",
       tabindex: "0" });
     this.note = h("p", { class: "hint" });
@@ -122,10 +130,11 @@ export class View {
     const tilt = { ArrowUp: -0.1, ArrowDown: 0.1 }[event.key];
     const zoom = { "+": 0.9, "-": 1 / 0.9 }[event.key];
     if (round) way.applyAxisAngle(this.camera.up, round);
-    else if (tilt)
+    else if (tilt) {
+      const end = way.angleTo(this.camera.up) + tilt;
       way.applyAxisAngle(new THREE.Vector3().crossVectors(this.camera.up, way).normalize(),
-        tilt * (way.angleTo(this.camera.up) + tilt > 0.05 && way.angleTo(this.camera.up) + tilt < 3.09));
-    else if (zoom) way.multiplyScalar(zoom);
+        end > 0.05 && end < 3.09 ? tilt : 0);
+    } else if (zoom) way.multiplyScalar(zoom);
     else return;
     event.preventDefault();
     this.placed = false;
@@ -295,7 +304,7 @@ export class View {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Arrows where joints are pushed from outside. */
+  /** Arrows where joints are pushed from outside. @param {Board[]} boards */
   drawPushes(boards) {
     this.robot.updateMatrixWorld();
     for (const joint of boards.flatMap((board) => board.joints)) {
@@ -306,7 +315,7 @@ export class View {
     }
   }
 
-  /** Joints of the description moved by a board: measured and wanted position, axis. */
+  /** Joints of the description moved by a board: measured and wanted position, axis. @param {Board} board */
   places(board) {
     const rows = board.joints.map((joint, k) => [joint.name, [[k, 1]]]);
     const places = [];
