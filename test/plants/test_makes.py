@@ -383,15 +383,16 @@ def test_a_text_is_asked_for_by_its_object() -> None:
 
 
 def written(questions: Any) -> dict[int, int | None]:
-    """What a set-up writes, by address, where each write is acknowledged."""
+    """What a set-up writes, by address, where each write is acknowledged, and read back."""
     from control_board_ros.plants.drives.serial_line import Reply
 
     found, question = {}, next(questions)
     try:
         while True:
             item, value, _ = question.request
-            found[item.address] = value
-            question = questions.send([Reply(value, 0)])
+            if value is not None:
+                found[item.address] = value
+            question = questions.send([Reply(found[item.address], 0)])
     except StopIteration:
         return found
 

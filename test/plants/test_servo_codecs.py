@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -345,8 +346,13 @@ def test_indirect_data_of_older_firmware(number: int, firmware: int, place: int)
     assert d.MODELS[number].data(firmware) == place
 
 
-def talk(questions: Any, table: dict[int, int]) -> tuple[dict[int, int], Any]:
-    """A conversation with a servo that has these values and accepts all: what is written."""
+def talk(
+    questions: Any, table: dict[int, int], stuck: Sequence[int] = ()
+) -> tuple[dict[int, int], Any]:
+    """A conversation with a servo that has these values and accepts all: what is written.
+
+    Of what is stuck, by address, it acknowledges the value, and keeps its own.
+    """
     found: dict[int, int] = {}
 
     def answered(question: Any) -> list[Any]:
@@ -356,7 +362,8 @@ def talk(questions: Any, table: dict[int, int]) -> tuple[dict[int, int], Any]:
         if value is not None:
             found[item.address] = value
             return [Reply(value, 0)]
-        data = table.get(item.address, 0).to_bytes(item.length, "little")
+        kept = {} if item.address in stuck else found
+        data = (table | kept).get(item.address, 0).to_bytes(item.length, "little")
         return [Reply(int.from_bytes(data, "little", signed=signed), 0)]
 
     return found, converse(questions, answered)
@@ -452,6 +459,8 @@ def test_laws_are_set_with_goals_of_rest() -> None:
                          (16, {11: 16, 100: 0}), (4, {11: 4, 80: 7, 116: 3072}),
                          (4, {116: 3072}), (5, {11: 5, 80: 7, 116: 3072})):  # fmt: skip
         assert talk(codec.driver.set_law(0, law), {}) == (written, law)
+    assert talk(codec.driver.set_law(0, 0), {11: 5}, stuck=[11])[1] == 5  # as it reads back
+    assert talk(codec.driver.set_law(0, 5), {11: 5}) == ({80: 7, 116: 3072}, 5)
     codec, _ = feetech()
     codec.driver._places[0] = 700
     assert talk(codec.driver.set_law(0, 0), {}) == ({42: 700}, 0)

@@ -31,7 +31,7 @@ GOALS = {
     SetPoint.VELOCITY: (t.GOAL_VELOCITY, t.VELOCITY_MODE),
     SetPoint.POSITION: (t.GOAL_POSITION, t.EXTENDED),
 }
-#: A mode that was written and is not acknowledged yet.
+#: A mode that was written and is not read back yet.
 UNKNOWN = -1
 
 
@@ -59,7 +59,7 @@ class Servo:
     """One servo since it was set up.
 
     Attributes: model; data (where its indirect data begin); pwm, current (its limits, counts);
-        gains (D, I and P of positions, as found); mode (as it acknowledged), reset (whether it
+        gains (D, I and P of positions, as found); mode (as read back), reset (whether it
         has set the gains back).
     """
 
@@ -146,17 +146,19 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         )
 
     def set_law(self, k: int, law: int) -> Questions[int]:
-        """The mode, where it is another, and its goal of rest, each acknowledged.
+        """The mode, where it is another, read back, and its goal of rest, acknowledged.
 
         A change resets the gains (e-manual, "Operating Mode(11)"): they are as found again.
         """
         servo = self._servos[k]
         rest = {t.PWM_MODE: t.GOAL_PWM, t.CURRENT_MODE: t.GOAL_CURRENT,
                 t.VELOCITY_MODE: t.GOAL_VELOCITY}  # fmt: skip
+        if servo.mode == UNKNOWN:
+            servo.mode = yield from get(self._axes[k].id, t.MODE)
         if servo.mode != law:
-            servo.mode, servo.reset = UNKNOWN, True  # also where the acknowledgement is lost
+            servo.mode, servo.reset = UNKNOWN, True  # also where an answer is lost
             yield from self._put(k, t.MODE, law)
-            servo.mode = law
+            servo.mode = yield from get(self._axes[k].id, t.MODE)
         if servo.reset and law not in rest:
             yield from self._put(k, t.POSITION_GAINS, servo.gains)
             servo.reset = False
@@ -165,7 +167,7 @@ class DynamixelDrives(ServoDrives[DynamixelOptions]):
         else:
             place = round(self._answers.position[k] / t.COUNT) + t.CENTRE
             yield from self._put(k, t.GOAL_POSITION, place)
-        return law
+        return servo.mode
 
     def _reset(self, k: int) -> None:
         """A restart clears a shutdown, a new watchdog one that tripped."""
