@@ -28,7 +28,7 @@ MOVED = [
 ]
 FOLLOWS = "lbr_iiwa_joint_7"
 #: rad, and s that a goal lasts, or one that is cancelled.
-WAY, SHORT, LONG = 5e-5, 5e-3, 60.0
+WAY, SHORT, LONG = 1e-4, 5e-3, 60.0
 
 
 @pytest.fixture(scope="module")

@@ -22,8 +22,8 @@ def change_command(kind: CommandKind, **fields: Any) -> None:
 
 
 @replaces("P2", "core.group:all_within")
-def a_speed_of_zero(old: Any, *args: Any, **_: Any) -> Any:
-    return old(*args, zero=True)
+def a_speed_of_zero(old: Any, *args: Any, lowest: Any, **named: Any) -> Any:
+    return old(*args, lowest=np.zeros_like(lowest), **named)
 
 
 @breaks("P3")
