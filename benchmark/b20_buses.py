@@ -42,6 +42,8 @@ from control_board_ros.plants.virtual.can_bus import VirtualCan
 from control_board_ros.plants.virtual.world import free_world
 
 BUSES, JOINTS, PERIOD, TIMEOUT = 3, 4, 2e-3, 5.0
+#: UDP port: below those that the system hands out.
+PORT = 23113
 #: Of answers, percent.
 MISSED = 1.0
 #: Bytes of a datagram with a set-point, and of one with an answer.
@@ -86,7 +88,8 @@ def run(effort: Effort) -> list[Figure]:
     seconds = effort.of(10.0, 2.0, 0.1)
     names = [tuple(f"joint_{bus}_{k}" for k in range(JOINTS)) for bus in range(BUSES)]
     own = os.getpid() & 0xFFFF
-    addresses = [f"udp_multicast:239.{74 + k}.{own >> 8}.{own & 0xFF}" for k in range(BUSES)]
+    group = f"{own >> 8}.{own & 0xFF}:{PORT}"
+    addresses = [f"udp_multicast:239.{74 + k}.{group}" for k in range(BUSES)]
     ids = [" ".join(str(bus * JOINTS + k + 1) for k in range(JOINTS)) for bus in range(BUSES)]
     n = BUSES * JOINTS
     with drives(addresses, names, ids) as remember:
