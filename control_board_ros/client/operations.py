@@ -138,9 +138,9 @@ class request(operation[P, Reply]):  # noqa: N801  (a decorator)
             except RequestError as error:
                 if "joints" not in names.parameters:
                     return refused(str(error))
-                given = names.bind(owner, *args[0], **args[1]).arguments
+                arguments = names.bind(owner, *args[0], **args[1]).arguments
                 services: Services = owner._services
-                return services.refuse(given.get("joints"), error)
+                return services.refuse(arguments.get("joints"), error)
 
         @wraps(coroutine)
         def refusing(

@@ -56,11 +56,11 @@ class LeaseService:
 
     def leave(self, browser: Browser) -> None:
         """Remove a browser; a page that was loaded again before it left goes on operating."""
-        same = (b for b in self._state.browsers.values() if browser.tab and b.tab == browser.tab)
-        operates = self.lease.holder == browser.number
+        tabs = {b.tab: b.number for b in self._state.browsers.values() if b.tab}
+        operated = self.lease.holder == browser.number
         self.lease.leave(browser.number)
-        if operates and self.lease.holder is None and (again := next(same, None)):
-            self.lease.give_to(again.number)
+        if operated and self.lease.holder is None:
+            self.lease.give_to(tabs.get(browser.tab))
         self.changed()
 
     def check(self, browser: Browser, request: Request) -> None:

@@ -176,10 +176,10 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     j.steady = 1.0
     if j.kind >= AS_POSITION:
         speed *= j.calm if j.kind == AS_IMPEDANCE else 1.0
-        held = speed * max(j.hold_time - j.period, 0.0)  # of set-points that stand: v x/(1 − e⁻ˣ)
-        held = held / (1.0 - exp(-held)) if held > 1e-6 else 1.0
-        off = held + speed * UNEVEN_SPEED * sqrt(j.age_variance)
-        j.steady = min(MAX_UNEVEN_SPEED / off, 1.0)
+        x = speed * max(j.hold_time - j.period, 0.0)  # of set-points that stand: v x/(1 − e⁻ˣ)
+        peak = x / (1.0 - exp(-x)) if x > 1e-6 else 1.0
+        peak += speed * UNEVEN_SPEED * sqrt(j.age_variance)
+        j.steady = min(MAX_UNEVEN_SPEED / peak, 1.0)
     j.blind = j.missed > GAP * j.period + j.wire
     if j.blind and j.kind < AS_VELOCITY:
         j.coasts = True

@@ -168,8 +168,8 @@ def change_id(old: int, new: int) -> Questions[None]:
         kind, between, _ = Parts.of(message.arbitration_id)
         return bool(between >> 14) if sent_by(old, message) and kind == MOTION else None
 
-    same = frame(WRITE, old, TORQUE_LIMIT.to_bytes(4, "little") + pack(TORQUE_LIMIT, limit))
-    if (yield from ask(Question([same], pick), text)):
+    rewrite = frame(WRITE, old, TORQUE_LIMIT.to_bytes(4, "little") + pack(TORQUE_LIMIT, limit))
+    if (yield from ask(Question([rewrite], pick), text)):
         raise ValueError(f"id {old} has power; it changes its id without")
     yield Question([frame(SET_ID, old, between=new << 8 | r.MASTER)], identity(new).pick)
     yield motion(new, frame(STORE, new, SECRET + bytes([7, 8])))
