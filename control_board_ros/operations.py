@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from .core.goals.pose import Pose
-from .core.goals.pose_moves import PoseTask, made_pose, pose_now
+from .core.goals.pose_moves import made_pose, move_to_pose, pose_now
 from .core.goals.tasks import CalibrationTask, MoveTask
 from .core.selection import RequestError
 from .core.state import BLOCK
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 Fields = dict[str, Any]
 Operation = Callable[["JointGroup", Any], Fields]
 #: A goal of several cycles, and its start, with the board held between two of them.
-Task = MoveTask | CalibrationTask | PoseTask
+Task = MoveTask | CalibrationTask
 Begin = Callable[["JointGroup"], Task]
 
 FEEDFORWARD = "feedforward"
@@ -420,7 +420,7 @@ class Poses:
     def move(self, request: Any) -> Begin:
         """The start of a goal of ~/go_to_pose; raises RequestError where the pose is unknown."""
         pose = self._find(request.pose)
-        return lambda board: PoseTask(board, pose, request.speed)
+        return lambda board: move_to_pose(board, pose, request.speed)
 
     def _find(self, name: str) -> Pose:
         """A pose by its name; RequestError, with the known ones, where it is unknown."""

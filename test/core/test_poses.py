@@ -11,13 +11,13 @@ from rig import Rig, board_config, joint, with_a_slide
 
 from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.pose_moves import (
-    PoseTask,
     made_pose,
+    move_to_pose,
     plan_move,
     pose_now,
     start_parking,
 )
-from control_board_ros.core.goals.tasks import Outcome
+from control_board_ros.core.goals.tasks import MoveTask, Outcome
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reason
 
@@ -29,7 +29,7 @@ def rig() -> Rig:
     return with_a_slide()
 
 
-def arrivals(rig: Rig, task: PoseTask) -> tuple[Outcome, np.ndarray]:
+def arrivals(rig: Rig, task: MoveTask) -> tuple[Outcome, np.ndarray]:
     """How a task ends, and in which cycle each joint's profile ended."""
     ends = np.full(rig.board.count, -1)
     for cycle in range(10_000):
@@ -47,14 +47,14 @@ def test_all_joints_arrive_together_at_the_mean_speed_of_the_slowest(
     rig: Rig, speed: float, mean: float
 ) -> None:
     """R5, P1: T = |Δ|/v of the joint with the longest way; the speed requested, or the pose's."""
-    task = PoseTask(rig.board, READY, speed)
+    task = move_to_pose(rig.board, READY, speed)
     assert task.remaining_time() == pytest.approx(1.0 / mean)
-    assert task.remaining() == pytest.approx(READY.positions)
+    assert task.feedback()["remaining"] == pytest.approx(READY.positions)
     outcome, ends = arrivals(rig, task)
     assert outcome == (True, "")
     assert ends.tolist() == [round(1.0 / mean / rig.board.period) - 1] * 3
     assert rig.board.get_target_position().tolist() == list(READY.positions)
-    assert np.abs(task.remaining()).max() < 0.01
+    assert np.abs(task.feedback()["remaining"]).max() < 0.01
 
 
 def test_without_a_speed_the_slowest_reference_speed_counts(rig: Rig) -> None:
@@ -67,7 +67,7 @@ def test_without_a_speed_the_slowest_reference_speed_counts(rig: Rig) -> None:
 
 def test_a_speed_beyond_the_limits_is_bounded_and_reported(rig: Rig) -> None:
     """P1: what will be done in place of what was requested."""
-    task = PoseTask(rig.board, READY, 50.0)
+    task = move_to_pose(rig.board, READY, 50.0)
     outcome, ends = arrivals(rig, task)
     assert outcome.success
     assert outcome.message.startswith("b: 0.625 s at a mean speed of ")  # 1.875/3
@@ -75,7 +75,7 @@ def test_a_speed_beyond_the_limits_is_bounded_and_reported(rig: Rig) -> None:
     assert len(set(ends.tolist())) == 1
 
 
-def speeds_within(rig: Rig, task: PoseTask) -> float:
+def speeds_within(rig: Rig, task: MoveTask) -> float:
     """Let it end; the greatest step of any velocity reference, rad/s, in a cycle."""
     last, worst = rig.board.snapshot().velocity_reference.copy(), 0.0
     while task.outcome() is None:
@@ -92,18 +92,18 @@ def test_joints_in_motion_arrive_together_too(
     rig: Rig, part: float, back: tuple[float, ...]
 ) -> None:
     """R5, P1: a pose requested on the way to another one: no jump, one end, within the limits."""
-    first = PoseTask(rig.board, READY)
+    first = move_to_pose(rig.board, READY)
     rig.run(part * first.remaining_time())
-    task = PoseTask(rig.board, Pose("back", READY.joints, back), 0.5)
+    task = move_to_pose(rig.board, Pose("back", READY.joints, back), 0.5)
     worst = speeds_within(rig, task)
     assert worst <= 1.001 * 20.0 * rig.board.period  # rad/s² of the limits
     assert rig.board.get_encoder() == pytest.approx(back, abs=0.01)
     over = first.outcome()
     assert over is not None
     assert "another move" in over.message
-    again = PoseTask(rig.board, READY)
+    again = move_to_pose(rig.board, READY)
     rig.run(part * again.remaining_time())
-    outcome, ends = arrivals(rig, PoseTask(rig.board, Pose("back", READY.joints, back), 0.5))
+    outcome, ends = arrivals(rig, move_to_pose(rig.board, Pose("back", READY.joints, back), 0.5))
     assert outcome.success
     assert len(set(ends.tolist())) == 1
 
@@ -115,7 +115,7 @@ def test_joints_in_another_mode_refuse_a_pose_whole_and_are_all_named(rig: Rig) 
     board.set_control_mode("c", "idl")
     before = board.snapshot().position_reference
     with pytest.raises(RequestError) as caught:
-        PoseTask(board, READY)
+        move_to_pose(board, READY)
     assert str(caught.value) == (
         "ready is a POSITION move, and b is in VELOCITY, c is in IDLE; "
         "its joints must be in pos or mix"
@@ -133,7 +133,7 @@ def test_more_joints_than_a_summary_names_are_all_named() -> None:
     rig = Rig(board_config(*map(joint, names)))
     rig.tick()
     with pytest.raises(RequestError) as caught:
-        PoseTask(rig.board, Pose("far", names, (0.1,) * 5, 0.4))
+        move_to_pose(rig.board, Pose("far", names, (0.1,) * 5, 0.4))
     assert str(caught.value) == (
         "far is a POSITION move, and a, b, c, d, e are in IDLE; its joints must be in pos or mix"
     )
@@ -143,7 +143,7 @@ def test_more_joints_than_a_summary_names_are_all_named() -> None:
 def test_a_pose_refused_for_another_reason_gives_it(rig: Rig) -> None:
     """R5, P13."""
     with pytest.raises(RequestError, match="a ignored: nan is not a finite number") as caught:
-        PoseTask(rig.board, Pose("odd", ("a", "b"), (float("nan"), 0.1), 0.4))
+        move_to_pose(rig.board, Pose("odd", ("a", "b"), (float("nan"), 0.1), 0.4))
     assert caught.value.codes == (Reason.NOT_FINITE, Reason.TOGETHER)
 
 
@@ -152,14 +152,14 @@ def test_a_joint_in_fault_is_reported_with_its_cause(rig: Rig) -> None:
     rig.plant.inject("a", "external")
     rig.tick(2)
     with pytest.raises(RequestError, match=r"a is in HW_FAULT \(.*external") as caught:
-        PoseTask(rig.board, READY)
+        move_to_pose(rig.board, READY)
     assert caught.value.codes[0] is Reason.IN_FAULT
 
 
 def test_joints_outside_a_pose_are_unaffected(rig: Rig) -> None:
     """R5: it concerns its joints only."""
     rig.board.set_control_mode("b", "torq")
-    task = PoseTask(rig.board, Pose("one", ("a",), (0.3,), 1.0))
+    task = move_to_pose(rig.board, Pose("one", ("a",), (0.3,), 1.0))
     assert arrivals(rig, task)[0].success
     assert rig.board.get_control_mode("b")[0].code == "torq"
 
@@ -167,12 +167,12 @@ def test_joints_outside_a_pose_are_unaffected(rig: Rig) -> None:
 def test_mixed_accepts_a_pose(rig: Rig) -> None:
     """M3: MIXED takes position moves."""
     rig.board.set_control_mode(None, "mix")
-    assert arrivals(rig, PoseTask(rig.board, READY))[0] == (True, "")
+    assert arrivals(rig, move_to_pose(rig.board, READY))[0] == (True, "")
 
 
 def test_cancelling_stops_the_joints(rig: Rig) -> None:
     """As a move."""
-    task = PoseTask(rig.board, READY)
+    task = move_to_pose(rig.board, READY)
     rig.run(0.5)
     assert task.cancel().startswith("cancelled; a, b, c stopped")
     rig.run(3.0)
@@ -190,7 +190,7 @@ def test_parking_switches_powered_joints(rig: Rig) -> None:
 @pytest.mark.parametrize("speed", [-0.1, 5e-324, float("nan"), float("inf")])
 def test_an_invalid_speed_is_refused(rig: Rig, speed: float) -> None:
     with pytest.raises(RequestError, match=r"speed .* is not valid; 1e-06 or more"):
-        PoseTask(rig.board, READY, speed)
+        move_to_pose(rig.board, READY, speed)
     assert rig.board.check_motion_done() == [True] * 3
 
 
@@ -221,7 +221,7 @@ def test_a_wrong_pose_is_refused(rig: Rig, change: dict[str, Any], text: str) ->
 
 def test_the_present_pose_is_the_measured_one(rig: Rig) -> None:
     """A joint held at a limit, where sensors say a little beyond, is within."""
-    arrivals(rig, PoseTask(rig.board, READY))
+    arrivals(rig, move_to_pose(rig.board, READY))
     assert pose_now(rig.board, "p", ["b", "a"]).joints == ("b", "a")
     assert pose_now(rig.board, "p", ["b", "a"]).speed == 0.0  # as the joints are configured
     assert pose_now(rig.board, "p", []).positions == pytest.approx(READY.positions, abs=0.01)

@@ -17,7 +17,8 @@ raise_from_now_on: list[bool] = []
 
 def prepare() -> None:
     """Let every callback raise once SIGUSR1 has come."""
-    from control_board_ros.node.wiring import actions, services, topics
+    from control_board_ros.core.goals.tasks import CalibrationTask, MoveTask
+    from control_board_ros.node.wiring import services, topics
 
     def raised(original: Any) -> Any:
         def call(*given: Any, **named: Any) -> Any:
@@ -32,7 +33,7 @@ def prepare() -> None:
 
     for name in [name for name in vars(services.Services) if not name.startswith("_")]:
         wrap(services.Services, name)
-    for task in (actions.MoveTask, actions.CalibrationTask):
+    for task in (MoveTask, CalibrationTask):
         wrap(task, "outcome")
     made = topics.CommandTopics.callbacks
 

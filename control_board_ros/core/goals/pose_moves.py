@@ -3,7 +3,7 @@
 
 All joints arrive together::
 
-    task = PoseTask(board, Pose("park", ("shoulder", "elbow"), (0.0, 1.2), speed=0.3))
+    task = move_to_pose(board, Pose("park", ("shoulder", "elbow"), (0.0, 1.2), speed=0.3))
     while (outcome := task.outcome()) is None:
         plant.write(board.tick(plant.read()))
 """
@@ -12,18 +12,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...text import count_of
 from ..machine.explanations import LEAST_RATE, explain_slower
 from ..selection import RequestError
-from ..terms.arguments import Array
 from ..terms.modes import FAULTED, MOVES, POWERED, modes_accepting
 from ..terms.vocabs import CommandKind, ControlMode
 from .pose import MAX_VALUE, NAME, Pose
-from .tasks import MoveTask, Outcome, takes_moves, tolerance
+from .tasks import MoveTask, takes_moves, tolerance
 
 if TYPE_CHECKING:
     from ..group import JointGroup
@@ -36,51 +35,26 @@ class Plan(NamedTuple):
     note: str
 
 
-class PoseTask:
-    """The move to a pose, started for all of its joints or for none.
+def move_to_pose(board: JointGroup, pose: Pose, speed: float = 0.0) -> MoveTask:
+    """Start the move to a pose, for all of its joints or for none.
 
-    ``speed`` is the mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
+    Args:
+        board: which moves.
+        pose: of its joints.
+        speed: mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
 
     Raises:
         RequestError: a joint cannot move, or the speed is not valid; nothing has changed.
-
-    Attributes: names (of the joints).
     """
-
-    def __init__(self, board: JointGroup, pose: Pose, speed: float = 0.0) -> None:
-        self._board = board
-        self.names = board.selector.select(pose.joints).names
-        positions = np.array(pose.positions)
-        plan = plan_move(board, pose, speed)
-        try:
-            self._move = MoveTask(board, self.names, positions, time=plan.time, note=plan.note)
-        except RequestError as error:
-            text = explain_modes(board, pose) or str(error)
-            raise RequestError(text, codes=error.codes) from error
-        self._targets = board.get_target_position(self.names)
-
-    def outcome(self) -> Outcome | None:
-        """Outcome; None while active."""
-        return self._move.outcome()
-
-    def remaining(self) -> Array:
-        """Remaining distances, signed, rad or m, one per joint."""
-        return self._targets - self._board.get_encoder(self.names)
-
-    def remaining_time(self) -> float:
-        """Time until the joints arrive, s."""
-        return self._move.remaining_time()
-
-    def feedback(self) -> dict[str, Any]:
-        """Fields of the action's feedback: names, remaining distances (rad, m)."""
-        return {"names": list(self.names), "remaining": self.remaining()}
-
-    def cancel(self) -> str:
-        """Stop the joints that still do this move; the result in words."""
-        return self._move.cancel()
+    plan = plan_move(board, pose, speed)
+    try:
+        return MoveTask(board, pose.joints, pose.positions, time=plan.time, note=plan.note)
+    except RequestError as error:
+        text = explain_modes(board, pose) or str(error)
+        raise RequestError(text, codes=error.codes) from error
 
 
-def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
+def start_parking(board: JointGroup, pose: Pose) -> MoveTask:
     """Start the move to the pose in which the robot is left without power (R6).
 
     A request for it at the end also requests POSITION (M2): joints that have power in
@@ -102,7 +76,7 @@ def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
         reply = board.set_control_mode(others, MOVES)
         if not reply:
             raise RequestError(reply.message)
-    return PoseTask(board, pose)
+    return move_to_pose(board, pose)
 
 
 def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:

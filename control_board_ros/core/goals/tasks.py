@@ -255,10 +255,14 @@ class MoveTask:
         return float(np.max(self._board.get_remaining_time(self.names), initial=0.0))
 
     def feedback(self) -> dict[str, Any]:
-        """Fields of the action's feedback: names, positions (rad, m), remaining time (s)."""
+        """Fields of the actions' feedback: names, positions and remaining distances (rad, m;
+        signed), remaining time (s).
+        """
+        positions = self._board.get_encoder(self.names)
         return {
             "names": list(self.names),
-            "positions": self._board.get_encoder(self.names),
+            "positions": positions,
+            "remaining": np.array([joint.target for joint in self._joints]) - positions,
             "remaining_time": self.remaining_time(),
         }
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from control_board_msgs.action import Calibrate, GoToPose, Move
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -21,8 +20,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from ...core.goals.pose_moves import PoseTask
-from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
+from ...core.goals.tasks import Outcome
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
 from ...operations import Begin, Task, calibration, doubles, move
@@ -35,18 +33,13 @@ PERIOD = 0.05
 RESULT_KEPT = 60
 
 T = TypeVar("T")
-FEEDBACK: dict[type[Task], Any] = {
-    MoveTask: Move.Feedback,
-    CalibrationTask: Calibrate.Feedback,
-    PoseTask: GoToPose.Feedback,
-}
 
 
-def feedback_of(task: Task) -> Any:
-    """The present feedback message."""
-    fields = task.feedback()
+def feedback_of(task: Task, kind: Any) -> Any:
+    """The present feedback message, of its kind."""
+    names, fields = kind.get_fields_and_field_types(), task.feedback()
     values = {n: doubles(v) if isinstance(v, np.ndarray) else v for n, v in fields.items()}
-    return FEEDBACK[type(task)](**values)
+    return kind(**{name: values[name] for name in names})
 
 
 @dataclass(slots=True, eq=False)
@@ -110,7 +103,7 @@ class Actions:
         requests: RequestLog,
     ) -> None:
         self._member, self._warn, self._requests = member, warn, requests
-        self._goals: list[Goal[Task]] = []
+        self._goals: dict[Goal[Task], Any] = {}  # with the type of its feedback
         self._servers: Sequence[ActionServer] = [
             self._server(node, MOVE, move),
             self._server(node, CALIBRATE, calibration),
@@ -140,7 +133,7 @@ class Actions:
                 text = "the simulation is paused; resume it with ~/pause"
                 self._warn(f"{action.short} waits: {text}", "times")
             ended = Future()
-            self._goals.append(Goal(handle, task, ended))
+            self._goals[Goal(handle, task, ended)] = kind.Feedback
             if len(self._goals) == 1:
                 self._timer.reset()
             outcome = await ended
@@ -150,23 +143,23 @@ class Actions:
 
     def _look(self) -> None:
         """Send feedback of every goal; end the completed and the cancelled ones."""
-        for goal in list(self._goals):
+        for goal, feedback in list(self._goals.items()):
             outcome: Outcome | None = Outcome(False, "internal error; see the board's log")
             try:
-                outcome = self._attend(goal)
+                outcome = self._attend(goal, feedback)
             finally:
                 if outcome is not None:
-                    self._goals.remove(goal)
+                    del self._goals[goal]
                     goal.ended.set_result(outcome)
         if not self._goals:
             self._timer.cancel()
 
-    def _attend(self, goal: Goal[Task]) -> Outcome | None:
+    def _attend(self, goal: Goal[Task], kind: Any) -> Outcome | None:
         task = goal.task
         with self._member.exclusive():
             cancelled = goal.handle.is_cancel_requested
             outcome = Outcome(False, task.cancel()) if cancelled else task.outcome()
-            feedback = feedback_of(task)
+            feedback = feedback_of(task, kind)
         goal.handle.publish_feedback(feedback)
         if outcome is not None:
             goal.close(cancelled=cancelled, success=outcome.success)
