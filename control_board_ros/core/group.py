@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from .calibration.calibrations import CalibrationStatus
 from .config.config import BoardConfig, ConfigError, JointConfig, Zone
 from .engine import Engine
-from .machine.commands import check_valid_for, spread_along
 from .machine.decisions import Requested
 from .machine.explanations import LEAST_RATE
-from .machine.motors import shaft_readings, terms_of
+from .machine.motors import shaft_readings
 from .model.coupling import Coupling
 from .old_names import ModeShortcuts
 from .selection import (
@@ -132,6 +131,13 @@ class JointGroup(ModeShortcuts):
         """Record a heartbeat (E2); now: as :meth:`Board.tick` has it."""
         self.engine.emergency.beat(self.time if now is None else now)
 
+    def _checked(self, joints: Joints, answer: Callable[[Selection], Reply]) -> Reply:
+        """The answer to a request; a RequestError of its checks refuses all of it (M7)."""
+        try:
+            return answer(self.selector.select(joints))
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+
     def _ask(
         self,
         joints: Joints,
@@ -173,24 +179,16 @@ class JointGroup(ModeShortcuts):
     ) -> Reply:
         """Send references of one kind, as :meth:`Commands.command`; see COMMANDS for ``along``."""
         try:
-            if valid_for:
-                check_valid_for(kind, valid_for)
             selection = self.selector.select(joints)
-            count = len(selection.names)
-            references = spread(values, count, f"{kind} references")
-            extra = None if along is None else spread_along(kind, along, count)
+            return self.engine.commands.command(
+                *(kind, selection, values, along),
+                together=together,
+                time=time,
+                valid_for=valid_for,
+                sampled=sampled,
+            )
         except RequestError as error:
             return self.reject(joints, f"{kind} reference ignored: {error}")
-        return self.engine.commands.command(
-            kind,
-            selection,
-            references,
-            extra,
-            together=together,
-            time=time,
-            valid_for=valid_for,
-            sampled=sampled,
-        )
 
     def position_move(
         self, joints: Joints, positions: Values, speeds: Values | None = None
@@ -246,19 +244,15 @@ class JointGroup(ModeShortcuts):
         With ``together`` all joints accept them or none does.
         """
         try:
-            selection = self.selector.select(joints)
-            terms = terms_of(len(selection.names), outputs, torques)
+            return self.engine.feedforward.set_feedforward(
+                self.selector.select(joints), outputs, torques, together=together
+            )
         except RequestError as error:
             return self.reject(joints, f"feedforward ignored: {error}")
-        return self.engine.feedforward.set_feedforward(selection, terms, together=together)
 
     def stop(self, joints: Joints = None) -> Reply:
         """Set the position reference to the measured position; the mode stays (P3)."""
-        try:
-            selection = self.selector.select(joints)
-        except RequestError as error:
-            return self.selector.refuse(joints, error)
-        return self.engine.requests.stop(selection)
+        return self._checked(joints, self.engine.requests.stop)
 
     def reject(self, joints: Joints, message: str, code: Reason = Reason.INVALID) -> Reply:
         """Refuse a command that is wrong as a whole; the joints that it names count it (P13)."""
@@ -396,22 +390,20 @@ class JointGroup(ModeShortcuts):
             if speeds is None and accelerations is None:
                 raise RequestError("neither speeds nor accelerations given; send one or both")
             selection = self.selector.select(joints)
-            of_speed, of_acceleration = limits.velocity, limits.acceleration
-            rows = [
-                (target, self._within(selection, what, values, highest, units, LEAST_RATE))
-                for target, what, values, highest, units in (
-                    (references.speed, "speed", speeds, of_speed, ("rad/s", "m/s")),
-                    (
-                        *(references.acceleration, "acceleration", accelerations, of_acceleration),
-                        ("rad/s²", "m/s²"),
-                    ),
+            if speeds is not None:
+                units, highest = ("rad/s", "m/s"), limits.velocity
+                speeds = self._within(selection, "speed", speeds, highest, units, LEAST_RATE)
+            if accelerations is not None:
+                units, highest = ("rad/s²", "m/s²"), limits.acceleration
+                accelerations = self._within(
+                    selection, "acceleration", accelerations, highest, units, LEAST_RATE
                 )
-                if values is not None
-            ]
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        for target, checked in rows:
-            target[selection.joints] = checked
+        if speeds is not None:
+            references.speed[selection.joints] = speeds
+        if accelerations is not None:
+            references.acceleration[selection.joints] = accelerations
         return accepted(selection.names)
 
     # --- motors and loops ---------------------------------------------------------------------
@@ -437,13 +429,10 @@ class JointGroup(ModeShortcuts):
             output_limits: the largest PWM, percent, up to the configured.
             terms: constants and friction, by the names in ``terms.motors.TERMS``.
         """
-        try:
-            selection, motors = self.selector.select(joints), self.engine.motors
-            caps = {"max_currents": max_currents, "output_limits": output_limits}
-            checked = motors.check(selection, caps | terms)
-        except RequestError as error:
-            return self.selector.refuse(joints, error)
-        return motors.set(selection, checked)
+        caps = {"max_currents": max_currents, "output_limits": output_limits}
+        return self._checked(
+            joints, lambda selection: self.engine.motors.set(selection, caps | terms)
+        )
 
     def get_pids(self, loop: str, joints: Joints = None) -> Pids:
         """One control loop of joints: ``position``, ``velocity``, ``torque``, ``current`` (Y5)."""
@@ -486,13 +475,14 @@ class JointGroup(ModeShortcuts):
             positions: one per joint, or one for all.
             motor: of the motors' shafts; else of the joints, which must have no power.
         """
-        try:
-            selection = self.selector.select(joints)
-            angles = finite(spread(positions, len(selection.names), "positions"), "positions")
-        except RequestError as error:
-            return self.selector.refuse(joints, error)
         motors = self.engine.motors
-        return (motors.set_motor_encoders if motor else motors.set_encoders)(selection, angles)
+        take = motors.set_motor_encoders if motor else motors.set_encoders
+
+        def set_all(selection: Selection) -> Reply:
+            angles = spread(positions, len(selection.names), "positions")
+            return take(selection, finite(angles, "positions"))
+
+        return self._checked(joints, set_all)
 
     def update_torque_sensor(self, joints: Joints, torques: Values) -> Reply:
         """Set the measured torques of joints with an external sensor, N·m (Y5)."""

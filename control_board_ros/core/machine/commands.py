@@ -149,8 +149,8 @@ class Commands:
         self,
         kind: CommandKind,
         selection: Selection,
-        requested: Array,
-        along: Array | None,
+        values: Values,
+        along: Values | None,
         *,
         together: bool,
         time: float | None,
@@ -162,7 +162,7 @@ class Commands:
         Args:
             kind: of the references.
             selection: the joints.
-            requested: the references, shape (k,).
+            values: the references, one for all joints or one each.
             along: likewise; None: as set.
             together: whether all joints accept their references or none does.
             time: s after which position moves arrive, all at once (R5), no less than
@@ -170,7 +170,14 @@ class Commands:
             valid_for: s until these references expire (P12); 0: the timeouts of the joints.
             sampled: of a path whose points are already checked, no stream of a program: bounded,
                 never refused.
+
+        Raises:
+            RequestError: lengths that do not fit, or a value that this kind does not have.
         """
+        if valid_for:
+            check_valid_for(kind, valid_for)
+        requested = spread(values, len(selection.names), f"{kind} references")
+        along = None if along is None else spread_along(kind, along, len(selection.names))
         extra = self._standing(kind, selection) if along is None else along
         indices = selection.joints
         good = self._state.accepts[kind, indices] & np.isfinite(requested)

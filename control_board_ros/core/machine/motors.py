@@ -35,16 +35,31 @@ class Feedforward:
         self._machine = machine
 
     def set_feedforward(
-        self, selection: Selection, terms: Sequence[Array | None], *, together: bool
+        self,
+        selection: Selection,
+        outputs: Values | None,
+        torques: Values | None,
+        *,
+        together: bool,
     ) -> Reply:
         """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
 
         Args:
             selection: the joints.
-            terms: of :func:`terms_of`.
+            outputs: u_ff, one for all joints or one each.
+            torques: τ_ff, likewise.
             together: whether all joints accept them or none does.
+
+        Raises:
+            RequestError: neither is given, or the length of one does not fit.
         """
-        machine = self._machine
+        if outputs is None and torques is None:
+            raise RequestError("neither outputs nor torques given")
+        machine, count = self._machine, len(selection.names)
+        terms = [
+            None if values is None else spread(values, count, what)
+            for what, values in (("outputs", outputs), ("torques", torques))
+        ]
         parts = [
             (j, [None if term is None else float(term[k]) for term in terms])
             for k, j in enumerate(selection.numbers)
@@ -69,22 +84,6 @@ class Feedforward:
             verdict = decide_feedforward(facts, values, void[0])
         text = explain_feedforward(verdict.reason, facts, values)
         return JointAnswer(verdict.answer, text, verdict.reason)
-
-
-def terms_of(
-    count: int, outputs: Values | None, torques: Values | None
-) -> tuple[Array | None, Array | None]:
-    """u_ff and τ_ff, shape (count,) each; None where not given.
-
-    Raises:
-        RequestError: neither is given, or the length of one does not fit.
-    """
-    if outputs is None and torques is None:
-        raise RequestError("neither outputs nor torques given")
-    return (
-        None if outputs is None else spread(outputs, count, "outputs"),
-        None if torques is None else spread(torques, count, "torques"),
-    )
 
 
 def add_feedforward(joint: Joint, output: float | None, torque: float | None) -> float:
@@ -164,10 +163,8 @@ class MotorAccess:
         columns = np.array(rows).reshape(len(joints), len(Term)).T
         return {name: columns[row].copy() for name, row in TERMS.items()}
 
-    def check(
-        self, selection: Selection, requested: Mapping[str, Values | None]
-    ) -> dict[str, Array]:
-        """Values to be set, one per joint, by their names: caps, and those of TERMS.
+    def set(self, selection: Selection, requested: Mapping[str, Values | None]) -> Reply:
+        """Set values, one for all joints or one each, by their names: caps, and those of TERMS.
 
         Raises:
             RequestError: there is none, or one is not within what is configured.
@@ -185,7 +182,15 @@ class MotorAccess:
         }
         if not checked:
             raise RequestError(f"none of {', '.join(requested)} given; send one or more")
-        return checked
+        controller = self._machine.controller
+        controller.set_caps(
+            selection.joints, checked.get("max_currents"), checked.get("output_limits")
+        )
+        terms = {TERMS[name]: values for name, values in checked.items() if name in TERMS}
+        if terms:
+            controller.set_terms(selection.joints, terms)
+            self.retune()
+        return accepted(selection.names)
 
     def _bounds(self) -> dict[str, tuple[Array | None, Array]]:
         """Least (None: above 0) and greatest value of each joint of the board, by name."""
@@ -204,18 +209,6 @@ class MotorAccess:
             "coulomb_negative": (zero, limits.torque),
             "velocity_thresholds": (None, limits.velocity),
         }
-
-    def set(self, selection: Selection, checked: Mapping[str, Array]) -> Reply:
-        """Set what ``check`` found to be allowed."""
-        controller = self._machine.controller
-        controller.set_caps(
-            selection.joints, checked.get("max_currents"), checked.get("output_limits")
-        )
-        terms = {TERMS[name]: values for name, values in checked.items() if name in TERMS}
-        if terms:
-            controller.set_terms(selection.joints, terms)
-            self.retune()
-        return accepted(selection.names)
 
     def retune(self) -> None:
         """Lead coupled motors by the constants that the laws use."""
