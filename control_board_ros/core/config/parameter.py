@@ -314,12 +314,7 @@ def check_parameters(key: str, config: Any, joint: Any = None) -> None:
     for part in parts_of(made):
         if (settings := getattr(config, part.name)) is not None:
             check_parameters(f"{key}{part.name}.", settings, joint)
-    plain, others = _numbers(made)
-    for name, low, high, above in plain:
-        value = getattr(config, name)
-        if type(value) is not float or not low <= value <= high:
-            check_number(key + name, value, low, high, above=above)
-    for name, low, high, above, length in others:
+    for name, low, high, above, length in _numbers(made):
         value = getattr(config, name)
         if length is not None and len(value) != length:
             raise ConfigError(key + name, value, f"{length} numbers")
@@ -328,25 +323,19 @@ def check_parameters(key: str, config: Any, joint: Any = None) -> None:
             check_number(key + name, number, *ends, above=_resolve(above, config, joint))
 
 
-_Ranges = list[tuple[Any, ...]]
-
-
 @cache
-def _numbers(made: type) -> tuple[_Ranges, _Ranges]:
-    """Name, low, high, above of the parameters that numbers bound; of the others, length too.
+def _numbers(made: type) -> list[tuple[Any, ...]]:
+    """Name, low, high, above and length of the parameters that are numbers, or lists of them.
 
-    The others are lists of numbers, and parameters that are bounded by parameters.
+    Those that numbers bound come first: they may be the bounds of others.
     """
-    plain: _Ranges = []
-    others: _Ranges = []
+    numbers = []
     for row in parameters_of(made):
-        if row.length is not None or str in map(type, (row.low, row.high, row.above)):
+        if row.kind in (Kind.DOUBLE, Kind.INTEGER, Kind.DOUBLES):
             ranges = zip((row.low, row.high), row.bounds, strict=True)
             low, high = (bound if isinstance(bound, str) else end for bound, end in ranges)
-            others.append((row.name, low, high, row.above, row.length))
-        elif row.kind in (Kind.DOUBLE, Kind.INTEGER):
-            plain.append((row.name, *row.bounds, row.above))
-    return plain, others
+            numbers.append((row.name, low, high, row.above, row.length))
+    return sorted(numbers, key=lambda row: str in map(type, row[1:4]))
 
 
 def _resolve(bound: Bound | None, config: Any, joint: Any) -> Any:

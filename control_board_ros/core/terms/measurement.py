@@ -211,38 +211,29 @@ class Intake:
 
     def __init__(self, count: int, period: float) -> None:
         self._shape, self._period = (ROWS, count), period
-        self._joints, self._motors = (count,), (MOTOR_ROWS, count)
+        self._shapes = {"applied": (count,), "brakes": (count,), "motors": (MOTOR_ROWS, count)}
         self._time = 0.0
 
     def _fault_of(self, measurement: Measurement) -> str:
-        """Why a reading is invalid."""
+        """Why a reading is invalid; empty where it is not."""
         if not -CREDIBLE <= measurement.time <= CREDIBLE:
             return f"its reading is stamped {measurement.time:g} s"
-        rest = ("applied", self._joints), ("brakes", self._joints), ("motors", self._motors)
-        for name, shape in rest:
+        for name, shape in self._shapes.items():
             row = getattr(measurement, name)
             if row is not None and np.shape(row) != shape:
                 return f"its reading has {name} of shape {np.shape(row)}; {shape} is wanted"
         values = measurement.values
+        if type(values) is np.ndarray and values.shape == self._shape and values.dtype is DOUBLE:
+            return ""
         shape, kind = np.shape(values), getattr(values, "dtype", type(values).__name__)
         return f"its reading is {kind} of shape {shape}; float64 of {self._shape} is wanted"
 
     def take(self, measurement: Measurement) -> Measurement:
-        """The reading; where it is invalid the last valid one, with the reason."""
-        values, time = measurement.values, measurement.time
-        if (
-            type(values) is np.ndarray
-            and values.shape == self._shape
-            and values.dtype is DOUBLE
-            and -CREDIBLE <= time <= CREDIBLE
-            and (measurement.applied is None or np.shape(measurement.applied) == self._joints)
-            and (measurement.brakes is None or np.shape(measurement.brakes) == self._joints)
-            and (measurement.motors is None or np.shape(measurement.motors) == self._motors)
-        ):
-            self._time = time
+        """The reading; where it is invalid an alarm of all joints, with the reason."""
+        if not (reason := self._fault_of(measurement)):
+            self._time = measurement.time
             return measurement
         self._time += self._period
-        reason = self._fault_of(measurement)
         unread = np.full(self._shape, np.nan)
         unread[Row.ALARM] = 1.0 + FaultCode.PLANT
         return Measurement(self._time, unread, dict.fromkeys(range(self._shape[1]), reason))
