@@ -69,6 +69,7 @@ def test_constants_of_heat() -> None:
 def test_a_reading_beyond_its_bound(
     check: Check, value: float, code: FaultCode, text: str
 ) -> None:
+    """F3: in the unit of the joint, which turns or slides."""
     own = monitor(
         max_current=10.0,
         max_encoder_age=0.02,
@@ -77,6 +78,8 @@ def test_a_reading_beyond_its_bound(
         max_torque=6000.0,
     )
     assert bound_cause(check, own, joint("j"), value) == Cause(code, text)
+    slides = text.replace(" rad ", " m ").replace("N·m", "N")
+    assert bound_cause(check, own, joint("j", kind="prismatic"), value) == Cause(code, slides)
 
 
 def test_a_hot_winding() -> None:

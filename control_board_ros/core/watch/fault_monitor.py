@@ -115,9 +115,7 @@ class FaultMonitor:
     has more than its code).
     """
 
-    def __init__(
-        self, config: BoardConfig, state: StateArrays, emergency: EmergencyStop | None = None
-    ) -> None:
+    def __init__(self, config: BoardConfig, state: StateArrays, emergency: EmergencyStop) -> None:
         self._state = state
         self._period = config.period
         self._values = np.zeros((ROWS, state.n))
@@ -125,7 +123,7 @@ class FaultMonitor:
         self.used: Array = np.zeros(state.n)
         self.joints = [JointMonitor() for _ in config.joints]
         self.reasons: Mapping[int, str] | None = None
-        self._emergency = emergency or EmergencyStop(0.0)
+        self._emergency = emergency
         self._warned: list[set[str]] = [set() for _ in config.joints]
         rows = (
             state.position,
