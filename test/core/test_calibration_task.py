@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from rig import Rig, board_config, joint
 
@@ -17,19 +19,25 @@ OFFSET = Calibration(type=3, required=False, start=0.4, speed=1.0)
 @pytest.fixture
 def rig() -> Rig:
     """Of three joints in IDLE, the last has no calibrator."""
+    slow = replace(OFFSET, speed=0.2)
     made = Rig(
-        board_config(joint("a", calibration=OFFSET), joint("b", calibration=OFFSET), joint("c"))
+        board_config(joint("a", calibration=OFFSET), joint("b", calibration=slow), joint("c"))
     )
     made.tick(2)
     return made
 
 
 def test_it_ends_when_all_its_joints_have_calibrated(rig: Rig) -> None:
+    """K1: a is done, b takes longer; no outcome yet."""
     task = CalibrationTask(rig.board, ["a", "b"])
     rig.tick()
     assert task.outcome() is None
     assert [status.running for status in task.statuses()] == [True, True]
-    rig.run(8.0)
+    rig.run(1.5)
+    assert [status.running for status in task.statuses()] == [False, True]
+    assert task.statuses()[0].done
+    assert task.outcome() is None
+    rig.run(6.5)
     assert task.outcome() == (True, "")
     assert [status.progress for status in task.statuses()] == [1.0, 1.0]
 
