@@ -105,20 +105,25 @@ def test_joints_in_another_mode_are_reported_and_the_others_served(rig: Tracked)
     assert (rig.board.rejected_commands - before).tolist() == [0, 1, 0]
 
 
-ENDS: dict[str, Callable[[Tracked], Any]] = {
-    "stop": lambda rig: rig.request("stop", "a"),
-    "compliant": lambda rig: rig.request("set_interaction_mode", "a", "comp"),
-    "compliant and back": lambda rig: [
-        rig.request("set_interaction_mode", "a", mode) for mode in ("comp", "stif")
-    ],
-    "mode": lambda rig: rig.request("set_control_mode", "a", "pos"),
-    "mode and back": lambda rig: [
-        rig.request("set_control_mode", "a", mode) for mode in ("pos", "posd")
-    ],
-    "idle": lambda rig: rig.request("set_control_mode", "a", "idl"),
-    "fault": lambda rig: rig.request("set_control_mode", "a", "icur"),
-    "direct position": lambda rig: rig.request("set_position", "a", 0.07),
-    "no points": lambda rig: rig.follower.hold("a", "a trajectory without points came"),
+def asked(method: str, *words: Any) -> Callable[[Tracked], Any]:
+    """Requests for joint a, one after the other."""
+    return lambda rig: [rig.request(method, "a", *([word] if word else [])) for word in words]
+
+
+#: What ends a path, and its words in the log.
+ENDS: dict[str, tuple[Callable[[Tracked], Any], str]] = {
+    "stop": (asked("stop", None), "stopped"),
+    "compliant": (asked("set_interaction_mode", "comp"), "the interaction mode changed"),
+    "compliant and back": (asked("set_interaction_mode", "comp", "stif"), ""),
+    "mode": (asked("set_control_mode", "pos"), "a is in POSITION"),
+    "mode and back": (asked("set_control_mode", "pos", "posd"), ""),
+    "idle": (asked("set_control_mode", "idl"), "a is in IDLE"),
+    "fault": (asked("set_control_mode", "icur"), "a is in HW_FAULT"),
+    "direct position": (asked("set_position", 0.07), "replaced by another direct position"),
+    "no points": (
+        lambda rig: rig.follower.hold("a", "a trajectory without points came"),
+        "a trajectory without points came",
+    ),
 }
 
 
@@ -130,10 +135,13 @@ def test_events_that_end_a_path_for_a_joint(rig: Tracked, way: str, waiting: boo
     rig.follower.follow(("a", "b"), line(("a", "b"), (1.0, 0.5)), rig.board.time + ahead)
     rig.cycle(50)
     rig.events()
-    ENDS[way](rig)
+    end, text = ENDS[way]
+    end(rig)
     here = rig.board.get_ref_position("a")[0]
     assert here < 0.1
-    assert "trajectory of a ended" in rig.events()[-1]
+    event = rig.events()[-1]
+    assert event.startswith("trajectory of a ended: ")
+    assert text in event
     rig.cycle(20)
     if rig.board.get_control_mode("a")[0] is ControlMode.HW_FAULT:
         rig.request("set_control_mode", "a", "fidl")

@@ -7,7 +7,6 @@ and times are exact (SPEC T1 to T3, P3, R5, K1).
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +20,8 @@ from control_board_ros.core.config.parts import Constraints
 from control_board_ros.core.goals.path import (
     Path,
     Points,
-    Tolerances,
     Wish,
-    Wishes,
     braking,
-    goal_tolerances,
     make_path,
 )
 from control_board_ros.core.goals.pose import Pose
@@ -237,18 +233,6 @@ def test_a_pose_has_no_negative_zero() -> None:
 QUICK = Calibration(type=3, required=False, start=0.05, speed=1.0)
 
 
-def test_a_calibration_lasts_until_its_slowest_joint_is_done() -> None:
-    """K1: a is done, b takes longer; no outcome yet."""
-    slow = replace(QUICK, start=1.0, speed=0.05, timeout=100.0)
-    rig = Rig(board_config(joint("a", calibration=QUICK), joint("b", calibration=slow)))
-    rig.tick(2)
-    task = CalibrationTask(rig.board, None)
-    rig.run(1.0)
-    assert [status.running for status in task.statuses()] == [False, True]
-    assert task.statuses()[0].done
-    assert task.outcome() is None
-
-
 def test_the_reason_of_a_failed_calibration_is_reported_after_the_fault() -> None:
     """K4: that of its fault, then the text of its status, not the phase "failed"."""
     rig = Rig(board_config(joint("a", calibration=QUICK)))
@@ -295,19 +279,6 @@ def test_where_one_joint_leaves_the_others_of_the_move_stop(still: Rig) -> None:
     assert reference(still, "b") == 0.0
 
 
-def test_where_one_joint_is_stopped_the_others_of_the_move_stop(still: Rig) -> None:
-    """P3: b is stopped, then a as well, and held where it is, not at 1 rad."""
-    move = MoveTask(still.board, ["a", "b"], [1.0, 1.0], [0.5, 0.5])
-    still.run(0.5)
-    still.board.stop("b")
-    still.run(0.5)
-    outcome = move.outcome()
-    assert outcome is not None
-    assert not outcome.success
-    still.run(1.7)
-    assert reference(still, "a") == 0.0
-
-
 def test_a_move_that_another_one_replaced_has_failed(still: Rig) -> None:
     """P1: with both targets in its message."""
     move = MoveTask(still.board, ["a"], [-1.0], [0.5])
@@ -333,22 +304,11 @@ def test_no_time_remains_of_a_move_whose_profiles_have_ended(still: Rig) -> None
     assert move.remaining_time() == 0.0
 
 
-def test_a_joint_gets_a_second_to_arrive(still: Rig) -> None:
-    """P3: no outcome for 1 s after the profile has ended, then that it is away."""
-    move = MoveTask(still.board, ["a"], [0.2], [0.5])
-    still.run(0.4)
-    assert move.outcome() is None
-    still.run(0.99)
-    assert move.outcome() is None
-    still.run(0.01)
-    outcome = move.outcome()
-    assert outcome is not None
-    assert not outcome.success
-    assert outcome.message.startswith("a is at 0.0°, 11.5° away from its target 11.5°")
-
-
 def test_a_target_that_is_sent_again_begins_the_second_anew(still: Rig) -> None:
-    """P3: the same target, again on its way: the time to arrive is counted from the later end."""
+    """P3: no outcome for 1 s after the profile has ended, then that it is away.
+
+    The same target, again on its way: the time to arrive is counted from the later end.
+    """
     move = MoveTask(still.board, ["a"], [0.2], [0.5])
     still.run(0.4)
     assert move.outcome() is None
@@ -360,14 +320,20 @@ def test_a_target_that_is_sent_again_begins_the_second_anew(still: Rig) -> None:
     assert move.outcome() is None
     still.run(0.2)
     assert move.outcome() is None
-    still.run(0.9)
+    still.run(0.99)
     assert move.outcome() is None
-    still.run(0.1)
-    assert move.outcome() is not None
+    still.run(0.01)
+    outcome = move.outcome()
+    assert outcome is not None
+    assert not outcome.success
+    assert outcome.message.startswith("a is at 0.0°, 11.5° away from its target 11.5°")
 
 
 def test_a_joint_that_still_may_arrive_is_not_blamed_for_another(still: Rig) -> None:
-    """P3: b was stopped; c, whose profile has just ended, is no part of the message."""
+    """P3: b was stopped; c, whose profile has just ended, is no part of the message.
+
+    Then a is stopped as well, and held where it is, not at 1 rad.
+    """
     move = MoveTask(still.board, NAMES, [1.0, 1.0, 0.05], [0.4, 0.4, 0.5])
     still.run(0.5)
     still.board.stop("b")
@@ -377,6 +343,8 @@ def test_a_joint_that_still_may_arrive_is_not_blamed_for_another(still: Rig) -> 
         False,
         "b is at 0.0°, not at its target 57.3°: it was stopped during the move; send it again",
     )
+    still.run(1.7)
+    assert reference(still, "a") == 0.0
 
 
 def test_one_of_two_that_arrives_is_no_success(still: Rig) -> None:
@@ -389,20 +357,6 @@ def test_one_of_two_that_arrives_is_no_success(still: Rig) -> None:
 
 
 # --- trajectories with tolerances ----------------------------------------------------------------
-
-
-def test_a_wish_of_zero_leaves_the_default_of_its_own_quantity() -> None:
-    """0 for the position leaves its 0.1 rad, whatever is wished and set for the velocity."""
-    rows = np.array([[0.1], [0.2]])
-    made = goal_tolerances(
-        Tolerances(path=rows, goal=rows, goal_time=1.0),
-        ("a",),
-        ("a",),
-        Wishes(path=[Wish("a", 0.0, 0.5)], goal=[Wish("a", 0.3, 0.0)]),
-    )
-    assert made.path.tolist() == [[0.1], [0.5]]
-    assert made.goal.tolist() == [[0.3], [0.2]]
-    assert made.goal_time == 1.0
 
 
 def test_of_several_parts_the_shortest_goal_time_counts() -> None:

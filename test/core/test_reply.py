@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from control_board_ros.core.terms.reply import (
     Answer,
     JointAnswer,
@@ -49,11 +51,13 @@ def test_each_joint_has_its_answer_and_reason() -> None:
     assert reply.message == "b is IDLE"
 
 
-def test_message_lists_three_reasons_and_counts_the_rest() -> None:
-    names = tuple("abcdef")
-    reply = decided(names, [JointAnswer(Answer.REFUSED, f"no {n}") for n in names])
-    assert reply.message == "no a; no b; no c (and 3 more)"
-    assert reply.reasons[5] == "no f"
+@pytest.mark.parametrize(
+    ("names", "rest"), [("abc", ""), ("abcd", " (and 1 more)"), ("abcdef", " (and 3 more)")]
+)
+def test_message_lists_three_reasons_and_counts_the_rest(names: str, rest: str) -> None:
+    reply = decided(tuple(names), [JointAnswer(Answer.REFUSED, f"no {n}") for n in names])
+    assert reply.message == f"no a; no b; no c{rest}"
+    assert reply.reasons[-1] == f"no {names[-1]}"
 
 
 def test_equal_reasons_are_listed_once() -> None:
@@ -101,10 +105,3 @@ def test_failures_due_to_others_are_listed_last() -> None:
     assert reply.message == "b is in HW_FAULT; a: as b is refused"
     assert reply.reasons == ("a: as b is refused", "b is in HW_FAULT")
     assert reply.codes == (Reason.TOGETHER, Reason.IN_FAULT)
-
-
-def test_three_reasons_are_all() -> None:
-    reply = decided(("a", "b", "c"), [JointAnswer(Answer.REFUSED, f"no {n}") for n in "abc"])
-    assert reply.message == "no a; no b; no c"
-    more = decided(tuple("abcd"), [JointAnswer(Answer.REFUSED, f"no {n}") for n in "abcd"])
-    assert more.message == "no a; no b; no c (and 1 more)"

@@ -39,18 +39,21 @@ def test_zero_leaves_the_default_and_a_negative_number_removes_it(
 
 
 def test_a_goal_names_tolerances_in_any_order() -> None:
-    """Those of joints outside the goal are passed over; what is not named is as configured."""
+    """Those of joints outside the goal are passed over; what is not named is as configured.
+
+    0 leaves the default of its own quantity, whatever is wished of the other.
+    """
     made = goal_tolerances(
         DEFAULTS,
         ("b", "a"),
         ("a", "b", "c"),
         Wishes(
-            path=[Wish("a", 0.3, 0.4), Wish("c", 9.0, 9.0)],
+            path=[Wish("a", 0.0, 0.4), Wish("c", 9.0, 9.0)],
             goal=[Wish("b", -1.0, 0.0)],
             goal_time=-1.0,
         ),
     )
-    np.testing.assert_array_equal(made.path, [[0.1, 0.3], [0.0, 0.4]])
+    np.testing.assert_array_equal(made.path, [[0.1, 0.1], [0.0, 0.4]])
     np.testing.assert_array_equal(made.goal, [[0.0, 0.2], [0.01, 0.01]])
     assert made.goal_time == 0.0
     np.testing.assert_array_equal(DEFAULTS.path, [[0.1, 0.1], [0.0, 0.0]])

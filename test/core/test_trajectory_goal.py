@@ -322,16 +322,10 @@ def test_cancelling_a_waiting_goal_moves_nothing(rig: Goals) -> None:
     assert rig.cycles(1.0)[-1] == pytest.approx([0.6, 0.6], abs=2e-3)
 
 
+#: Of all that ends a path (test_follower.py): by a request, by a fault, by a newer path.
 ENDS: dict[str, tuple[Callable[[Goals], Any], str]] = {
     "mode": (lambda rig: rig.request("set_control_mode", "a", "pos"), "a is in POSITION"),
-    "idle": (lambda rig: rig.request("set_control_mode", "a", "idl"), "a is in IDLE"),
     "fault": (lambda rig: rig.request("set_control_mode", "a", "icur"), "a is in HW_FAULT"),
-    "compliant": (
-        lambda rig: rig.request("set_interaction_mode", "a", "comp"),
-        "the interaction mode changed",
-    ),
-    "stop": (lambda rig: rig.request("stop", "a"), "stopped"),
-    "direct": (lambda rig: rig.request("set_position", "a", 0.0), "another direct position"),
     "topic": (
         lambda rig: rig.follower.follow(
             "a", make_path(("a",), [0.1], [[0.0]], [[]], [[]]), rig.board.time
