@@ -47,21 +47,14 @@ def test_a_smaller_pwm_bounds_the_output() -> None:
 
 
 def test_a_bound_leaves_the_law_that_runs_its_set_point() -> None:
-    """S1: a joint under torque control goes on being given torques."""
-    one = joint("a", drive=(SetPoint.POSITION, SetPoint.TORQUE))
-    made = controller(board_config(one))
+    """S1, N1: a joint under torque control goes on being given torques; a power-on forgets it."""
+    config = board_config(joint("a", drive=(SetPoint.POSITION, SetPoint.TORQUE)))
+    made = controller(config)
     made.arm([0], Law.TORQUE, direct=False, feeds=True)
     assert made._state.kinds.tolist() == [SetPoint.TORQUE]
     made.set_caps(np.array([0]), np.array([3.0]), None)
     assert made._state.kinds.tolist() == [SetPoint.TORQUE]
     assert made.joints[0].max_drive == 3.0 * PER_AMPERE
-
-
-def test_a_restart_forgets_the_law_that_ran() -> None:
-    """N1: its set-point is that of a joint without power again, and its gains the first ones."""
-    config = board_config(joint("a", drive=(SetPoint.POSITION, SetPoint.TORQUE)))
-    made = controller(config)
-    made.arm([0], Law.TORQUE, direct=False, feeds=True)
     (zone,) = config.zones()
     made.power_on(zone)
     assert made._state.kinds.tolist() == [SetPoint.POSITION]

@@ -44,24 +44,21 @@ CONTROL = {
 INTERACTION = {"STIFF": ("stif", 1718187123), "COMPLIANT": ("comp", 1886220131)}
 
 
-@pytest.mark.parametrize(("name", "code", "vocab"), [(n, *v) for n, v in CONTROL.items()])
-def test_control_mode_values(name: str, code: str, vocab: int) -> None:
-    """V1, V2: those of source §4 and of YARP 4; ``vel`` has three letters."""
-    mode = ControlMode[name]
+@pytest.mark.parametrize(
+    ("kind", "name", "code", "vocab"),
+    [
+        *((ControlMode, name, *values) for name, values in CONTROL.items()),
+        *((InteractionMode, name, *values) for name, values in INTERACTION.items()),
+    ],
+)
+def test_values_of_modes(kind: type[Vocab], name: str, code: str, vocab: int) -> None:
+    """V1, V2: those of source §4 and of YARP 4; ``vel`` has three letters, ``stif`` no quote."""
+    mode = kind[name]
+    parse = parse_control_mode if kind is ControlMode else parse_interaction_mode
     assert (mode.code, int(mode), str(mode)) == (code, vocab, name)
     assert (encode(code), decode(vocab)) == (vocab, code)
     for text in (code, name, name.lower(), name.title(), vocab, np.int32(vocab), mode):
-        assert parse_control_mode(text) is mode
-
-
-@pytest.mark.parametrize(("name", "code", "vocab"), [(n, *v) for n, v in INTERACTION.items()])
-def test_interaction_mode_values(name: str, code: str, vocab: int) -> None:
-    """V1, V2: ``stif`` has no quote."""
-    mode = InteractionMode[name]
-    assert (mode.code, int(mode), str(mode)) == (code, vocab, name)
-    assert (encode(code), decode(vocab)) == (vocab, code)
-    for text in (code, name, name.lower(), vocab, np.int64(vocab), mode):
-        assert parse_interaction_mode(text) is mode
+        assert parse(text) is mode
 
 
 def test_no_other_vocabs_exist() -> None:
