@@ -20,7 +20,7 @@ from .config.config import BoardConfig, Zone
 from .config.parameter import ConfigError
 from .engine import Engine
 from .group import JointGroup
-from .terms.events import BoardEvent
+from .terms.faults import BoardEvent
 from .terms.measurement import Actuation, Measurement
 from .terms.modes import CALIBRATES, CONFIGURED, Stage
 from .terms.vocabs import CommandKind

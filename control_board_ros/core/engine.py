@@ -23,7 +23,7 @@ from .machine.motors import Feedforward, MotorAccess, mix_of
 from .machine.requests import Contacts, Requests, StartUp
 from .state import StateArrays
 from .terms.drives import DriveReport
-from .terms.events import Events
+from .terms.faults import Events
 from .terms.measurement import UNREAD, Actuation, Measurement
 from .watch.external_torque import ExternalTorques
 from .watch.fault_monitor import EmergencyStop, FaultMonitor

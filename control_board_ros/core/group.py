@@ -41,8 +41,7 @@ from .selection import (
 from .state import Snapshot, StateArrays
 from .terms.arguments import Array, Flags, Joints, Values, releases
 from .terms.drives import DriveReport, DriveUse
-from .terms.events import BoardEvent
-from .terms.faults import FaultRecord
+from .terms.faults import BoardEvent, FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
 from .terms.motors import Motors, Pids
 from .terms.reply import Answer, JointAnswer, MotionDone, Reason, Reply, accepted, decided, refused

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""machine.py and events.py: the engine does what the tables say, and nothing else."""
+"""machine.py: the engine does what the tables say, and nothing else."""
 
 from __future__ import annotations
 

@@ -20,8 +20,7 @@ from ..laws.control import Controller
 from ..laws.references import References, ReferenceTimeouts
 from ..state import Indices, StateArrays
 from ..terms.arguments import Array
-from ..terms.events import Events
-from ..terms.faults import Cause, FaultCode, FaultRecord
+from ..terms.faults import Cause, Events, FaultCode, FaultRecord
 from ..terms.measurement import Row
 from ..terms.modes import (
     ACCEPTS,

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 from ...core.group import JointGroup
 from ...core.state import Snapshot
-from ...core.terms.events import BoardEvent
-from ...core.terms.faults import FaultRecord
+from ...core.terms.faults import BoardEvent, FaultRecord
 from ...core.terms.vocabs import ControlMode, InteractionMode
 from .timing import TimeBase
 
