@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import threading
 import time
 from collections.abc import Iterator
@@ -13,17 +15,29 @@ from rcl_interfaces.srv import ListParameters
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
+from rclpy.executors import Executor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from waiting import GUARD, until
 
+from control_board_ros.node.process import executor
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
 from control_board_ros.testing import free_domain
 
 pytestmark = pytest.mark.ros
 NO_TEXT = "voltage \ud800"
+#: What the executor takes of rclpy that rclpy documents nowhere.
+UNDOCUMENTED = """
+WaitSet.clear_entities WaitSet.wait WaitSet.get_ready_entities WaitSet.add_service
+WaitSet.add_timer WaitSet.add_client WaitSet.add_guard_condition WaitSet.add_subscription
+Service.service_take_request Subscription.take_message Client.take_response
+Timer.is_timer_ready Timer.call_timer
+Service.pointer Subscription.pointer Client.pointer Timer.pointer GuardCondition.pointer
+rmw_service_info_t.source_timestamp rmw_service_info_t.request_id
+"""
 
 
 class Served:
@@ -52,6 +66,37 @@ def served() -> Iterator[Served]:
         assert not made.thread.is_alive()
         made.executor.shutdown()
         made.node.destroy_node()
+        context.try_shutdown()
+
+
+def test_rclpy_has_what_it_documents_nowhere() -> None:
+    """A later rclpy may have it no more: then the executor needs another way, or rclpy's own."""
+    gone = []
+    for name in UNDOCUMENTED.split():
+        kind, _, attribute = name.partition(".")
+        if not hasattr(getattr(rclpy_implementation, kind, None), attribute):
+            gone.append(name)
+    assert not gone, f"this rclpy lacks {', '.join(gone)}, which {executor.__name__} stands on"
+
+
+def test_it_uses_no_private_name_of_rclpy() -> None:
+    tree = ast.parse(inspect.getsource(executor))
+    attributes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+    private = {a.attr for a in attributes if a.attr.startswith("_") and a.attr[1] != "_"}
+    others = {
+        a.attr
+        for a in attributes
+        if a.attr in private and not (isinstance(a.value, ast.Name) and a.value.id == "self")
+    }
+    assert not others
+    context = Context()
+    context.init(args=[])
+    plain = Executor(context=context)
+    try:
+        assert len(private) > 10
+        assert private & {*vars(plain), *dir(Executor)} == set()
+    finally:
+        plain.shutdown()
         context.try_shutdown()
 
 

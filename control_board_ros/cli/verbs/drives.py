@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ..board.programs import run_program
+from ..board.programs import run_program, words_of
 from ..board.session import Session
 from ..line.arguments import argument, with_arguments
 from ..line.words import UsageError
@@ -57,15 +57,6 @@ def drives(
             if action == "set-id"
             else f"drives {action} has no use for {ids[0]!r}"
         )
-    words = [action, what, *ids]
-    for name, value in (
-        ("--bus", bus),
-        ("--baudrate", baudrate),
-        ("--joints", joints),
-        ("--turned", turned),
-    ):
-        if value:
-            words += [name, value]
-    if yes:
-        words.append("--yes")
+    options = {"bus": bus, "baudrate": baudrate, "joints": joints, "turned": turned, "yes": yes}
+    words = [action, what, *ids, *words_of(options)]
     return run_program(session, "control_board_ros.plants", words)
