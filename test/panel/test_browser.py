@@ -450,9 +450,14 @@ def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:
     page.get_by_label("Control mode of all joints shown").select_option("pos")
     until(lambda: all(mode.code == "pos" for mode in client.get_control_mode()))
     page.get_by_label("Name of the pose to save").fill("here")
+    page.evaluate("panel.poses.load()")  # as where the board was lost, and is found again
     page.get_by_label("Save the joints as they are as a pose").click()
     page.get_by_label("Go to here").wait_for()
     assert "here" in client.list_poses()
+    ours = page.get_by_label("Add ours to the sequence")
+    insist(lambda: client.save_pose("ours"), ours.is_visible)  # of another program
+    ours.click()
+    page.get_by_label("Remove step 1").click()
     for pose in ("home", "park", "here"):
         page.get_by_label(f"Add {pose} to the sequence").click()
     page.locator("summary", has_text="Sequence").click()
@@ -484,7 +489,7 @@ def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:
     until(lambda: not all(client.check_motion_done()))
     page.get_by_label("End the sequence").click()
     until(lambda: all(client.check_motion_done()))
-    for pose in ("home", "park", "here"):
+    for pose in ("home", "park", "here", "ours"):
         page.get_by_label(f"Go to {pose}").click()
         page.locator("code", has_text=f"cbctl pose {pose}").first.wait_for()
     page.get_by_label("Remove step 2").click()

@@ -54,8 +54,11 @@ export class Panel {
     document.addEventListener("keydown", (event) => {
       if (event.key === "Escape") { event.preventDefault(); this.stop(); }
     });
-    connection.on("open", () => { this.watched = null; this.watch(); });
-    connection.on("log", (entry) => this.log.add(entry));
+    connection.on("open", () => { this.watched = null; this.watch(); this.poses.refresh(); });
+    connection.on("log", (entry) => {
+      this.log.add(entry);
+      if (entry.what.includes("save_pose")) this.poses.refresh(); // whoever saved it
+    });
     connection.on("history", ({ entries }) => this.log.begin(entries));
     connection.on("recordings", (state) => this.recording.tell(state));
     connection.on("notice", ({ message }) => toast(message));

@@ -10,10 +10,17 @@ export class Poses {
   constructor(element, panel) {
     this.element = element;
     this.panel = panel;
-    this.poses = [];
     this.steps = [];
-    this.running = null;
+    this.running = this.asked = null;
     this.offered = false;
+    this.name = h("input", { type: "text", class: "command", placeholder: "name",
+      "aria-label": "Name of the pose to save", maxlength: "60" });
+    const save = h("button", { type: "button", class: "command", onclick: () => this.save(),
+      "aria-label": "Save the joints as they are as a pose" }, "Save as");
+    this.list = h("div", { class: "pose-list" });
+    this.shownSequence = this.sequence();
+    element.replaceChildren(h("header", {}, h("h2", {}, "Poses"), h("span", { class: "space" }), this.name, save),
+      this.list, this.shownSequence);
     element.hidden = true;
   }
 
@@ -25,37 +32,47 @@ export class Poses {
     return [...model.boards.values()].find((board) => !model.parts.includes(board));
   }
 
-  async load() {
+  /** Begin with the board shown. */
+  load() {
     this.end();
     const { board } = this;
     this.offered = false;
     this.element.hidden = true;
     if (!board) return;
-    const answer = await this.panel.ask("poses", { board: board.name });
-    if (board !== this.board) return;
-    this.offered = answer.ok;
-    this.poses = answer.poses ?? [];
     this.steps = JSON.parse(localStorage.getItem(`sequence ${board.name}`) ?? "[]");
     this.draw();
+    this.refresh();
+  }
+
+  /** Ask for the poses as they are now; what is typed stays. */
+  async refresh() {
+    const { board } = this;
+    if (!board) return;
+    const asked = this.panel.ask("poses", { board: board.name });
+    this.asked = asked;
+    const answer = await asked;
+    if (asked !== this.asked || board !== this.board || !answer.ok) return; // asked again since: as shown
+    this.offered = true;
+    this.element.hidden = false;
+    this.drawList(answer.poses);
   }
 
   permit() { if (this.offered) this.panel.permit(this.element); }
 
-  draw() {
-    this.element.hidden = !this.offered;
-    if (!this.offered) return;
+  drawList(poses) {
     const go = (pose) => this.panel.request("pose", { board: this.board.name, pose });
-    this.name = h("input", { type: "text", class: "command", placeholder: "name",
-      "aria-label": "Name of the pose to save", maxlength: "60" });
-    const save = h("button", { type: "button", class: "command", onclick: () => this.save(),
-      "aria-label": "Save the joints as they are as a pose" }, "Save as");
-    this.element.replaceChildren(
-      h("header", {}, h("h2", {}, "Poses"), h("span", { class: "space" }), this.name, save),
-      h("div", { class: "pose-list" }, ...this.poses.map((pose) => h("span", { class: "pose" },
-        h("button", { type: "button", class: "command", "aria-label": `Go to ${pose}`, onclick: () => go(pose) }, pose),
-        h("button", { type: "button", class: "ghost", "aria-label": `Add ${pose} to the sequence`,
-          onclick: () => this.addStep(pose) }, "+")))),
-      this.sequence());
+    this.list.replaceChildren(...poses.map((pose) => h("span", { class: "pose" },
+      h("button", { type: "button", class: "command", "aria-label": `Go to ${pose}`, onclick: () => go(pose) }, pose),
+      h("button", { type: "button", class: "ghost", "aria-label": `Add ${pose} to the sequence`,
+        onclick: () => this.addStep(pose) }, "+"))));
+    this.permit();
+  }
+
+  /** Draw the sequence. */
+  draw() {
+    const sequence = this.sequence();
+    this.shownSequence.replaceWith(sequence);
+    this.shownSequence = sequence;
     this.permit();
   }
 
@@ -107,7 +124,7 @@ export class Poses {
     const pose = this.name.value.trim();
     if (!pose) { toast("Give the pose a name first.", true); return; }
     const answer = await this.panel.request("save_pose", { board: this.board.name, pose });
-    if (answer.ok) { this.poses = answer.poses; this.draw(); toast(`Saved as ${pose}.`); }
+    if (answer.ok) { this.name.value = ""; toast(`Saved as ${pose}.`); }
   }
 
   async run(again) {
