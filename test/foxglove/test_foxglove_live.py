@@ -36,6 +36,21 @@ MESSAGE, CALL, ANSWER = 0x01, 0x02, 0x03
 SUBPROTOCOLS = [Subprotocol("foxglove.sdk.v1")]
 
 
+def connected(address: str, **how: Any) -> ClientConnection:
+    """A connection to the server.
+
+    Without a keepalive: what answers it waits behind messages that a test does not read meanwhile.
+    """
+    return connect(
+        address,
+        subprotocols=SUBPROTOCOLS,
+        max_size=None,
+        open_timeout=GUARD,
+        ping_interval=None,
+        **how,
+    )
+
+
 class Foxglove:
     """Foxglove's side of a connection: subscribes, requests, publishes, keeps the messages."""
 
@@ -156,7 +171,7 @@ def served(board: BoardProcess, *options: str) -> Iterator[tuple[str, int]]:
 
 @pytest.fixture
 def foxglove(process: tuple[str, int], talker: Talker) -> Iterator[Foxglove]:
-    with connect(process[0], subprotocols=SUBPROTOCOLS, max_size=None) as connection:
+    with connected(process[0]) as connection:
         yield Foxglove(connection)
 
 
@@ -164,18 +179,17 @@ def test_a_foreign_web_page_is_refused(process: tuple[str, int]) -> None:
     """A page of anybody's reaches 127.0.0.1 from a browser here; Foxglove's own may connect."""
     refused = ("https://evil.example", "null", "http://127.0.0.1:1")
     for origin in refused:
-        with pytest.raises(InvalidStatus) as caught, connect(process[0], origin=Origin(origin)):
+        with pytest.raises(InvalidStatus) as caught, connected(process[0], origin=Origin(origin)):
             pass
         assert caught.value.response.status_code == 403
-    own = Origin("https://app.foxglove.dev")
-    with connect(process[0], origin=own, subprotocols=SUBPROTOCOLS):
+    with connected(process[0], origin=Origin("https://app.foxglove.dev")):
         pass
 
 
 @pytest.mark.slow
 def test_without_operate_clients_only_read(read_only: str, talker: Talker) -> None:
     """No service, no publishing, no parameter is set; the state is there."""
-    with connect(read_only, subprotocols=SUBPROTOCOLS, max_size=None) as connection:
+    with connected(read_only) as connection:
         client = Foxglove(connection)
         assert not {"services", "clientPublish"} & set(client.info["capabilities"])
         client.message(f"{BOARD}/state", msg.BoardState)
