@@ -79,164 +79,129 @@ def python(method: str, *values: Any) -> str:
     return f"board.{method}({', '.join(map(repr, arguments))})"
 
 
-def of_modes(verb: str, service: Endpoint) -> Writer:
-    def write(board: str, joints: list[str], fields: Fields) -> Shell:
-        mode = fields["mode"]
-        return (
-            cbctl(board, verb, *(joints or ["all"]), mode),
-            ros2(board, service, {"names": joints, "modes": [mode]}),
-        )
-
-    return write
+def pairs(joints: list[str], numbers: list[float]) -> list[str]:
+    """``JOINT=VALUE`` words; a single value applies to every joint."""
+    each = numbers * len(joints) if len(numbers) == 1 else numbers
+    return [f"{name}={value:.6g}" for name, value in zip(joints, each, strict=False)]
 
 
-def of_joints(verb: str, service: Endpoint) -> Writer:
-    def write(board: str, joints: list[str], _: Fields) -> Shell:
-        return cbctl(board, verb, *joints), ros2(board, service, {"names": joints})
-
-    return write
+def option(name: str, value: float | None) -> list[str]:
+    return [] if value is None else [f"{name}={value:.6g}"]
 
 
-def of_move(endpoint: Endpoint) -> Writer:
-    """The lines of a move, by a topic or an action."""
-
-    def write(board: str, joints: list[str], fields: Fields) -> Shell:
-        positions, speeds = fields["positions"], fields.get("speeds", [])
-        speed = [f"--speed={speeds[0]:.6g}"] if len(speeds) == 1 else []
-        message = {"names": joints, "positions": positions}
-        return (
-            cbctl(board, "move", *pairs(joints, positions), *speed),
-            ros2(board, endpoint, message | ({"speeds": speeds} if speeds else {})),
-        )
-
-    return write
+def present(fields: Fields, **keys: str) -> dict[str, list[float]]:
+    """Fields of numbers for ros2, by their names in the request; empty: unchanged."""
+    return {name: [fields[key]] if key in fields else [] for name, key in keys.items()}
 
 
-def of_direct(board: str, joints: list[str], fields: Fields) -> Shell:
-    positions = fields["positions"]
-    return (
-        cbctl(board, "direct", *pairs(joints, positions)),
-        ros2(board, POSITION_DIRECT_COMMAND, {"names": joints, "positions": positions}),
-    )
+def move_words(joints: list[str], fields: Fields) -> list[str]:
+    speeds = fields.get("speeds", [])
+    speed = option("--speed", speeds[0]) if len(speeds) == 1 else []
+    return ["move", *pairs(joints, fields["positions"]), *speed]
 
 
-def of_hold(board: str, _joints: list[str], fields: Fields) -> Shell:
+def positions(joints: list[str], fields: Fields) -> Mapping[str, Any]:
+    speeds = {"speeds": fields["speeds"]} if fields.get("speeds") else {}
+    return {"names": joints, "positions": fields["positions"], **speeds}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A request as one command of cbctl and one of ros2.
+
+    Attributes: words (of cbctl) and message (of ros2) of the joints and fields of a request,
+    endpoint (of the message; None: ros2 has no line), needs (a field without which it has none).
+    """
+
+    words: Callable[[list[str], Fields], list[str]]
+    endpoint: Endpoint | None = None
+    message: Callable[[list[str], Fields], Mapping[str, Any]] = lambda j, _: {"names": j}
+    needs: str = ""
+
+    def __call__(self, board: str, joints: list[str], fields: Fields) -> Shell:
+        line = cbctl(board, *self.words(joints, fields))
+        if self.endpoint is None or (self.needs and self.needs not in fields):
+            return line, ""
+        return line, ros2(board, self.endpoint, self.message(joints, fields))
+
+
+def of_hold(board: str, _: list[str], fields: Fields) -> Shell:
     joint, kind, value = fields["joint"], fields["kind"], fields["value"]
-    topic, field, _ = HOLDS[kind]
+    topic, field, _method = HOLDS[kind]
     return (
         cbctl(board, kind, f"{joint}={value:.6g}"),
         ros2(board, topic, {"names": [joint], field: [value]}, "ros2 topic pub -r 25"),
     )
 
 
-def of_impedance(board: str, joints: list[str], fields: Fields) -> Shell:
-    stiffness, damping = fields.get("stiffness"), fields.get("damping")
-    options = [f"--stiffness={stiffness:.6g}"] if stiffness is not None else []
-    options += [f"--damping={damping:.6g}"] if damping is not None else []
-    message = {
-        "names": joints,
-        "stiffness": [] if stiffness is None else [stiffness],
-        "damping": [] if damping is None else [damping],
-    }
-    return (
-        cbctl(board, "impedance", *joints, *options),
-        ros2(board, SET_IMPEDANCE, message) if stiffness is not None else "",
-    )
-
-
 def of_speed(board: str, joints: list[str], fields: Fields) -> Shell:
-    speed, acceleration = fields.get("speed"), fields.get("acceleration")
-    message = {
-        "names": joints,
-        "speeds": [] if speed is None else [speed],
-        "accelerations": [] if acceleration is None else [acceleration],
-    }
-    commands = []
-    if speed is not None:
-        commands.append(cbctl(board, "speed", *pairs(joints, [speed])))
-    if acceleration is not None:
-        words = pairs(joints, [acceleration])
-        commands.append(cbctl(board, "speed", *words, "--acceleration"))
+    """Speed and acceleration are two commands of cbctl."""
+    commands = [
+        cbctl(board, "speed", *pairs(joints, [fields[key]]), *words)
+        for key, words in (("speed", []), ("acceleration", ["--acceleration"]))
+        if key in fields
+    ]
+    message = {"names": joints, **present(fields, speeds="speed", accelerations="acceleration")}
     return " && ".join(commands), ros2(board, SET_REFERENCE_SPEED, message)
 
 
 def of_gains(board: str, _: list[str], fields: Fields) -> Shell:
-    values = parameters(fields)
-    words = [f"{name}={value:.9g}" for name, value in values.items()]
-    commands = [
-        shlex.join(["ros2", "param", "set", board, name, f"{value:.9g}"])
-        for name, value in values.items()
-    ]
-    return cbctl(board, "param", "set", *words), " && ".join(commands)
-
-
-def of_estop(board: str, _: list[str], fields: Fields) -> Shell:
-    on = bool(fields["on"])
-    return (
-        cbctl(board, "estop", *([] if on else ["release"])),
-        ros2(board, EMERGENCY_STOP, {"data": on}),
-    )
-
-
-def of_recover(board: str, joints: list[str], fields: Fields) -> Shell:
-    partial = bool(fields.get("partial"))
-    return (
-        cbctl(board, "recover", *joints, *(["--partial"] if partial else [])),
-        ros2(board, RECOVER, {"names": joints, "partial": partial}),
-    )
-
-
-def of_pose(board: str, _: list[str], fields: Fields) -> Shell:
-    name, speed = fields["pose"], fields.get("speed")
-    option = [] if speed is None else [f"--speed={speed:.6g}"]
-    return (
-        cbctl(board, "pose", name, *option),
-        ros2(board, GO_TO_POSE, {"pose": name, "speed": speed or 0.0}),
-    )
-
-
-def of_save_pose(board: str, _: list[str], fields: Fields) -> Shell:
-    name = fields["pose"]
-    return cbctl(board, "pose", "save", name), ros2(board, SAVE_POSE, {"name": name})
-
-
-def of_configure(board: str, *_: Any) -> Shell:
-    return cbctl(board, "configure"), ros2(board, CONFIGURE, {})
-
-
-def of_measure(verb: str, option: str, size: str) -> Writer:
-    """The line of a step or chirp, for cbctl only."""
-
-    def write(board: str, _: list[str], fields: Fields) -> Shell:
-        options = [f"{option}={fields[size]:.6g}"] if size in fields else []
-        return cbctl(board, verb, fields["joint"], *options), ""
-
-    return write
-
-
-def pairs(joints: list[str], values: list[float]) -> list[str]:
-    """``JOINT=VALUE`` words; a single value applies to every joint."""
-    each = values * len(joints) if len(values) == 1 else values
-    return [f"{name}={value:.6g}" for name, value in zip(joints, each, strict=False)]
+    gains = {name: f"{value:.9g}" for name, value in parameters(fields).items()}
+    commands = [shlex.join(["ros2", "param", "set", board, *gain]) for gain in gains.items()]
+    line = cbctl(board, "param", "set", *map("=".join, gains.items()))
+    return line, " && ".join(commands)
 
 
 WRITERS: dict[str, Writer] = {
-    "mode": of_modes("mode", SET_CONTROL_MODE),
-    "interaction": of_modes("interaction", SET_INTERACTION_MODE),
-    "position": of_move(POSITION_COMMAND),
-    "direct": of_direct,
-    "move": of_move(MOVE),
+    "mode": Row(
+        lambda j, g: ["mode", *(j or ["all"]), g["mode"]],
+        SET_CONTROL_MODE,
+        lambda j, g: {"names": j, "modes": [g["mode"]]},
+    ),
+    "interaction": Row(
+        lambda j, g: ["interaction", *(j or ["all"]), g["mode"]],
+        SET_INTERACTION_MODE,
+        lambda j, g: {"names": j, "modes": [g["mode"]]},
+    ),
+    "position": Row(move_words, POSITION_COMMAND, positions),
+    "direct": Row(
+        lambda j, g: ["direct", *pairs(j, g["positions"])], POSITION_DIRECT_COMMAND, positions
+    ),
+    "move": Row(move_words, MOVE, positions),
     "hold": of_hold,
-    "impedance": of_impedance,
+    "impedance": Row(
+        lambda j, g: [
+            *("impedance", *j),
+            *option("--stiffness", g.get("stiffness")),
+            *option("--damping", g.get("damping")),
+        ],
+        SET_IMPEDANCE,
+        lambda j, g: {"names": j, **present(g, stiffness="stiffness", damping="damping")},
+        needs="stiffness",
+    ),
     "speed": of_speed,
     "gains": of_gains,
-    "stop": of_joints("stop", STOP),
-    "estop": of_estop,
-    "recover": of_recover,
-    "calibrate": of_joints("calibrate", CALIBRATE),
-    "configure": of_configure,
-    "pose": of_pose,
-    "save_pose": of_save_pose,
-    "step": of_measure("step", "--size", "size"),
-    "chirp": of_measure("chirp", "--amplitude", "amplitude"),
+    "stop": Row(lambda j, _: ["stop", *j], STOP),
+    "estop": Row(
+        lambda _, g: ["estop", *([] if g["on"] else ["release"])],
+        EMERGENCY_STOP,
+        lambda _, g: {"data": g["on"]},
+    ),
+    "recover": Row(
+        lambda j, g: ["recover", *j, *(["--partial"] if g.get("partial") else [])],
+        RECOVER,
+        lambda j, g: {"names": j, "partial": g.get("partial", False)},
+    ),
+    "calibrate": Row(lambda j, _: ["calibrate", *j], CALIBRATE),
+    "configure": Row(lambda *_: ["configure"], CONFIGURE, lambda *_: {}),
+    "pose": Row(
+        lambda _, g: ["pose", g["pose"], *option("--speed", g.get("speed"))],
+        GO_TO_POSE,
+        lambda _, g: {"pose": g["pose"], "speed": g.get("speed", 0.0)},
+    ),
+    "save_pose": Row(
+        lambda _, g: ["pose", "save", g["pose"]], SAVE_POSE, lambda _, g: {"name": g["pose"]}
+    ),
+    "step": Row(lambda _, g: ["step", g["joint"], *option("--size", g["size"])]),
+    "chirp": Row(lambda _, g: ["chirp", g["joint"], *option("--amplitude", g.get("amplitude"))]),
 }

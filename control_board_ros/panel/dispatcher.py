@@ -113,7 +113,7 @@ class Dispatcher:
         def progress(share: float, words: str) -> None:
             browser.send("progress", id=request.id, share=share, words=words)
 
-        answer = await handlers.HANDLERS[request.do](board, request.fields, progress)
+        answer = await handlers.handle(board, request.do, request.fields, progress)
         if request.do in ("position", "direct", "move") and await board.ask_targets():
             self._state.send_targets(board)
         return answer

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from ..core.terms.reply import Reply
 from ..core.terms.vocabs import HAND_TIMEOUT
 from ..interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
 from .boards import Board, finite
-from .protocol import CALLS, HOLDS, Fields, joints_of, one_or_many
+from .protocol import CALLS, HOLDS, Fields, joints_of
 
 
 @dataclass(slots=True)
@@ -81,7 +80,11 @@ class Holds:
 
 #: Called with the progress of a long request: from 0 to 1, and text.
 Progress = Callable[[float, str], None]
-Handler = Callable[[Board, Fields, Progress], Awaitable[dict[str, Any]]]
+#: Called with the feedback of an action.
+Feedback = Callable[[Any], None]
+Handler = Callable[[Board, Fields], Awaitable[dict[str, Any]]]
+#: Topics of requests that other programs could send.
+TOPICS = {"position": POSITION_COMMAND, "direct": POSITION_DIRECT_COMMAND}
 CONTROLLERS = ("position", "direct", "torque", "current")
 
 #: Next step by reply code, in the page's terms.
@@ -107,23 +110,52 @@ def reply_fields(reply: Reply) -> dict[str, Any]:
     return {"ok": bool(reply), "message": message, "answers": answers}
 
 
-def client_call(do: str) -> Handler:
-    """A request that is one call of the client."""
+async def handle(board: Board, do: str, fields: Fields, progress: Progress) -> dict[str, Any]:
+    """The answer of a board to a request: by its handler, or as one call of the client."""
+    if do in HANDLERS:
+        return await HANDLERS[do](board, fields)
+    if do in TOPICS:
+        board.sending(TOPICS[do], fields["joints"] or board.names, fields["positions"])
+    method, *values = CALLS[do](fields)
+    options: dict[str, Any] = {"answered": True} if do == "direct" else {}
+    if do in FEEDBACK:
+        options["feedback"] = FEEDBACK[do](fields, progress)
+    return reply_fields(await getattr(board.client.aio, method)(*values, **options))
 
-    async def call(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
-        method, *values = CALLS[do](fields)
-        return reply_fields(await getattr(board.client.aio, method)(*values))
 
-    return call
+def of_move(_: Fields, progress: Progress) -> Feedback:
+    report = progress_by_remaining(progress)
+    return lambda sent: report(sent.remaining_time, f"{sent.remaining_time:.1f} s")
 
 
-async def recover(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
+def of_calibration(_: Fields, progress: Progress) -> Feedback:
+    return lambda sent: progress(
+        float(sent.progress.mean()) if len(sent.progress) else 0.0, sent.phase
+    )
+
+
+def of_pose(fields: Fields, progress: Progress) -> Feedback:
+    report = progress_by_remaining(progress)
+    return lambda sent: report(
+        float(abs(sent.remaining).max()) if len(sent.remaining) else 0.0, fields["pose"]
+    )
+
+
+#: Feedback of requests that last; cancelling one of a motion stops the joints.
+FEEDBACK: dict[str, Callable[[Fields, Progress], Feedback]] = {
+    "move": of_move,
+    "calibrate": of_calibration,
+    "pose": of_pose,
+}
+
+
+async def recover(board: Board, fields: Fields) -> dict[str, Any]:
     """Return to the modes before a fault; the answer has the times to wait, s."""
     reply = await board.client.aio.recover(joints_of(fields), fields.get("partial", False))
     return reply_fields(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
 
 
-async def frame(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
+async def frame(board: Board, fields: Fields) -> dict[str, Any]:
     """The freeze frame of a joint's last fault (E3)."""
     freeze = await board.client.aio.get_freeze_frame(fields["joint"])
     if freeze is None:
@@ -135,21 +167,7 @@ async def frame(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     return {"ok": True, "message": "", "frame": rows}
 
 
-async def position(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
-    names, targets = fields["joints"] or board.names, fields["positions"]
-    board.sending(POSITION_COMMAND, names, targets)
-    return reply_fields(await board.client.aio.position_move(names, *one_or_many(fields)))
-
-
-async def direct(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
-    names, targets = fields["joints"] or board.names, fields["positions"]
-    board.sending(POSITION_DIRECT_COMMAND, names, targets)
-    return reply_fields(
-        await board.client.aio.set_position(names, *one_or_many(fields), answered=True)
-    )
-
-
-async def targets(board: Board, _fields: Fields, _: Progress) -> dict[str, Any]:
+async def targets(board: Board, _: Fields) -> dict[str, Any]:
     await board.ask_targets()
     return {"ok": True, "message": "", "targets": board.targets}
 
@@ -166,17 +184,6 @@ def progress_by_remaining(progress: Progress) -> Progress:
     return report
 
 
-async def move(board: Board, fields: Fields, progress: Progress) -> dict[str, Any]:
-    """A move with its end awaited; cancelling it stops the joints."""
-    report = progress_by_remaining(progress)
-
-    def feedback(sent: Any) -> None:
-        report(sent.remaining_time, f"{sent.remaining_time:.1f} s")
-
-    move = partial(board.client.aio.move, feedback=feedback)
-    return reply_fields(await move(fields["joints"] or board.names, *one_or_many(fields)))
-
-
 async def send_held(
     board: Board, kind: str, joint: str, value: float, *, valid_for: float = 0.0
 ) -> Reply:
@@ -189,14 +196,7 @@ async def send_held(
     return reply
 
 
-async def calibrate(board: Board, fields: Fields, progress: Progress) -> dict[str, Any]:
-    def feedback(sent: Any) -> None:
-        progress(float(sent.progress.mean()) if len(sent.progress) else 0.0, sent.phase)
-
-    return reply_fields(await board.client.aio.calibrate(joints_of(fields), feedback=feedback))
-
-
-async def poses(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
+async def poses(board: Board, fields: Fields) -> dict[str, Any]:
     """The names of all poses; for a given one also joints and positions."""
     aio = board.client.aio
     answer: dict[str, Any] = {"ok": True, "message": "", "poses": await aio.list_poses()}
@@ -206,27 +206,7 @@ async def poses(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     return answer
 
 
-async def pose(board: Board, fields: Fields, progress: Progress) -> dict[str, Any]:
-    """A move to a pose; cancelling it stops the joints."""
-    report = progress_by_remaining(progress)
-
-    def feedback(sent: Any) -> None:
-        report(float(abs(sent.remaining).max()) if len(sent.remaining) else 0.0, fields["pose"])
-
-    aio = board.client.aio
-    return reply_fields(
-        await aio.go_to_pose(fields["pose"], fields.get("speed"), feedback=feedback)
-    )
-
-
-async def save_pose(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
-    """Save the present positions."""
-    aio = board.client.aio
-    answer = reply_fields(await aio.save_pose(fields["pose"], speed=fields.get("speed", 0.0)))
-    return answer | {"poses": await aio.list_poses()} if answer["ok"] else answer
-
-
-async def details(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
+async def details(board: Board, fields: Fields) -> dict[str, Any]:
     """Details of a joint beside its state: impedance, speeds, gains."""
     aio, joint = board.client.aio, fields["joint"]
     stiffness, damping = await aio.get_impedance(joint)
@@ -248,21 +228,11 @@ async def details(board: Board, fields: Fields, _: Progress) -> dict[str, Any]:
     return {"ok": True, "message": "", "details": answer}
 
 
-#: Requests to one board; the others are handled by the hub.
+#: Requests that are more than one call of the client.
 HANDLERS: dict[str, Handler] = {
-    **{
-        do: client_call(do)
-        for do in ("mode", "interaction", "impedance", "speed", "gains", "configure")
-    },
     "recover": recover,
-    "position": position,
-    "direct": direct,
     "targets": targets,
-    "move": move,
-    "calibrate": calibrate,
     "details": details,
     "frame": frame,
     "poses": poses,
-    "pose": pose,
-    "save_pose": save_pose,
 }

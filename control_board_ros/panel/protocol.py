@@ -155,7 +155,7 @@ KINDS: dict[str, Kind] = {
     "calibrate": Kind(JOINTS, {}),
     "configure": Kind({}, {}),
     "pose": Kind({"pose": text}, {"speed": number}),
-    "save_pose": Kind({"pose": text}, {"speed": number}),
+    "save_pose": Kind({"pose": text}, {}),
     "record": Kind({"on": flag}, {"boards": names}, to_all=True),
     "note": Kind({"text": text}, {}, to_all=True),
     "step": Kind({"joint": text, "size": number}, {}),
