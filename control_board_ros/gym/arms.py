@@ -17,6 +17,7 @@ from ..core.terms.joint_kind import ENDLESS
 from ..core.terms.measurement import Array
 from ..core.terms.modes import STATES
 from ..core.terms.vocabs import CommandKind, ControlMode, InteractionMode
+from ..description.geometry import rotations_about
 from ..protocols import Floats
 from ..settings.build import urdf_model
 from ..settings.loading import Settings
@@ -29,6 +30,8 @@ M, K = ControlMode, CommandKind
 REACH = 0.5
 #: Number of a mode in observations.
 NUMBERS = {mode: number for number, mode in enumerate(STATES)}
+#: The axis of every link, in its own axes.
+Z = np.array([0.0, 0.0, 1.0])
 #: Control cycles of a board's start.
 START_CYCLES = 3
 
@@ -185,23 +188,13 @@ class Arms:
             if link.slides:
                 at = at + axes[:, :, 2] * q[:, None]
             else:
-                axes = axes @ about_z(q)
+                axes = axes @ rotations_about(Z, q)
             places[j] = (at, axes)
         return places[len(links) - 1][0]
 
     def close(self) -> None:
         """Close the body; may be called twice."""
         self.body.close()
-
-
-def about_z(angles: Floats) -> Floats:
-    """Rotations about z, shape (k, 3, 3)."""
-    made = np.zeros((len(angles), 3, 3))
-    made[:, 0, 0] = made[:, 1, 1] = np.cos(angles)
-    made[:, 1, 0] = np.sin(angles)
-    made[:, 0, 1] = -made[:, 1, 0]
-    made[:, 2, 2] = 1.0
-    return made
 
 
 def calibrated(

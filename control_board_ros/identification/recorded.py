@@ -45,10 +45,7 @@ def of_any_motion(path: Path) -> Recorded:
     robot = robot_of(recording)
     signals = {name: recording.signals[name] for name in SIGNALS}
     records = stretches(recording.time, signals, recording.names)
-    joints = moved(records, recording.names, [robot.kind(name) for name in recording.names])
-    if not joints:
-        raise IdentificationError(f"{path}: no joint moved")
-    return robot, records, joints, recording.missing
+    return robot, records, moved(robot, records, str(path)), recording.missing
 
 
 def planned(folder: Path) -> Recorded:

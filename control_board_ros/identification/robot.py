@@ -12,11 +12,11 @@ import numpy as np
 from ..core.model.arm_model import ArmModel
 from ..core.terms.drives import SetPoint
 from ..core.terms.joint_kind import JointKind
-from ..description.arm_model import Motors, arm_model
 from ..description.urdf import Urdf
 from ..protocols import Floats
+from ..settings.build import rotors_in_links, urdf_model
 from ..settings.loading import Settings, SettingsError, load
-from ..sim.config import IDEAL, MUJOCO, PYBULLET
+from ..sim.config import IDEAL, MUJOCO
 from . import IdentificationError
 
 
@@ -101,7 +101,7 @@ class Robot:
     @property
     def rotors_in_links(self) -> bool:
         """Whether rotors turn with their whole links, as in pybullet."""
-        return self.values["physics"] == PYBULLET and not self.values["plant"]
+        return rotors_in_links(self.values)
 
     def hands_voltage(self, joint: str) -> bool:
         """Whether the drive gets a PWM from the board: the motor's voltage is known."""
@@ -121,18 +121,9 @@ class Robot:
             raise IdentificationError(
                 "physics: ideal has no masses to identify; start the board with mujoco or pybullet"
             )
-        homes = {
-            j.name: float(self.values[f"{j.name}.home"])
-            for j in self.urdf.joints
-            if f"{j.name}.home" in self.values
-        }
-        x, y, z = self.values["gravity"]
-        others = [name for name in self.names if name not in joints]
-        inertias = self.numbers("motor.inertia", others)
-        ratios = self.numbers("motor.gear_ratio", others)
-        rotors = dict(zip(others, (inertias * ratios**2).tolist(), strict=True))
-        motors = Motors(rotors=rotors, coulomb={}, viscous={}, in_links=self.rotors_in_links)
-        return arm_model(self.urdf, self.names, motors, homes, (x, y, z))
+        left_out = [f"{name}.motor.inertia" for name in joints]
+        left_out += [f"{n}.motor.{kind}" for n in self.names for kind in ("coulomb", "viscous")]
+        return urdf_model({**self.values, **dict.fromkeys(left_out, 0.0)}, self.urdf, self.names)
 
     def loaded_model(self) -> ArmModel:
         """The arm's masses with all rotors and payloads, without friction.

@@ -24,6 +24,7 @@ import yaml
 from ..core.terms.joint_kind import JointKind
 from ..protocols import Floats
 from ..recording.errors import RecordingError, library
+from ..recording.figures import gaps_in, newer
 from ..recording.reading import stamp_of
 from . import IdentificationError
 from .robot import Robot
@@ -48,8 +49,8 @@ UNITS: dict[str, dict[str, float]] = {
     REFERENCE: ANGLES,
     "motor_position": ANGLES,
 }
-#: Lowest rate of readings, Hz; a gap, s and median periods: no value is made up within.
-MIN_RATE_HZ, MAX_GAP_S, MAX_GAP_PERIODS = 50.0, 0.1, 10.0
+#: Lowest rate of readings, Hz; a gap, s: no value is made up within.
+MIN_RATE_HZ, MAX_GAP_S = 50.0, 0.1
 #: Period beyond which a log is taken to have another unit of time, s.
 MAX_PERIOD = 1.0
 #: Numbers that nothing measures: what a torn cell reads as. Times are below, in ns, too.
@@ -350,9 +351,9 @@ def stretches(time: Floats, signals: dict[str, Floats], names: Sequence[str]) ->
     Raises:
         IdentificationError: as ``records_of``.
     """
-    newer = time > np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
-    time = time[newer]
-    signals = {name: values[newer] for name, values in signals.items()}
+    fresh = newer(time)
+    time = time[fresh]
+    signals = {name: values[fresh] for name, values in signals.items()}
     if time.size < 8:
         raise IdentificationError(f"the log has {time.size} whole rows; is a column empty?")
     period = float(np.median(np.diff(time)))
@@ -361,9 +362,8 @@ def stretches(time: Floats, signals: dict[str, Floats], names: Sequence[str]) ->
             f"the log has {1.0 / period:.3g} readings a second, and {MIN_RATE_HZ:.0f} are needed"
             + ("; is the unit of time right?" if period > MAX_PERIOD else "")
         )
-    cuts = np.flatnonzero(np.diff(time) > max(MAX_GAP_S, MAX_GAP_PERIODS * period)) + 1
     records = []
-    for rows in np.split(np.arange(time.size), cuts):
+    for rows in np.split(np.arange(time.size), gaps_in(time, MAX_GAP_S) + 1):
         if time[rows[-1]] - time[rows[0]] >= MIN_RECORD_S and rows.size >= 8:
             piece = {name: values[rows] for name, values in signals.items()}
             records.append(record_of(time[rows], piece, names))
@@ -421,19 +421,17 @@ def read_robot(
     """
     made = Robot.of_metal(robot)
     records = [record for path in paths for record in read_log(path, words, made)]
-    joints = moved(records, made.names, [made.kind(name) for name in made.names])
-    if not joints:
-        raise IdentificationError(f"{', '.join(map(str, paths))}: no joint moved")
-    return made, records, joints
+    return made, records, moved(made, records, ", ".join(map(str, paths)))
 
 
-def moved(
-    records: Sequence[Record], names: Sequence[str], kinds: Sequence[JointKind]
-) -> list[str]:
-    """The joints that moved."""
-    return [
+def moved(robot: Robot, records: Sequence[Record], source: str) -> list[str]:
+    """The joints that moved; raises IdentificationError where none did."""
+    joints = [
         name
-        for k, name in enumerate(names)
+        for k, name in enumerate(robot.names)
         if max(np.ptp(record.signals[POSITION][:, k]) for record in records)
-        > kinds[k].choose(MIN_TRAVEL_RAD, MIN_TRAVEL_M)
+        > robot.kind(name).choose(MIN_TRAVEL_RAD, MIN_TRAVEL_M)
     ]
+    if not joints:
+        raise IdentificationError(f"{source}: no joint moved")
+    return joints

@@ -166,12 +166,22 @@ def vertex(three: Floats) -> float:
     return 0.0 if curvature <= 0.0 else 0.5 * (a - c) / curvature
 
 
-def gaps_in(time: Floats) -> NDArray[np.intp]:
-    """The indices of the times before a gap: of a silent board, or a step of its clock."""
+def newer(time: Floats) -> NDArray[np.bool_]:
+    """Whether each time is beyond all before it: a clock may step back."""
+    return time > np.concatenate([[-np.inf], np.maximum.accumulate(time)[:-1]])
+
+
+def gaps_in(time: Floats, least: float = GAP) -> NDArray[np.intp]:
+    """The indices of the times before a gap: of a silent board, or a step of its clock.
+
+    Args:
+        time: s, shape (n,).
+        least: A shorter difference is none, s.
+    """
     steps = np.diff(time)
     if not steps.size:
         return np.empty(0, dtype=np.intp)
-    return np.flatnonzero(steps > max(GAP, GAP_PERIODS * float(np.median(steps))))
+    return np.flatnonzero(steps > max(least, GAP_PERIODS * float(np.median(steps))))
 
 
 def longest_part(time: Floats) -> slice:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 from rcl_interfaces.msg import Parameter, ParameterEvent
@@ -12,7 +11,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from ..client import ControlBoardClient
 from ..client.ros_link import typed
 from .definitions import definition
-from .errors import library
+from .salvage import store_of
 from .topics import PARAMETERS, topic_of
 
 #: Bytes of the CDR header.
@@ -26,19 +25,10 @@ def serialize(message: Any, type_name: str) -> bytes:
     a broken message.
     """
     data = bytes(serialize_message(message))
-    store = store_of(type_name)
+    store = store_of(((type_name, "ros2msg", definition(type_name).text),))
     known = store.get_msgdef(type_name)
     _, end = known.deserialize_cdr_le(data[HEADER:], 0, known.cls, store)
     return data[: HEADER + end]
-
-
-@cache
-def store_of(type_name: str) -> Any:
-    """The library's type store of a type and those it refers to."""
-    types = library("rosbags.typesys")
-    store = types.get_typestore(types.Stores.EMPTY)
-    store.register(types.get_types_from_msg(definition(type_name).text, type_name))
-    return store
 
 
 #: Parameters per request.

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +29,7 @@ from control_board_ros.text import clean, clean_name, clean_names
 from control_board_ros.urdf_xml import published_joints
 
 from .errors import RecordingError, library
-from .figures import gaps_in
+from .figures import gaps_in, newer
 from .salvage import open_parts, parts_of, salvage
 from .topics import GAPS, PARAMETERS, ROSOUT
 
@@ -277,15 +278,15 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
         return None
     origin, states = received[0][0], [message for _, message in received]
     stamps = np.array([stamp_of(message.header.stamp) for message in states])
-    newer = np.concatenate(([True], stamps[1:] > np.maximum.accumulate(stamps)[:-1]))
-    kept = [message for message, is_newer in zip(states, newer, strict=True) if is_newer]
+    fresh = newer(stamps)
+    kept = list(itertools.compress(states, fresh))
     if len(kept[0].names) > MOST_JOINTS:
         raise ValueError(f"{clean(board)} has {len(kept[0].names)} joints, {MOST_JOINTS} at most")
     recording = BoardRecording(
         board=clean(board),
         start=float(stamps[0]),
         names=clean_names(kept[0].names),
-        time=stamps[newer] - stamps[0],
+        time=stamps[fresh] - stamps[0],
         signals={
             name: np.array([getattr(message, name) for message in kept], dtype=np.float64)
             for name in SIGNALS

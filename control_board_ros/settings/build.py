@@ -17,6 +17,7 @@ from ..description.couplings import coupling_of
 from ..description.urdf import Urdf
 from ..sim.config import IDEAL, PYBULLET, JointSimulation, SimulationConfig
 from .couplings import Motors, motor_coupling
+from .parts import name_lists
 from .schema import VIRTUAL
 
 T = TypeVar("T")
@@ -117,11 +118,15 @@ def urdf_model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel:
         coulomb={name: values[f"{name}.motor.coulomb"] for name in names},
         viscous={name: values[f"{name}.motor.viscous"] for name in names},
         moved={name: values[f"{name}.inertia"] for name in names},
-        in_links=values["physics"] == PYBULLET
-        and values["plant"][: len(VIRTUAL)] in ("", VIRTUAL),
+        in_links=rotors_in_links(values),
     )
     x, y, z = values["gravity"]
     return arm_model(urdf, names, made, homes, (x, y, z))
+
+
+def rotors_in_links(values: Values) -> bool:
+    """Whether rotors turn with their whole links, as in pybullet."""
+    return values["physics"] == PYBULLET and values["plant"][: len(VIRTUAL)] in ("", VIRTUAL)
 
 
 def board_of(
@@ -158,10 +163,7 @@ def board_of(
         model=masses,
         coupling=coupled.joints,
         motor_coupling=coupled.motors,
-        calibration_groups=tuple(
-            tuple(name.strip() for name in group.split(","))
-            for group in values["calibration_groups"]
-        ),
+        calibration_groups=name_lists(values["calibration_groups"]),
     )
 
 

@@ -52,7 +52,7 @@ from .layers import (
     without_ros,
 )
 from .params_file import NODE_NAME, Entries, Entry, Layer, SettingsError, convert, read_file
-from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, levels_of, take_parts
+from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, name_lists, take_parts
 from .poses import POSES, poses_of, values_of
 from .schema import (
     BOARD,
@@ -111,7 +111,7 @@ class Settings:
     @property
     def levels(self) -> tuple[tuple[str, ...], ...]:
         """The parts of each start-up level (R4)."""
-        return levels_of(self.values["startup_levels"])
+        return name_lists(self.values["startup_levels"])
 
     def part(self, name: str) -> Settings:
         """The settings of one part, as a single board."""
@@ -289,7 +289,7 @@ def _settings(
             )
         board = build.board(values, urdf, names, coupled.motors)
         if parts:
-            complete_levels(levels_of(values["startup_levels"]), tuple(parts))
+            complete_levels(name_lists(values["startup_levels"]), tuple(parts))
         simulation = build.simulation(values, urdf, names)
         simulation.check_board(board)
     except ConfigError as error:

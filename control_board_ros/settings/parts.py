@@ -88,8 +88,9 @@ def check_parts(table: Entries, entries: Mapping[str, Entry]) -> Table:
     return members
 
 
-def levels_of(values: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    return tuple(tuple(name.strip() for name in level.split(",")) for level in values)
+def name_lists(texts: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """The names of each text "name,name,…"."""
+    return tuple(tuple(name.strip() for name in text.split(",")) for text in texts)
 
 
 def groups_of(groups: Sequence[str], left_out: Collection[str]) -> list[str]:
