@@ -114,8 +114,7 @@ def _link(
     *,
     slides: bool,
 ) -> Link:
-    rotor, c = motors.rotors.get(name, 0.0), body.centre
-    tensor = body.tensor + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    rotor, tensor = motors.rotors.get(name, 0.0), body.about(np.zeros(3))
     if motors.in_links and not slides:
         tensor[2, 2] += rotor
         rotor = 0.0
@@ -125,7 +124,7 @@ def _link(
         rotation=tuple(rotation.reshape(-1).tolist()),
         offset=tuple(position.tolist()),
         mass=float(body.mass),
-        moment=tuple((body.mass * c).tolist()),
+        moment=tuple((body.mass * body.centre).tolist()),
         tensor=tuple(
             float(tensor[i, k]) for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         ),

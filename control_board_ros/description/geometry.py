@@ -59,6 +59,13 @@ def inertia_of(link: ET.Element) -> Array:
     return np.array(rotation @ tensor @ rotation.T)
 
 
+def principal_axes(tensor: Array) -> tuple[Array, Array]:
+    """Principal moments, shape (3,), and right-handed axes, the columns of shape (3, 3)."""
+    moments, axes = np.linalg.eigh(tensor)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return moments, axes
+
+
 def rotation_of_rpy(angles: Array) -> Array:
     """Rotation matrix, shape (3, 3), of roll, pitch and yaw about fixed axes, rad."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)

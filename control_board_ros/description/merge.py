@@ -39,9 +39,9 @@ class Inertial:
         if mass == 0.0:
             return Inertial(0.0, self.centre, self.tensor + other.tensor)
         centre = (self.mass * self.centre + other.mass * other.centre) / mass
-        return Inertial(mass, centre, self._about(centre) + other._about(centre))
+        return Inertial(mass, centre, self.about(centre) + other.about(centre))
 
-    def _about(self, point: Array) -> Array:
+    def about(self, point: Array) -> Array:
         """Tensor about a point, by Steiner's theorem."""
         offset = self.centre - point
         return self.tensor + self.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))

@@ -23,7 +23,7 @@ import numpy as np
 
 from ..core.config.config import ConfigError
 from ..core.terms.measurement import Array
-from .geometry import as_text, axis_of, inertia_of, rpy_of_rotation
+from .geometry import as_text, axis_of, inertia_of, principal_axes, rpy_of_rotation
 from .urdf_tree import Tree
 
 Moments = dict[str, tuple[float, float, float]]
@@ -54,9 +54,7 @@ def add_rotor_inertia(tree: Tree, reflected: Mapping[str, float]) -> Moments:
                 f"{name}.motor.inertia", inertia, "0 for a prismatic joint of a URDF"
             )
         link, axis = tree.links[tree.child(joint)], axis_of(joint)
-        tensor = inertia_of(link) + inertia * np.outer(axis, axis)
-        values, axes = np.linalg.eigh(tensor)
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        values, axes = principal_axes(inertia_of(link) + inertia * np.outer(axis, axis))
         _set_principal_axes(link, axes)
         moments[tree.child(joint)] = (float(values[0]), float(values[1]), float(values[2]))
     return moments

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from ...core.model.coupling import Gear
 from ...core.terms.measurement import Array
-from ...description.geometry import axis_of, numbers_of, origin_of
+from ...description.geometry import axis_of, numbers_of, origin_of, principal_axes
 from ...description.merge import NOTHING, inertial_of
 from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
@@ -176,8 +176,7 @@ class Builder:
     def _add_link(self, parent: Any, name: str, position: Array, rotation: Array) -> Any:
         link = self._tree.links[name]
         inertial = inertial_of(link) or NOTHING
-        moments, axes = np.linalg.eigh(inertial.tensor)
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        moments, axes = principal_axes(inertial.tensor)
         self._moments[LINK + name] = np.maximum(moments, 0.0)
         body = parent.add_body(
             name=LINK + name,
