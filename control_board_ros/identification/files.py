@@ -14,7 +14,7 @@ from ..description.robots import NAMES
 from ..protocols import Floats
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, document, table, write_page
-from ..whole_file import yaml_text
+from ..settings.params_file import file_text
 from .equations import FRICTION, MOTOR, SENSOR, WINDING
 from .fit import Equation
 from .outcome import QUANTITIES, THRESHOLD, Finding, Outcome
@@ -34,17 +34,13 @@ NOTE = (
 
 def parameters(outcome: Outcome) -> dict[str, Any]:
     """The file's contents: the name of a shipped robot, and the identified parameters."""
-    joints: dict[str, Any] = {}
+    values: dict[str, Any] = {}
+    if (robot := outcome.robot.name) in NAMES:
+        values["robot"] = robot
     for finding in outcome.written:
-        place = joints.setdefault(finding.joint, {})
-        *groups, last = finding.parameter.removeprefix(f"{finding.joint}.").split(".")
-        for group in groups:
-            place = place.setdefault(group, {})
-        values = [float(f"{value:.5g}") for value in finding.value]
-        place[last] = values if len(values) > 1 else values[0]
-    robot = outcome.robot.name
-    named = {"robot": robot} if robot in NAMES else {}
-    return {"/**": {"ros__parameters": named | joints}}
+        numbers = [float(f"{value:.5g}") for value in finding.value]
+        values[finding.parameter] = numbers if len(numbers) > 1 else numbers[0]
+    return values
 
 
 def write_parameters(path: Path, outcome: Outcome) -> None:
@@ -62,8 +58,7 @@ def write_parameters(path: Path, outcome: Outcome) -> None:
         lines.append(
             f"# Use it on top of the robot's own: --params-file … --params-file {path.name}"
         )
-    body = yaml_text(parameters(outcome))
-    write_page(path, "\n".join(lines) + "\n" + body)
+    write_page(path, file_text(parameters(outcome), lines))
 
 
 def summary(outcome: Outcome) -> list[str]:

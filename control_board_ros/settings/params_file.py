@@ -9,12 +9,14 @@ are bounded.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import typing
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..core.config.parameter import Kind, Parameter, size_text
+from ..whole_file import yaml_text
 from .yaml_tree import Leaf, Mapping, SettingsError, parse_yaml, shown
 
 __all__ = ["Entry", "Layer", "SettingsError", "parse_value", "read_file", "shown"]
@@ -78,6 +80,18 @@ def read_file(path: Path, node: str = NODE_NAME) -> Layer:
     for body in used:
         layer.entries.update(_flat(body, str(path)))
     return layer
+
+
+def file_text(values: typing.Mapping[str, Any], comments: Sequence[str]) -> str:
+    """A parameter file for every node, below comments; values by full name."""
+    tree: dict[str, Any] = {}
+    for name, value in values.items():
+        *groups, last = name.split(".")
+        place = tree
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[last] = value
+    return "\n".join([*comments, yaml_text({"/**": {"ros__parameters": tree}})])
 
 
 def parse_value(text: str, where: str) -> Any:

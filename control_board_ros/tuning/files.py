@@ -16,11 +16,11 @@ from ..description.robots import located
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number, write_page
 from ..settings.loading import is_urdf
+from ..settings.params_file import file_text
 from ..text import count_of
-from ..whole_file import yaml_text
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
-from .outcome import Outcome, Playback
+from .outcome import Outcome, Playback, together
 from .search import Plan
 from .space import POSITION
 
@@ -51,13 +51,8 @@ Values = Callable[[Motion], Array]
 
 def parameters(outcomes: Sequence[Outcome], robot: str) -> dict[str, Any]:
     """The file's contents: a shipped robot, or the URDF, and the parameters of its joints."""
-    joints: dict[str, Any] = {}
-    for outcome in outcomes:
-        for name, value in outcome.changes.items():
-            joint, group, gain = name.rsplit(".", 2)
-            joints.setdefault(joint, {}).setdefault(group, {})[gain] = value
     named = {} if is_parameter_file(robot) else {"robot": located(robot)}
-    return {"/**": {"ros__parameters": named | joints}}
+    return named | together(outcome.changes for outcome in outcomes)
 
 
 def is_parameter_file(name: str | None) -> bool:
@@ -83,8 +78,7 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
     if below:
         files = " ".join(f"--params-file {file}" for file in (*below, path.name))
         lines.append(f"# Use it on top: {files}")
-    body = yaml_text(parameters(outcomes, plan.robot))
-    write_page(path, "\n".join(lines) + "\n" + body)
+    write_page(path, file_text(parameters(outcomes, plan.robot), lines))
 
 
 def summary(outcomes: Sequence[Outcome], plan: Plan) -> list[str]:

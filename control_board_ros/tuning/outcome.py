@@ -9,7 +9,7 @@ other.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,7 +132,7 @@ def decide(
     selection: dict[Key, Changes] = {}
     why = dict.fromkeys(searches, "")
     for key, search in sorted(searches.items(), key=lambda item: item[1].cost):
-        stage, others = key[1], together(selection)
+        stage, others = key[1], together(selection.values())
         after = play(key, {**others, **search.changes})
         why[key] = objection(stage, before[key], after)
         if not why[key] and key in plain and objection(stage, plain[key], after, -LEAST_GAIN):
@@ -164,7 +164,7 @@ def revert_worse(
     Where a controller with present gains degrades, the least useful gains of another revert.
     """
     while True:
-        whole = together(selection)
+        whole = together(selection.values())
         after = {key: play(key, whole) for key in searches}
         worse = {key: objection(key[1], before[key], after[key]) for key in selection}
         worse = {key: reason for key, reason in worse.items() if reason}
@@ -180,6 +180,6 @@ def revert_worse(
             del selection[key]
 
 
-def together(selection: Mapping[Key, Changes]) -> dict[str, float]:
+def together(controllers: Iterable[Changes]) -> dict[str, float]:
     """The gains of all controllers in one."""
-    return {name: value for changes in selection.values() for name, value in changes.items()}
+    return {name: value for changes in controllers for name, value in changes.items()}
