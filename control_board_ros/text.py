@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 #: Maximum characters of a text and of a name.
 TEXT, NAME = 500, 120
@@ -108,6 +108,12 @@ def count_of(count: int, plural: str) -> str:
     """``1 joint``, ``2 joints``, ``1 velocity``: a number of what has its plural by an s."""
     one = plural[:-3] + "y" if plural.endswith("ies") else plural.removesuffix("s")
     return f"{count} {one if count == 1 else plural}"
+
+
+def first_of(texts: Sequence[str], most: int) -> str:
+    """The first texts, and the number of the others: ``a, b, c and 4 more``."""
+    more = len(texts) - most
+    return ", ".join(texts[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def unknown_word(

@@ -34,6 +34,7 @@ from ..core.config.parameter import ConfigError
 from ..core.config.parts import DEGREE
 from ..core.model.coupling import Coupling, rotors_of_motors
 from ..core.terms.joint_kind import JointKind
+from ..text import first_of
 from .couplings import beyond_limits
 from .derive_gains import gains
 from .loads import Load, loads
@@ -374,10 +375,11 @@ class Assumptions:
         """One line about parts derived as a whole; empty where parameters set all."""
         if not self._parts:
             return ()
-        parts = ", ".join(
-            f"{part} of {'all joints' if len(names) == self._count else _shown(names)}"
-            for part, names in self._parts.items()
-        )
+
+        def owners(names: list[str]) -> str:
+            return "all joints" if len(names) == self._count else first_of(names, MAX_NAMES)
+
+        parts = ", ".join(f"{part} of {owners(names)}" for part, names in self._parts.items())
         return (
             f"derived from the URDF, as no parameters give them: {parts}; friction is the "
             "URDF's <dynamics>, or 1 % of the torque limit; see docs/howto/own_urdf.md",
@@ -387,11 +389,6 @@ class Assumptions:
     def warnings(self) -> tuple[str, ...]:
         """One line per kind of value assumed against, or without, the URDF."""
         return tuple(
-            f"{what}: {_shown(joints)}; {advice}"
+            f"{what}: {first_of(joints, MAX_NAMES)}; {advice}"
             for (what, advice), joints in self._warnings.items()
         )
-
-
-def _shown(names: list[str]) -> str:
-    more = len(names) - MAX_NAMES
-    return ", ".join(names[:MAX_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -20,6 +20,7 @@ import numpy as np
 from ..core.model.coupling import Coupling
 from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
+from ..text import first_of
 from ..urdf_xml import SIZE_CAP, UrdfError, joint_of, parse_xml
 from .geometry import axis_of, origin_of, rotations_about, set_origin
 from .meshes import MeshFinder, MeshPathError, mesh_url, not_found
@@ -306,10 +307,9 @@ def _fix_locked(tree: Tree) -> list[str]:
             joint.remove(mimic)
     if not locked:
         return []
-    names = ", ".join(f"{name} ({place:g})" for name, place in [*locked.items()][:4])
-    more = f" and {len(locked) - 4} more" if len(locked) > 4 else ""
+    names = first_of([f"{name} ({place:g})" for name, place in locked.items()], 4)
     return [
-        f"{tree.source}: fixed, as their limits have lower = upper: {names}{more}; give joints "
+        f"{tree.source}: fixed, as their limits have lower = upper: {names}; give joints "
         "that move <limit lower=… upper=…> with lower < upper"
     ]
 

@@ -29,7 +29,7 @@ from control_board_ros.interface import (
     Endpoint,
 )
 from control_board_ros.joint_limits import FIELDS, JointLimits
-from control_board_ros.text import clean, clean_name, clean_names
+from control_board_ros.text import clean, clean_name, clean_names, first_of
 
 from . import robot
 from .subscriptions import Newest
@@ -157,8 +157,7 @@ class Board:
         before = dict(zip(self.names, self.modes.get("control", ()), strict=True))
         now = zip(modes["names"], modes["control"], strict=True)
         changed = [(name, mode) for name, mode in now if before.get(name, mode) != mode]
-        words = [f"{name} {before[name]} → {mode}" for name, mode in changed[:3]]
-        return ", ".join(words) + (f" and {len(changed) - 3} more" if len(changed) > 3 else "")
+        return first_of([f"{name} {before[name]} → {mode}" for name, mode in changed], 3)
 
     def poll_commands(self) -> list[str]:
         """Texts of other programs' commands: the newest on each topic."""
