@@ -298,11 +298,7 @@ class Bench:
         Raises:
             BoardTimeout: it is not received.
         """
-        last = self.channel.states_received + count
-        channel = self.channel
-        if not channel.wait_for(lambda: channel.states_received >= last, channel.patience):
-            raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
-        return self.channel.states[-1]
+        return self._state_after(self.channel.states_received + count)
 
     def moves(self) -> bool:
         states = (self.state(), self.following(1))
@@ -330,9 +326,14 @@ class Bench:
         Raises:
             BoardTimeout: no state.
         """
-        if not self.channel.wait_for(lambda: bool(self.channel.states), self.channel.patience):
-            raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
-        return self.channel.states[-1]
+        return self._state_after(1)
+
+    def _state_after(self, count: int) -> State:
+        """The last state, once this many have been received."""
+        channel = self.channel
+        if not channel.wait_for(lambda: channel.states_received >= count, channel.patience):
+            raise BoardTimeout(f"no state of {channel.board}; is it paused?")
+        return channel.states[-1]
 
     def rejected(self) -> int:
         """Number of ignored commands of the joint."""
@@ -371,8 +372,11 @@ class Bench:
 
     def still(self, states: Sequence[State]) -> float:
         """Travel of the joint in these states, rad."""
-        positions = [float(state.position[self.j]) for state in states]
-        return max(positions) - min(positions)
+        return float(np.ptp([state.position[self.j] for state in states]))
+
+    def run_on(self, states: Sequence[State]) -> float:
+        """Travel of the position reference in these states, rad."""
+        return float(np.ptp([state.position_reference[self.j] for state in states]))
 
     @property
     def tolerance(self) -> float:

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 import math
 
-from control_board_ros.client import BoardError
 from control_board_ros.core.machine.stale import NEAR_ANGLE, NEAR_DISTANCE, PAUSE
 from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.interface import SET_CONTROL_MODE
 
 from .bench import Bench, K, M
-from .rules import NotTestable, assume, expect, inside, offered, rule
+from .rules import assume, expect, feature, inside, offered, rule
 
 
 @rule("F1", "a fault disables the joint")
@@ -40,10 +39,8 @@ def only_force_idle(bench: Bench) -> str:
 @rule("F3", "a cause that persists")
 def persists(bench: Bench) -> str:
     client, joint = bench.client, bench.joint
-    try:
+    with feature("faults cannot be injected"):
         reply = client.inject_fault(joint, "external", persistent=True)
-    except BoardError as error:
-        raise NotTestable(f"faults cannot be injected: {error}") from None
     offered(reply, f"faults cannot be injected: {reply.message}")
     try:
         bench.record(0.1)
@@ -104,10 +101,8 @@ def outlived(bench: Bench) -> str:
     inwards = 0.5 * (limits.low + limits.high) - limits.start
     away = limits.start + math.copysign(way, -fallen if abs(fallen) > 0.1 * way else inwards)
     offered(limits.low < away < limits.high, "its range is too small; give a larger --range")
-    try:
+    with feature("the board offers no recovery"):
         reply = bench.client.recover(bench.joint)
-    except BoardError as error:
-        raise NotTestable(f"the board offers no recovery: {error}") from None
     assume(reply, f"recover is refused, see E1: {reply.message}")
     counted, begin = bench.latest().rejected_commands[bench.j], bench.latest().stamp
     stream(bench, away, 0.5, sent)

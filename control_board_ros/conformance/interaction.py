@@ -12,7 +12,7 @@ from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE, SET_INTERACTION_MODE
 
 from .bench import COMPLIANT, STIFF, Bench, Fate, K, M
-from .moving import amid_a_move, run_on
+from .moving import amid_a_move
 from .rules import NotTestable, assume, expect, inside, offered, rule
 
 
@@ -85,10 +85,10 @@ def change_stops(bench: Bench) -> str:
         assume(reply, f"{interaction} is refused, see I1: {reply.message}")
 
     amid_a_move(bench, lambda: change(STIFF))
-    way = run_on(bench, bench.record(0.1))
+    way = bench.run_on(bench.record(0.1))
     expect(way > 0.0, "the present interaction mode again stopped a move")
     *_, now = amid_a_move(bench, lambda: change(COMPLIANT))
-    way = run_on(bench, [now, *bench.record(0.4)])
+    way = bench.run_on([now, *bench.record(0.4)])
     expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the change")
     return "COMPLIANT stopped a move; STIFF in STIFF did not"
 

@@ -10,7 +10,7 @@ from control_board_ros.interface import GET_CONTROL_MODE, POSITION_COMMAND, SET_
 
 from .bench import TIMEOUT, Bench, Fate, K, M
 from .limits import read_limits
-from .moving import amid_a_move, run_on
+from .moving import amid_a_move
 from .rules import assume, expect, inside, offered, rule
 
 #: rad; a target this close to the present position causes no motion.
@@ -192,7 +192,7 @@ def the_same_again(bench: Bench) -> str:
         expect(reply, f"the present mode is refused: {reply.message}")
 
     amid_a_move(bench, again)
-    way = run_on(bench, bench.record(0.1))
+    way = bench.run_on(bench.record(0.1))
     expect(way > 0.0, "the present mode again dropped a move")
     return f"a move went on, {way:.2g} in the next 0.1 s"
 
@@ -202,7 +202,7 @@ def entering_resets(bench: Bench) -> str:
     held = [enter_at_rest(bench, mode) for mode in bench.modes if mode not in UNPOWERED]
     if M.POSITION_DIRECT in bench.modes:
         *_, now = amid_a_move(bench, lambda: bench.enter(M.POSITION_DIRECT))
-        way = run_on(bench, [now, *bench.record(0.4)])
+        way = bench.run_on([now, *bench.record(0.4)])
         expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the mode changed")
         held.append("a move dropped")
     if M.OPENLOOP in bench.modes:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import wraps
 from typing import TypeVar
 
@@ -131,12 +131,6 @@ def amid_a_move(
         if states[-1].stamp < end:
             return states
     raise TooSlow("this machine is too slow to act in the midst of a move")
-
-
-def run_on(bench: Bench, states: Sequence[State]) -> float:
-    """Travel of the position reference in these states, rad."""
-    references = [float(state.position_reference[bench.j]) for state in states]
-    return max(references) - min(references)
 
 
 def lead(bench: Bench, state: State) -> float:

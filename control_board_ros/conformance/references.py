@@ -11,7 +11,7 @@ from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 
 from .bench import COMPLIANT, TIMEOUT, Bench, K, M
 from .limits import is_limited, read_limits
-from .moving import amid_a_move, lead, run_on
+from .moving import amid_a_move, lead
 from .rules import assume, expect, inside, offered, rule
 
 #: s until a velocity reference expires, where the timeout is unknown.
@@ -66,7 +66,7 @@ def motion_done_and_stop(bench: Bench) -> str:
     expect(mode is M.POSITION, f"stop led from POSITION to {mode}")
     expect(bench.is_done(after[-1]), "motion done is false after stop")
     lag = abs(leads[-1] - leads[0])  # what a lagging drive has still to go (M9)
-    way, max_way = run_on(bench, after), bench.tolerance + lag
+    way, max_way = bench.run_on(after), bench.tolerance + lag
     expect(way < max_way, f"the reference ran on for {way:.3g} after stop, {max_way:.3g} at most")
     away = abs(lead(bench, now))
     expect(away < max_way, f"the reference after stop is {away:.3g} from the joint")

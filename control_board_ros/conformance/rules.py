@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
+
+from control_board_ros.client import BoardError
+from control_board_ros.core.selection import RequestError
 
 #: A test of a rule: with the bench, it returns the evidence.
 Check = TypeVar("Check", bound=Callable[..., str])
@@ -43,6 +47,15 @@ def offered(condition: object, text: str) -> None:
     """A feature that the rule requires; raises NotTestable where the condition is false."""
     if not condition:
         raise NotTestable(text)
+
+
+@contextmanager
+def feature(text: str) -> Iterator[None]:
+    """Requests of a feature that a board may lack; raises NotTestable where it refuses them."""
+    try:
+        yield
+    except (BoardError, RequestError) as error:
+        raise NotTestable(f"{text}: {error}") from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from control_board_ros.core.terms.modes import MOVES, UNPOWERED
 from control_board_ros.protocols import Floats
 
 from .bench import TIMEOUT, Bench, K, M
-from .rules import assume, expect, offered, rule
+from .rules import assume, expect, feature, offered, rule
 
 #: s until a joint is at rest after a move.
 SETTLING = 0.3
@@ -61,12 +61,10 @@ def direct_velocity(bench: Bench) -> str:
 def current(bench: Bench) -> str:
     joint, client = bench.joint, bench.client
     offered(M.CURRENT in bench.modes, f"{joint} does not implement {M.CURRENT}")
-    try:
+    timeout = f"{joint}.timeouts.current"
+    with feature("the board does not report the range of currents, or their timeout"):
         low, high = (float(side[0]) for side in client.get_current_range(joint))
-        timeout = f"{joint}.timeouts.current"
         before = client.get_parameters([timeout])[timeout]
-    except (BoardError, RequestError):
-        offered(False, "the board does not report the range of currents, or their timeout")
     expect(low < 0.0 < high, f"the range of currents is {low:.3g} to {high:.3g} A")
     reply = client.set_parameters({timeout: 0.1})
     assume(reply, f"{timeout} cannot be set: {reply.message}")
@@ -110,10 +108,8 @@ def beyond(bench: Bench, high: float) -> None:
 @rule("Y3", "physical joints move as coupled with the axes")
 def coupled(bench: Bench) -> str:
     client, j, step = bench.client, bench.j, bench.range.step
-    try:
+    with feature("the board does not report its coupling"):
         coupling = client.get_coupling()
-    except BoardError:
-        offered(False, "the board does not report its coupling")
     offered(coupling != Coupling.plain(coupling.axes), "its axes are its physical joints")
     expect(coupling.axes == bench.names, f"its coupling is of the axes {', '.join(coupling.axes)}")
     joints = coupling.physical_joints
@@ -178,10 +174,8 @@ def brake_before_power(bench: Bench) -> str:
 def amplifier(bench: Bench) -> str:
     client, joint, j = bench.client, bench.joint, bench.j
     offered(M.OPENLOOP in bench.modes, f"{joint} does not implement {M.OPENLOOP}")
-    try:
+    with feature("the board does not report its motors"):
         motors = client.get_motors(joint)
-    except BoardError:
-        offered(False, "the board does not report its motors")
     configured, peak = float(motors.output_limits[0]), float(motors.peak_currents[0])
     for limit in (-1.0, math.nan, math.inf):
         reply = client.set_motors(joint, None, limit)
