@@ -178,6 +178,12 @@ def test_it_is_left_as_a_fault_once_it_is_released(rig: Rig) -> None:
     for refused in (rig.board.set_control_mode(None, M.FORCE_IDLE), rig.board.recover()):
         assert refused.codes == (Reason.EMERGENCY_STOP,) * 3
         assert "emergency stop, requested); release it" in refused.reasons[0]
+    refused = rig.board.set_control_mode(None, M.POSITION)
+    assert refused.codes == (Reason.EMERGENCY_STOP,) * 3
+    assert "emergency stop, requested); release it" in refused.reasons[0]
+    ignored = rig.board.position_move("left", 0.1)
+    assert ignored.codes == (Reason.EMERGENCY_STOP,)
+    assert "emergency stop, requested); release it, then send FORCE_IDLE" in ignored.reasons[0]
     rig.board.emergency_stop(False)
     rig.tick(5)
     assert rig.board.get_control_mode() == [M.HW_FAULT] * 3

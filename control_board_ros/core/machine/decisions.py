@@ -251,6 +251,8 @@ def _refused(facts: Facts) -> Verdict:
 
 def _unavailable(facts: Facts, otherwise: Reason) -> Reason:
     """Why a joint accepts nothing in its mode; ``otherwise`` where the mode is not the reason."""
+    if facts.mode in FAULTED and facts.stopped:
+        return Reason.EMERGENCY_STOP  # E2: FORCE_IDLE, the way out of a fault, is refused, too
     if facts.mode in UNAVAILABLE:
         return UNAVAILABLE[facts.mode]
     if facts.inactive:

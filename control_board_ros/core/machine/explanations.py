@@ -256,6 +256,9 @@ WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
     Reason.IN_FAULT: lambda facts: (
         f"mode is {facts.mode.name} ({facts.fault.text}), which FORCE_IDLE leaves"
     ),
+    Reason.EMERGENCY_STOP: lambda facts: (
+        f"mode is {facts.mode.name} ({facts.fault.text}); {advised(facts)}, then send FORCE_IDLE"
+    ),
     Reason.NOT_CONFIGURED: lambda facts: f"mode is {facts.mode.name}; {waits_for(facts)}",
     Reason.INACTIVE: lambda _: f"the board is inactive; {ACTIVATE}",
     Reason.CALIBRATING: lambda facts: f"mode is {facts.mode.name}; wait until it is done",
@@ -270,6 +273,12 @@ def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
     codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
     hint = f"it is accepted in {', '.join(codes)}" if codes else "the joint has no mode for it"
     return f"mode is {facts.mode.name}; {hint}"
+
+
+def advised(facts: Facts) -> str:
+    """What ends the cause of a fault that persists."""
+    assert facts.cause is not None
+    return facts.cause.advice
 
 
 def persisting(facts: Facts) -> str:
