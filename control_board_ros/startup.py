@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faster start and discovery of ROS processes, and even cycles from the first on.
+"""Faster start and discovery of ROS processes, even cycles from the first on, and what of the
+environment keeps ROS from starting.
 
 A new DDS participant discovers an older one by its answer to the first announcement. That answer
 is often lost while a process starts; the next announcement of the older one follows after 3 s with
@@ -9,16 +10,22 @@ with the writer's next heartbeat: within 3 s, or 0.1 s.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import inspect
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
 #: Path of the profiles of Fast DDS, the default middleware of ROS 2 Jazzy.
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 PROFILE = Path(__file__).with_name("discovery.xml")
+#: The ROS domains of Fast DDS: the ports of a higher one are above 65535.
+MAX_DOMAIN = 232
+#: Index of the middlewares of ROS, below a prefix.
+MIDDLEWARES = "share/ament_index/resource_index/rmw_typesupport"
 
 
 def announce_often() -> None:
@@ -27,6 +34,33 @@ def announce_often() -> None:
     Profiles chosen by the user stay; other middlewares ignore the variable.
     """
     os.environ.setdefault(VARIABLE, str(PROFILE))
+
+
+def environment_error(environment: Mapping[str, str] = os.environ) -> str:
+    """Why ROS cannot start with the variables of an environment; empty where it can.
+
+    ROS itself ends the process when rclpy is imported with another middleware than it has, or
+    reports a port number in place of the domain.
+    """
+    domain = environment.get("ROS_DOMAIN_ID", "")
+    if domain and not _is_domain(domain):
+        allowed = f"a number from 0 to {MAX_DOMAIN}"
+        return f"ROS_DOMAIN_ID is {domain[:40]!r}; set {allowed}, or unset it"
+    prefixes = [sys.prefix, *environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
+    installed = {file.name for prefix in prefixes for file in Path(prefix, MIDDLEWARES).glob("*")}
+    installed.discard("rmw_implementation")  # loads one of the others
+    middleware = environment.get("RMW_IMPLEMENTATION", "")
+    if middleware and installed and middleware not in installed:
+        allowed = f"installed: {', '.join(sorted(installed))}; set one of these"
+        return f"RMW_IMPLEMENTATION is {middleware[:40]!r}; {allowed}, or unset it"
+    return ""
+
+
+def _is_domain(text: str) -> bool:
+    for base in (0, 10):  # as rcl: 0x10 is 16; a decimal number may begin with 0
+        with contextlib.suppress(ValueError):
+            return 0 <= int(text, base) <= MAX_DOMAIN
+    return False
 
 
 def leave_out_the_generator() -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, overload
 
+from ..startup import environment_error
 from ..text import nearest
 from .errors import BoardError
 from .goals import Goals
@@ -173,6 +174,8 @@ def connect(
 
 
 def _connect_over_ros(board: str, **options: Any) -> ControlBoardClient:
+    if reason := environment_error():
+        raise BoardError(f"cannot start a ROS node: {reason}")
     from rclpy.context import Context
     from rclpy.node import Node
 

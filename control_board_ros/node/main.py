@@ -20,7 +20,12 @@ from .. import __version__
 from ..compiled import describe
 from ..core.goals.pose import PARK
 from ..core.terms.modes import CONFIGURED
-from ..startup import announce_often, defer_collection, leave_out_the_generator
+from ..startup import (
+    announce_often,
+    defer_collection,
+    environment_error,
+    leave_out_the_generator,
+)
 from .loop.timing import take_priority
 from .process.console import (
     KnownError,
@@ -93,6 +98,8 @@ def run(
     Raises:
         KnownError: it cannot run, or did not end as it should.
     """
+    if reason := environment_error():
+        raise KnownError(2, f"ROS does not start: {reason}")
     from ..settings.params_file import SettingsError
     from .process.start import check_arguments, check_name, lock_name, settings_from_arguments
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.terms.joint_kind import JointKind
 from ...interface import LIFECYCLE
 from ...joint_limits import JointLimits
-from ...startup import announce_often, leave_out_the_generator
+from ...startup import announce_often, environment_error, leave_out_the_generator
 from ...urdf_xml import DescribedJoint, published_joints
 from ..line.offers import TypedLine
 from ..line.options import Options
@@ -150,10 +151,13 @@ class Session:
         Raises:
             UsageError: ROS refuses the namespace, the domain or the ROS arguments.
         """
+        options = self.options
+        domain = {} if options.domain is None else {"ROS_DOMAIN_ID": str(options.domain)}
+        if reason := environment_error(os.environ | domain):
+            raise UsageError(f"cannot start a ROS node: {reason}")
         from rclpy.context import Context
         from rclpy.node import Node
 
-        options = self.options
         context = Context()  # of its own: without rclpy's signal handlers, Ctrl-C is ours
         try:
             context.init(
