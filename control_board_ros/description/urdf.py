@@ -238,6 +238,7 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     if root.tag != "robot":
         raise UrdfError(f"{source}: the root is <{root.tag[:40]}>; a URDF's is <robot>")
     check_expanded(data, root, source)
+    root.set("name", root.get("name") or Path(source).stem)  # the physics engines require one
     for element in list(root):
         if element.tag not in ("link", "joint", "material"):
             root.remove(element)  # gazebo, transmission, sensor: for other programs
@@ -252,7 +253,7 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     if all(joint.mimic for joint in joints):
         raise UrdfError("; ".join([f"{source}: no joint moves; a board needs one", *renamed]))
     warnings = renamed + _place_meshes(root, source, MeshFinder(folder)) + tree.add_masses()
-    return of_tree(root.get("name") or Path(source).stem, tree, warnings)
+    return of_tree(root.get("name", ""), tree, warnings)
 
 
 def _rename_joints(root: ET.Element, source: str) -> list[str]:

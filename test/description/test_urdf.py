@@ -66,6 +66,13 @@ def test_joints_with_limits_and_order() -> None:
     assert (slide.effort, slide.velocity) == (5.0, None)
 
 
+def test_a_robot_without_a_name_has_that_of_its_file() -> None:
+    """Also in what the physics engines load: they refuse one without a name."""
+    made = read(ARM.replace(b" name='r'", b""))
+    assert made.name == "r"
+    assert made.tree.root.get("name") == "r"
+
+
 @pytest.mark.parametrize(
     ("kind", "end"), [("revolute", [0.0, 1.0, 0.5]), ("prismatic", [1.0, 0.0, 0.5 + math.pi / 2])]
 )
