@@ -19,7 +19,17 @@ from .board.session import Session
 from .line.arguments import HELP, Parser, arguments_of
 from .line.options import Options, hoist, read_options, split_ros_arguments
 from .line.words import Refused, UsageError
-from .text.output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
+from .text.output import (
+    DONE,
+    REFUSED,
+    USAGE,
+    OutputLost,
+    ReaderGone,
+    complain,
+    fail,
+    put,
+    put_json,
+)
 from .verbs import MEANT, VERBS, find, load
 
 #: Set by the completion scripts: cbctl prints the words to offer.
@@ -62,13 +72,22 @@ def invoke(session: Session, words: Sequence[str]) -> int:
     try:
         return do(session, words)
     except ReaderGone:  # what is still buffered goes nowhere, quietly
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_output()
         return DONE
+    except OutputLost as error:
+        discard_output()
+        complain(f"the output cannot be written: {error}; write it to another file or disk")
+        return REFUSED
     except KeyboardInterrupt:
         return fail("interrupted", REFUSED, as_json=as_json)
     except Exception as error:  # noqa: BLE001  (explain raises other errors)
         message, code = explain(error)
         return fail(message, code, as_json=as_json)
+
+
+def discard_output() -> None:
+    """What is still buffered, and all that follows, goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def do(session: Session, words: Sequence[str]) -> int:

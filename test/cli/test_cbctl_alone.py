@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 from typing import Any
 
 import pytest
@@ -65,6 +68,36 @@ def test_wrong_usage_for_machines(alone: Any) -> None:
     assert done.code == 2
     assert done.err == ""
     assert done.json["success"] is False
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "text"),
+    [
+        ("ROS_DOMAIN_ID", "abc", "set a number from 0 to 232, or unset it"),
+        ("ROS_DOMAIN_ID", "233", "set a number from 0 to 232, or unset it"),
+        ("ROS_DOMAIN_ID", "-1", "set a number from 0 to 232, or unset it"),
+        ("RMW_IMPLEMENTATION", "rmw_none_cpp", "installed: rmw_"),
+    ],
+)
+@pytest.mark.parametrize("program", ["cli modes", "node.main"])
+def test_an_environment_without_ros(program: str, variable: str, value: str, text: str) -> None:
+    """Variables with which rcl ends the process, or names a port: one line with the remedy."""
+    module, *words = program.split()
+    environment = os.environ | {variable: value}
+    command = [sys.executable, "-m", f"control_board_ros.{module}", *words]
+    done = ended(*command, code=2, env=environment)
+    assert f"{variable} is '{value}'; {text}" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("words", [["--version"], ["--help"], ["--json", "conformance", "--list"]])
+def test_a_full_disk(words: list[str]) -> None:
+    """An answer that cannot be written is a failure, with one line on stderr."""
+    with open("/dev/full", "w") as full:
+        streams = {"stdout": full, "stderr": subprocess.PIPE, "capture_output": False}
+        done = ended(sys.executable, "-m", "control_board_ros.cli", *words, code=1, **streams)
+    assert re.fullmatch("cbctl: the output cannot be written: No space left .*\n", done.stderr)
 
 
 @pytest.mark.slow

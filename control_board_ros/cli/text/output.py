@@ -94,6 +94,10 @@ class ReaderGone(Exception):  # noqa: N818
     """The reader of the output has closed it, as in ``cbctl watch --json | head -1``."""
 
 
+class OutputLost(Exception):  # noqa: N818
+    """The output cannot be written, as in ``cbctl watch > file`` on a full disk."""
+
+
 def put(result: Any, *, width: int | None = None) -> None:
     """Print something on stdout: unchanged text, or a rich renderable.
 
@@ -103,19 +107,22 @@ def put(result: Any, *, width: int | None = None) -> None:
 
     Raises:
         ReaderGone: the reader has closed the output.
+        OutputLost: it cannot be written.
     """
     end = "\n"
-    if isinstance(result, str):
-        result = clean_lines(result)
-    else:  # rich itself would end the program on a closed pipe
-        screen = console(width=width)
-        with screen.capture() as captured:
-            screen.print(result)
-        result, end = captured.get(), ""
     try:
+        if isinstance(result, str):
+            result = clean_lines(result)
+        else:  # rich itself would end the program on a closed pipe
+            screen = console(width=width)
+            with screen.capture() as captured:
+                screen.print(result)
+            result, end = captured.get(), ""
         print(result, end=end, flush=True)
     except BrokenPipeError as error:
         raise ReaderGone from error
+    except OSError as error:
+        raise OutputLost(error.strerror or str(error)) from error
 
 
 def put_json(value: Any) -> None:
