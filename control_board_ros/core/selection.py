@@ -191,6 +191,8 @@ def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> 
         return array
     if array.ndim == 0 or (one_for_all and array.shape == (1,)):
         return np.full(count, float(array.item()))
+    if array.ndim > 1:
+        raise RequestError(f"{what} must be in one list, not in {array.ndim}; send one per joint")
     plural = what if what.endswith("s") and not what.endswith("ss") else f"{what} values"
     raise RequestError(
         f"{count_of(array.size, plural)} for {count_of(count, 'joints')}; "

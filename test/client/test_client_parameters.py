@@ -110,6 +110,12 @@ class TestOnABoard:
         ("getVelLimits", "get_vel_limits"),
         ("getAxes", "get_axes"),
         ("getPid", "get_gains"),
+        ("getAvailableControlModes", "get_available_modes"),
+        ("getCurrentImpedanceLimit", "get_max_impedance"),
+        ("homingWholePart", "home"),
+        ("parkWholePart", "park"),
+        ("disableAmp", "set_control_mode"),
+        ("getAmpStatus", "get_control_mode"),
         ("getWeather", None),
     ],
 )

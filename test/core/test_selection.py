@@ -88,7 +88,7 @@ def test_spread() -> None:
         ([1.0], "1 speed for 3 joints; send one value per named joint"),
         ([1.0, 2.0], "2 speeds for 3 joints"),
         ([], "0 speeds for 3 joints"),
-        ([[1.0, 2.0, 3.0]], "3 speeds for 3 joints"),
+        ([[1.0, 2.0, 3.0]], "speeds must be in one list"),
         ("fast", "speeds must be numbers"),
         (["a", "b", "c"], "speeds must be numbers"),
         (10**400, "speeds must be numbers"),
