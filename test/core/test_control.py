@@ -14,7 +14,7 @@ from joints import OneJoint, gains, outputs, resting
 from rig import LIMITS, MOTOR, board_config, controller, joint
 
 from control_board_ros.core.config.config import Impedance, Pid
-from control_board_ros.core.laws.control import Controller, set_constants, set_gains
+from control_board_ros.core.laws.control import Controller, set_constants, set_gains, set_winding
 from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.modes import Law
 from control_board_ros.settings.loading import load
@@ -107,22 +107,47 @@ def test_gains_as_the_loops_hold_them() -> None:
 
 
 def test_constants_of_a_joint() -> None:
-    """P10, S2: the winding's a/(1 − a), a = exp(−T R/L), at most three; the rest as given."""
     one = OneJoint()
-    winding = replace(MOTOR, resistance=4.0, inductance=8e-3)
-    own = joint("a", motor=winding, inertia_min=0.2, inertia_mean=0.5, inertia_max=0.9)
+    own = joint("a", inertia_min=0.2, inertia_mean=0.5, inertia_max=0.9)
     set_constants(one.joint, own, 0.002)
     made = one.joint
     assert (made.limit_lower, made.limit_upper) == (LIMITS.lower, LIMITS.upper)
     assert (made.max_velocity, made.max_acceleration) == (LIMITS.velocity, LIMITS.acceleration)
     assert (made.max_torque, made.max_output) == (LIMITS.torque, LIMITS.output)
     assert (made.inertia_min, made.inertia) == (0.2, 0.5)
-    assert made.lead == pytest.approx(1.0 / (math.exp(0.002 * 4.0 / 8e-3) - 1.0))
-    assert made.lag == pytest.approx(8e-3 / 4.0 / 0.002 - made.lead)
     assert made.percent_per_volt == pytest.approx(100.0 / 48.0)
     assert made.torque_per_ampere == MOTOR.torque_per_ampere == pytest.approx(5.0)
-    set_constants(made, replace(own, motor=replace(MOTOR, inductance=1.0)), 0.002)
-    assert made.lead == 3.0
+
+
+def test_how_late_a_torque_is() -> None:
+    """P10, S2: the winding's a/(1 − a), a = exp(−T R/L), at most three; none of a drive's own."""
+    one = OneJoint(period=0.002).joint
+    set_winding(one, 0.002)
+    assert one.lead == pytest.approx(1.0 / (math.e - 1.0))
+    assert one.lag == pytest.approx(1.0 - one.lead)
+    set_winding(one, 1.0)
+    assert one.lead == 3.0
+    set_winding(one, 0.0)
+    assert one.lead == one.lag == 0.0
+
+
+@pytest.mark.parametrize(
+    ("lag", "mean", "factor"),
+    [
+        (0.0, 9.0, 12.0 / 7.0),
+        (0.3, 9.0, (2.0 - 0.66) / (0.4 * (1.1 + 1.0 / 6.0))),
+        (0.499, 9.0, 4.0),  # hardly any torque within a period
+        (0.5, 9.0, 4.0),
+        (0.0, 0.1, 0.2 / 0.7),  # twice the mean
+    ],
+)
+def test_the_inertia_by_which_a_joint_is_slowed_down(
+    lag: float, mean: float, factor: float
+) -> None:
+    """P14: no more than what 0.7 of the least inertia bears without swinging."""
+    one = OneJoint(lag=lag, inertia_min=1.0, inertia=mean).joint
+    assert one.light_inertia == pytest.approx(0.7)
+    assert one.heavy_inertia == pytest.approx(0.7 * factor)
 
 
 def test_conversions_to_a_pwm() -> None:

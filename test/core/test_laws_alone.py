@@ -135,12 +135,12 @@ def test_the_followed_position_leads_by_no_more_than_the_torque(way: float) -> N
 
 
 BLOCKED = {
-    "inertia_min": 0.1, "max_velocity": 3.0, "period": 0.01, "lead": 0.5, "delay": 0.004,
+    "light_inertia": 0.07, "max_velocity": 3.0, "period": 0.01, "lead": 0.5, "delay": 0.004,
     "velocity": 0.0, "position": 0.2, "followed": 0.5, "followed_velocity": 0.0, "carried": 2.0,
     "blocked": True,
 }  # fmt: skip
-#: LIGHT_FACTOR J v/(T (1 + lead/2) + delay), N·m.
-PUSH = 0.7 * 0.1 * 3.0 / (0.01 * 1.25 + 0.004)
+#: J v/(T (1 + lead/2) + delay), N·m.
+PUSH = 0.07 * 3.0 / (0.01 * 1.25 + 0.004)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -186,16 +186,16 @@ def test_when_a_joint_is_blocked(at: dict[str, float], blocked: bool, carried: f
 
 
 def test_a_joint_that_is_caught_at_any_torque_is_not_held_back() -> None:
-    heavy = 60.0 / PUSH * 0.1
+    heavy = 60.0 / PUSH * 0.07
     for inertia, changed in ((1.001 * heavy, False), (0.999 * heavy, True)):
-        one = leading(**(BLOCKED | {"inertia_min": inertia, "blocked": False}))
+        one = leading(**(BLOCKED | {"light_inertia": inertia, "blocked": False}))
         one.position_pid = pid(kp=100.0, limit=1e3, integral=3.0)
         LAWS.hold_back(one)
         assert (one.carried == 3.0) is changed
 
 
 def test_a_tenth_of_the_torque_may_always_push() -> None:
-    one = leading(**(BLOCKED | {"inertia_min": 1e-6}))
+    one = leading(**(BLOCKED | {"light_inertia": 1e-6}))
     one.position_pid = pid(kp=100.0, limit=1e3, integral=2.0)
     LAWS.hold_back(one)
     assert one.followed == pytest.approx(0.2 + 6.0 / 100.0)
@@ -332,21 +332,21 @@ def test_the_current_loop(law: int) -> None:
 BOUND = {
     "period": 0.01, "delay": 0.002, "current": 4.0, "current_before": 3.0,
     "torque_per_ampere": 2.0, "lag": 0.3, "velocity": 1.0, "acceleration": 0.5,
-    "inertia_min": 0.2, "inertia": 0.25,
+    "light_inertia": 0.14, "heavy_inertia": 0.5, "hold_time": 0.01,
     "per_torque": 1.5, "per_speed": 0.7, "in_amps": False, "lead": 0.6, "max_torque": 60.0,
 }  # fmt: skip
 
 
 def bounded(top: float, way: float, **at: float) -> float:
-    """The formula of the module: τ + n1 − n0 with H = 3 (T + delay)."""
+    """The formula of the module: τ + n1 − n0 with H = 3 (T + delay), T of a starved loop's own."""
     v = {**BOUND, **at}
-    span = 3.0 * (v["period"] + v["delay"])
+    starved = v["hold_time"] > 1.5 * v["period"]
+    span = 3.0 * ((v["hold_time"] if starved else v["period"]) + v["delay"])
     torque = way * v["current"] * v["torque_per_ampere"]
     grown = torque - way * v["current_before"] * v["torque_per_ampere"]
     gain = 1.0 + v["lag"] * v["period"] / span
     spare = (top - way * v["velocity"]) / span - gain * way * v["acceleration"]
-    light = 0.7 * v["inertia_min"]
-    inertia = light if spare >= 0.0 else min(2.0 * v["inertia"], 4.0 * light)
+    inertia = v["light_inertia" if spare >= 0.0 or starved else "heavy_inertia"]
     most = torque - gain * v["lag"] * grown + inertia * spare
     if most >= v["max_torque"]:
         return float(INFINITE)
@@ -363,11 +363,14 @@ def bounded(top: float, way: float, **at: float) -> float:
         (1.2, {}),
         (0.2, {}),
         (-1.0, {}),
-        (0.2, {"inertia": 5.0}),
+        (0.2, {"heavy_inertia": 0.56}),
+        (0.2, {"hold_time": 0.014}),
+        (0.2, {"hold_time": 0.016}),
+        (1.2, {"hold_time": 0.05}),
         (3.0, {"in_amps": True}),
         (0.2, {"in_amps": True, "current": -7.0, "current_before": -6.0}),
         (90.0, {}),
-        (-90.0, {"inertia": 5.0, "inertia_min": 3.0}),
+        (-90.0, {"heavy_inertia": 5.0}),
     ],
 )
 def test_the_drive_that_brings_a_joint_to_a_speed(

@@ -68,6 +68,33 @@ def test_a_strong_slow_joint_is_caught_when_it_is_freed(period: float, inertia: 
     assert np.abs(speeds).max() <= 1.05 * 0.07
 
 
+@pytest.mark.parametrize("period", [0.00025, 0.001, 0.002, 0.004, 0.01])
+@pytest.mark.parametrize("inertia", [0.75, 1.0, 3.0])
+@pytest.mark.parametrize("by_current", [False, True])
+def test_a_light_joint_at_its_top_speed_does_not_swing(
+    period: float, inertia: float, by_current: bool
+) -> None:
+    """P14: its torque does not turn round with every cycle, however heavy it is in other poses.
+
+    By 2.8 times its inertia it did from 250 Hz down, and so did an arm of current drives.
+    """
+    wide = {"max_velocity": 3.0, "inertia": 3.0}
+    if by_current:
+        one = started(Law.TORQUE, period=period, **(STRONG | wide))
+        body: Body | Winding = Body(one, inertia=inertia)
+    else:
+        one, body = strong(Law.TORQUE, period, **wide)
+    torques, speeds = [], []
+    for torque in (30.0, 40.0):
+        one.joint.command_torque(torque)
+        for _ in range(round(0.5 / period)):
+            cycle = body.step(1, inertia=inertia) if isinstance(body, Winding) else body.step(1)
+            speeds.append(float(cycle[0]) if isinstance(body, Winding) else float(cycle[0, 1]))
+            torques.append(one.get("output"))
+    assert np.abs(speeds).max() <= 1.05 * 3.0
+    assert np.ptp(torques[-10:]) < 0.5
+
+
 def test_a_push_on_a_joint_at_rest_is_held() -> None:
     """P14: what is pushed, not blocked, has all of its torque against it."""
     one, body = strong(Law.POSITION, 0.001)

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from pure import INSTALLED
 
+from control_board_ros.core.laws.control import set_protection
+
 ROWS = (
     "position",
     "velocity",
@@ -55,6 +57,7 @@ class OneJoint:
         self.joint = module.Joint()
         for name, value in (CONSTANTS | constants).items():
             setattr(self.joint, name, value)
+        set_protection(self.joint)
         self.rows = {name: array("d", [0.0]) for name in ROWS}
         self.done = array("B", [1])
         views = [memoryview(row) for row in self.rows.values()]

@@ -26,6 +26,13 @@ from .laws import Laws
 from .pid import Pid as Loop
 from .trajectory import Effort
 
+#: Inertia by which the protection makes speed, as a part of the least one; by which it reduces
+#: speed, as a multiple of the mean, and of the former, at most.
+LIGHT_FACTOR = 0.7
+HEAVY_FACTOR = 2.0
+WIDE_FACTOR = 4.0
+SWING_SHARE = 1.0
+
 #: A current reference stays below what would be an overcurrent, by this part of it.
 PEAK_SHARE = 0.95
 
@@ -382,6 +389,7 @@ def set_constants(
     """The constants of the laws from a joint's configuration, and by Term of its motor."""
     limits, motor = config.limits, config.motor
     terms = terms or usual_terms(config)
+    joint.inertia_min, joint.inertia = config.inertia_min, config.inertia_mean
     joint.period, joint.delay = period, config.drive_delay
     joint.elapsed = joint.span = period
     joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
@@ -389,8 +397,6 @@ def set_constants(
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
     joint.max_jerk = limits.jerk
     joint.max_torque, joint.max_output = limits.torque, limits.output
-    joint.inertia_min = config.inertia_min
-    joint.inertia = config.inertia_mean
     motor = replace(motor, torque_constant=terms[Term.TORQUE_CONSTANT])
     joint.torque_per_ampere = motor.torque_per_ampere
     joint.viscous, joint.viscous_negative = terms[Term.VISCOUS_POSITIVE : Term.COULOMB_POSITIVE]
@@ -408,10 +414,6 @@ def set_constants(
     joint.min_damping = max(config.position_pid.kp / turning, MIN_DAMPING)
     joint.ohms, joint.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
     joint.percent_per_volt = 100.0 / motor.supply_voltage
-    winding = motor.inductance / motor.resistance
-    kept = math.exp(-period / winding)
-    joint.lead = min(kept / (1.0 - kept), MAX_LEAD)
-    joint.lag = winding / period - kept / (1.0 - kept)
 
 
 def set_drive(joint: Joint, config: JointConfig, kind: SetPoint, *, in_amps: bool) -> None:
@@ -444,6 +446,41 @@ def set_drive(joint: Joint, config: JointConfig, kind: SetPoint, *, in_amps: boo
         joint.per_torque = per_volt * motor.resistance / joint.torque_per_ampere
         joint.per_speed, joint.per_feed = per_volt * joint.emf, 1.0
         joint.max_drive = limits.output
+    set_winding(joint, motor.inductance / motor.resistance if kind is SetPoint.PWM else 0.0)
+    set_protection(joint)
+
+
+def set_winding(joint: Joint, time: float) -> None:
+    """How late torque follows within a control period.
+
+    Args:
+        joint: Whose period is known.
+        time: L/R of the motor's winding, s; 0: the drive makes its current, within the period.
+    """
+    joint.lead = joint.lag = 0.0
+    if time > 0.0:
+        kept = math.exp(-joint.period / time)
+        joint.lead = min(kept / (1.0 - kept), MAX_LEAD)
+        joint.lag = time / joint.period - kept / (1.0 - kept)
+
+
+def set_protection(joint: Joint) -> None:
+    """The inertia by which the speed bound makes speed, and reduces it (P9, P14).
+
+    A heavy joint needs a large one to slow down. A light one swings from J = ρ J_light on, its
+    torque turned round by every cycle (``controlling.speed_bound``, z = −1)::
+
+        ρ = (2 − 2 g l)/((1 − 2 l)(g + 1/6)),   g = 1 + l/3
+
+    Args:
+        joint: Whose inertia and lag, l in periods, are known.
+    """
+    gain = 1.0 + joint.lag / 3.0
+    swinging = (2.0 - 2.0 * gain * joint.lag) / (gain + 1.0 / 6.0)
+    swinging /= max(1.0 - 2.0 * joint.lag, 1e-6)
+    joint.light_inertia = LIGHT_FACTOR * joint.inertia_min
+    joint.heavy_inertia = min(swinging, WIDE_FACTOR) * joint.light_inertia
+    joint.heavy_inertia = min(HEAVY_FACTOR * joint.inertia, joint.heavy_inertia)
 
 
 def set_gains(loop: Loop, pid: Pid, period: float) -> None:

@@ -45,11 +45,9 @@ SPAN = cython.declare(cython.double, 3.0)
 RETURN = cython.declare(cython.double, 0.1)
 #: Part of the acceleration limit with which the protection brakes ahead of a limit.
 BRAKING = cython.declare(cython.double, 0.7)
-#: Inertia that the protection assumes: LIGHT_FACTOR × the least where torque grows; HEAVY_FACTOR ×
-#: the mean where torque is reduced, at most WIDE_FACTOR × the former.
-LIGHT_FACTOR = cython.declare(cython.double, 0.7)
-HEAVY_FACTOR = cython.declare(cython.double, 2.0)
-WIDE_FACTOR = cython.declare(cython.double, 4.0)
+#: Greatest lead over a drive that closes the loop of position, where it bears less than its limit,
+#: in leads.
+DRIVE_LEADS = cython.declare(cython.double, 4.0)
 #: Time constant in which the lag at a stop fades from set-points, once references follow, s.
 TRAIL_FADING = cython.declare(cython.double, 0.2)
 #: Largest lead of the followed reference over the joint, in errors worth the torque limit.
@@ -126,13 +124,13 @@ def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
 
     What it sags by under a load is no lead: a reference that followed such a joint would sink with
     it. At the torque limit, by its current, the reference yields, so that it is that limit. Below,
-    it goes on, up to WIDE_FACTOR leads. Beyond, and where no current is known, it waits.
+    it goes on, up to DRIVE_LEADS leads. Beyond, and where no current is known, it waits.
     """
     error = j.followed - j.position
     torque = j.torque if error > 0.0 else -j.torque
     if torque > j.max_torque:
         stay(j, j.position + error * j.max_torque / torque)
-    elif not (fabs(torque) > 0.0 and fabs(error) <= WIDE_FACTOR * lead):
+    elif not (fabs(torque) > 0.0 and fabs(error) <= DRIVE_LEADS * lead):
         wait_for_drive(j, clamp(j.followed, j.position - lead, j.position + lead))
 
 
@@ -176,9 +174,7 @@ def hold_back(j: Joint) -> cython.void:
     push = p.kp * (j.followed - j.position) + p.integral
     if j.kind == AS_POSITION and is_number(j.torque) and j.torque != 0.0:
         push = j.torque
-    max_excess = (
-        LIGHT_FACTOR * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
-    )
+    max_excess = j.light_inertia * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
     if max_excess >= j.max_torque:
         return
     max_excess = max(max_excess, HOLD_SHARE * j.max_torque)
@@ -480,9 +476,11 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
     n0 = J q̈ + lag·Δτ,   n1 = (J (v_top − q̇) − lag·n0·T)/H,   τ1 = τ + n1 − n0,   H = 3 (T + delay)
 
     lag·Δτ is the torque at the end of the cycle beyond its mean. Torque grows as for a light
-    joint, and is reduced as for a heavy one.
+    joint, and is reduced as for a heavy one, by no more than a light one bears without swinging.
+    Where the loop is starved, a cycle is as long as late ones were.
     """
-    span = SPAN * (j.period + j.delay + j.wire)
+    starved: cython.bint = j.hold_time > STARVED_PERIODS * j.period
+    span = SPAN * ((j.hold_time if starved else j.period) + j.delay + j.wire)
     speed = way * j.velocity
     torque = way * j.current * j.torque_per_ampere
     grown = torque - way * j.current_before * j.torque_per_ampere
@@ -493,9 +491,9 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
         if j.law != POSITION and not j.settling:
             speed += gained * (j.age - j.missed)
     spare = (top - speed) / span - gain * gained
-    inertia = LIGHT_FACTOR * j.inertia_min
-    if spare < 0.0:
-        inertia = min(HEAVY_FACTOR * j.inertia, WIDE_FACTOR * inertia)
+    inertia = j.light_inertia
+    if spare < 0.0 and not starved:
+        inertia = j.heavy_inertia
     bound = torque - gain * j.lag * grown + inertia * spare
     if bound >= j.max_torque:
         return INFINITE

@@ -66,6 +66,8 @@ class Joint:
     max_output = cython.declare(cython.double, visibility="public")  # PWM, percent
     max_drive = cython.declare(cython.double, visibility="public")  # PWM or A, as the laws give
     inertia_min = inertia = cython.declare(cython.double, visibility="public")
+    # by which the protection makes speed, and reduces it
+    light_inertia = heavy_inertia = cython.declare(cython.double, visibility="public")
     # friction of motion in positive and in negative direction, N·m, N·m·s/rad, and the speed
     # from which on the dry part is whole, rad/s
     coulomb = coulomb_negative = cython.declare(cython.double, visibility="public")
