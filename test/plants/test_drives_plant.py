@@ -474,6 +474,30 @@ def test_power_that_was_switched_off_is_none() -> None:
     assert rig.driver.power == [True, True]
 
 
+def test_power_that_was_switched_off_while_unheard_is_none() -> None:
+    rig = powered()
+    rig.driver.mute.add(0)
+    rig.go(OFF, 2)
+    rig.go(POSITION)
+    assert rig.actions[0] is Action.ASK
+    rig.driver.mute.clear()
+    assert not any(rig.go(POSITION, 4).faults)
+    assert rig.actions[0] is Action.GOAL
+
+
+def test_what_a_drive_said_before_its_set_up_was_lost_is_forgotten() -> None:
+    rig = powered()
+    rig.driver.faults[0] = DriveFault(7, "hot")
+    rig.go(POSITION)
+    reported = rig.plant.answers.reported[0]
+    assert (reported.lost, reported.power, reported.law) == (False, True, 1)
+    assert reported.fault is not None
+    rig.driver.mute.add(0)
+    rig.go(POSITION, LASTING + 1)
+    assert (reported.lost, reported.power, reported.law) == (True, False, None)
+    assert reported.fault is None
+
+
 def test_power_that_was_taken_unheard_is_taken_back() -> None:
     """S11: it may have come from a queue, after a restart."""
     rig = Rig()
@@ -550,6 +574,14 @@ def test_surplus_answers_are_forgiven_in_time() -> None:
     surplus(rig, 2)
     rig.go(OFF, 4)  # 2 - 4 · 0.3 = 0.8
     assert surplus(rig, 2) is None
+    assert surplus(rig, 1) is not None
+
+
+def test_one_surplus_answer_is_forgiven_whole() -> None:
+    rig = Rig()
+    surplus(rig, 1)
+    rig.go(OFF, 4)  # 1 - 4 · 0.3 < 0
+    assert surplus(rig, 3) is None
     assert surplus(rig, 1) is not None
 
 

@@ -11,13 +11,20 @@ from typing import Any
 
 import pytest
 
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives import serial_line
+from control_board_ros.plants.drives.axes import Axis
+from control_board_ros.plants.drives.can_line import budget
 from control_board_ros.plants.drives.clock import ManualClock
+from control_board_ros.plants.drives.driver import Answers, Order
 from control_board_ros.plants.drives.interview import ATTEMPTS, Interview, Question, converse
+from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.drives.serial_line import Item, Reply, Request, ServoBus, put
+from control_board_ros.plants.drives.servo_drives import ServoDrives, ServoOptions
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.feetech import table as feetech
+from control_board_ros.plants.interface import Setup
 
 LIBRARIES = [feetech.LIBRARY, dynamixel.LIBRARY]
 PLACE = Item(20, 2)
@@ -344,3 +351,80 @@ def test_it_ends_without_torque_and_twice(bus: Any) -> None:
     with pytest.raises(AttributeError):
         broken.close(far.axes)
     assert not far.open
+
+
+AXES = (Axis(name="a", id=1), Axis(name="b", id=2))
+PERIOD = 0.01
+
+
+class Servos(ServoDrives[ServoOptions]):
+    """A make whose bus only notes what it is told."""
+
+    library, driver, models, laws, length = feetech.LIBRARY, "made", {777: "made"}, {}, 2
+
+    def __init__(self) -> None:
+        super().__init__(ServoOptions(axes=AXES))
+        self.line: Any = Noted()
+        self.open(Setup(period=PERIOD, timeout=0.1, joints=(None, None)), Answers(AXES))
+
+    def _reset(self, k: int) -> None: ...
+
+    def _goals(self, orders: Any) -> None: ...
+
+    def _read(self, orders: Any) -> None:
+        self.line.told.append(("read", [*orders]))
+
+    def _parse(self, k: int, data: bytes) -> None: ...
+
+
+class Noted:
+    """A ServoBus that notes what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[Any] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *words: self.told.append((name, *words))
+
+
+def told(*actions: Action) -> list[Any]:
+    servos = Servos()
+    servos.exchange({k: Order(one, SetPoint.OFF, ()) for k, one in enumerate(actions)})
+    return [words for words in servos.line.told if words[0] not in ("open", "sync")]
+
+
+def test_late_answers_are_taken_before_servos_are_read() -> None:
+    drained, *others = told(Action.OFF, Action.OFF)
+    assert drained[0] == "drain"
+    assert [words[0] for words in others] == ["read", "hold", "hold"]
+
+
+@pytest.mark.parametrize(
+    ("actions", "seconds"),
+    [
+        ((Action.OFF, Action.SET_UP), 0.0),
+        ((Action.GOAL, Action.SET_UP), budget(PERIOD)),
+        ((Action.CONFIRM, Action.GOAL), budget(PERIOD)),
+    ],
+)
+def test_a_question_has_its_own_patience_where_no_servo_is_to_have_power(
+    actions: tuple[Action, Action], seconds: float
+) -> None:
+    holds = [words for words in told(*actions) if words[0] == "hold"]
+    assert holds == [("hold", 1, None, seconds), ("hold", 2, None, seconds)]
+
+
+def test_two_servos_with_one_id_are_no_model() -> None:
+    def answers(question: Question) -> list[Reply]:
+        return [Reply(777, 0)] * (2 if question.several else 1)
+
+    with pytest.raises(ConnectionError, match="a: two drives answer as id 1"):
+        converse(Servos()._model(0), answers)
+    one = converse(Servos()._model(0), lambda _: [Reply(777, 0)])
+    assert one == 777
+
+
+def test_servos_are_left_without_torque() -> None:
+    servos = Servos()
+    servos.close()
+    assert servos.line.told[-1] == ("close", AXES)

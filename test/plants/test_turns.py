@@ -14,8 +14,9 @@ from explorer import law_of
 
 from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.terms.drives import SetPoint
-from control_board_ros.plants.drives.axes import Options
-from control_board_ros.plants.drives.turns import missing
+from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.plants.drives.axes import Axis, Options
+from control_board_ros.plants.drives.turns import Zero, missing
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import Readings
 from control_board_ros.testing.plant_contract import board_for
@@ -68,6 +69,40 @@ def recovered(bench: Bench) -> Readings:
             if fault:
                 bench.plant.clear_fault(joint)
     return found
+
+
+def zero_of(kind: JointKind | None, turn: float = TURN) -> Zero:
+    """The zero of a joint that was set up."""
+    zero = Zero(Axis(name="a"))
+    if kind is not None:
+        joint = board_for(Bench("mit_can").plant.describe()).joints[0]
+        zero.begin(replace(joint, kind=kind, calibration=None))
+    zero.set_up(turn)
+    return zero
+
+
+def test_a_turn_may_be_less_than_a_radian() -> None:
+    zero = zero_of(None, turn=0.5)
+    assert zero.due
+    zero.set_up(0.0)
+    assert not zero.due
+
+
+def test_a_joint_at_rest_does_not_jump_wherever_it_is() -> None:
+    zero = zero_of(JointKind.REVOLUTE)
+    zero.due = False
+    zero.keep(2.0, 1.0)
+    assert not zero.jumps(2.0, 1.0)
+    assert zero.jumps(2.0 + TURN, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"), [(None, "°"), (JointKind.REVOLUTE, "°"), (JointKind.PRISMATIC, "mm")]
+)
+def test_lost_turns_are_said_in_the_unit_of_the_joint(kind: JointKind | None, text: str) -> None:
+    zero = zero_of(kind, turn=math.inf)
+    zero.find(0.5)
+    assert text in zero.fault
 
 
 @pytest.mark.parametrize("driver", MAKES)

@@ -85,7 +85,7 @@ class DrivesPlant:
     def _begin(self) -> None:
         n = len(self.axes)
         self.answers = Answers(self.axes, self.clock.now)
-        self._clashes, self._owed, self._last = [0.0] * n, [0] * n, [b""] * n
+        self._clashes, self._owed = [0.0] * n, [0] * n
         #: Start of the overdue answer of each drive, s; a loop that pauses expects none.
         self._asked = [math.inf] * n
         self._interviews: list[Interview[Any] | None] = [None] * n
@@ -414,15 +414,11 @@ class DrivesPlant:
         """Detect two drives with one id: more answers than questions, which differ."""
         for k, raw in enumerate(self.answers.raw):
             owed = min(LATEST, self._owed[k] + self.answers.asked[k]) - len(raw)
-            if owed < 0 and len(raw) == 1 and self._last[k] in raw:
-                owed = 0  # it may be a late copy
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0
             elif 0.0 < self._clashes[k] < CLASHES:
                 self._clashes[k] -= FORGIVEN
-            if raw:
-                self._last[k] = next(reversed(raw))
 
     def clear_fault(self, joint: int) -> None:
         """Reset the fault of a drive in its next exchange, and those that are judged here."""
