@@ -33,13 +33,18 @@ import numpy as np
 from drive_bench import PERIOD, Bench
 
 from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.cia402 import objects as cia402
+from control_board_ros.plants.cia402 import sdo
 from control_board_ros.plants.cia402.states import Mode, State
+from control_board_ros.plants.drives import interview
+from control_board_ros.plants.drives.can_frame import SHORT
 from control_board_ros.plants.dynamixel import table as dynamixel
 from control_board_ros.plants.feetech import table as feetech
-from control_board_ros.plants.mit_can import damiao, robstride_private
+from control_board_ros.plants.mit_can import damiao, robstride, robstride_private
 from control_board_ros.plants.mit_can import frames as mit
 from control_board_ros.plants.mit_can.virtual import VirtualMit
 from control_board_ros.plants.mit_can.virtual_robstride import PRIVATE, VirtualRobStride
+from control_board_ros.plants.moteus import driver as moteus
 from control_board_ros.plants.odrive_can import frames as odrive
 from control_board_ros.plants.virtual.can_bus import Frame
 from control_board_ros.testing.plant_contract import board_for, set_points
@@ -52,6 +57,8 @@ CYCLES = round(TIMEOUT / PERIOD)
 PLACE, STILL, OFF_BY = 0.3, 2e-3, 0.02
 #: Exchanges after a change of the set-point in which faults are paired.
 CHANGE = 6
+#: How often a request is made.
+ATTEMPTS = interview.ATTEMPTS
 #: Exchanges that a drive takes to start, at least.
 BOOT = 3
 #: What becomes of a frame.
@@ -80,6 +87,29 @@ REFUSALS: dict[str, dict[str, Refusal]] = {
         POWER: ("_write", lambda at, data: at == feetech.TORQUE.address and any(data), None),
         MODE: ("_write", lambda at, _: at == feetech.MODE.address, None),
     },
+}
+
+
+#: A drive that obeys requests, but whose acknowledgement does not arrive, so that each is given
+#: up; and one that restarted before, so that these are those of its set-up.
+UNHEARD = ("unacknowledged", "restart unacknowledged")
+RESTARTS = ("restart", "restart turned", UNHEARD[1])
+#: Whether what a drive of each family sends is the answer to a request, not its readings.
+ACKNOWLEDGES: dict[str, Callable[[int, bytes], bool]] = {
+    "VirtualMoteus": lambda _, data: data[:1] == b"\x41",
+    "VirtualMit": lambda _, data: damiao.is_register(data, data[0]),
+    "VirtualRobStride": lambda frame_id, data: (
+        robstride_private.Parts.of(frame_id).kind
+        in (robstride_private.IDENTIFY, robstride_private.READ)
+        if frame_id > SHORT
+        else robstride.fault_word(data) is not None
+    ),
+    "VirtualOdrive": lambda frame_id, _: frame_id & 0x1F == odrive.TX_SDO,
+    "VirtualCia402": lambda frame_id, _: frame_id & 0x780 == cia402.SDO_ANSWER,
+    "VirtualDynamixel": lambda _, packet: (
+        len(packet) < dynamixel.LIBRARY.head + dynamixel.READ_LENGTH
+    ),
+    "VirtualFeetech": lambda _, packet: len(packet) < feetech.LIBRARY.head + feetech.READ.length,
 }
 
 
@@ -201,6 +231,7 @@ class Run:
             yield from self._recover()
             yield from self._phase(7, kinds[0], CYCLES + 14)
             yield from self._phase(8, OFF, CYCLES + GRACE)
+            ask_for(ATTEMPTS)
 
     def _recover(self) -> Iterator[None]:
         for cycle in range(4 * CYCLES):
@@ -268,30 +299,34 @@ class Run:
 
     def _happen(self, event: Event, wire: Wire) -> None:
         begins, ends = self.cycle == event.at, self.cycle == event.at + event.length
-        if event.way:
+        if event.way or not (begins or ends):
             return
+        drive = self.bench.drives[0]
+        if begins and event.what in RESTARTS:
+            drive.reboot()
         if event.what in ("deaf", "mute"):
-            wire.shut = (wire.shut or begins) and not ends
+            wire.shut = begins
         elif event.what in ("hold", "hold and restart"):
-            wire.keeps = (wire.keeps or begins) and not ends
+            wire.keeps = begins
             if ends:
-                if event.what == "hold and restart":
-                    self.bench.drives[0].reboot()
-                late, wire.held = wire.held, []
-                self._deliver(wire, late)
-        elif event.what == "restart" and begins:
-            self.bench.drives[0].reboot()
-        elif event.what == "restart turned":
-            self.bench.drives[0].silent = (self.bench.drives[0].silent or begins) and not ends
-            if begins:
-                self.bench.drives[0].reboot()
+                self._release(wire, restarts=event.what != "hold")
+        elif event.what in ("silent", "restart turned"):
+            drive.silent = begins
+            if begins and event.what != "silent":
                 self.bench.world._offset[0] -= 2.0 * math.pi / RATIO
-        elif event.what == "silent":
-            self.bench.drives[0].silent = (self.bench.drives[0].silent or begins) and not ends
-        elif event.what in (POWER, MODE) and (begins or ends):
-            refuse(self.bench.drives[0], event.what, begins)
+        elif event.what in (POWER, MODE):
+            refuse(drive, event.what, begins)
+        elif event.what in UNHEARD:
+            give_up(drive, begins)
         elif event.what == "fault" and begins:
             self.bench.fail(0)
+
+    def _release(self, wire: Wire, *, restarts: bool) -> None:
+        """Deliver the frames that a wire kept; perhaps after a restart."""
+        if restarts:
+            self.bench.drives[0].reboot()
+        late, wire.held = wire.held, []
+        self._deliver(wire, late)
 
     def _deliver(self, wire: Wire, late: list[Frame]) -> None:
         if not late:
@@ -381,7 +416,7 @@ class ByValue:
 
 
 #: Faults of one drive that are none of another.
-ALONE = ("restart", "restart turned", "fault", "silent", POWER, MODE)
+ALONE = ("restart", "restart turned", "fault", "silent", POWER, MODE, *UNHEARD)
 
 
 def refuse(drive: Any, what: str, begins: bool) -> None:
@@ -392,6 +427,29 @@ def refuse(drive: Any, what: str, begins: bool) -> None:
         return
     method = getattr(drive, name)
     setattr(drive, name, lambda *given: result if refused(*given) else method(*given))
+
+
+def ask_for(attempts: int) -> None:
+    """How often every driver makes a request."""
+    for module in (interview, sdo, moteus):
+        module.ATTEMPTS = attempts  # type: ignore[attr-defined]
+
+
+def give_up(drive: Any, begins: bool) -> None:
+    """Lose a drive's answers to requests, each of which is made once; or no more."""
+    name = "on_packet" if hasattr(type(drive), "on_packet") else "on_frame"
+    ask_for(1 if begins else ATTEMPTS)
+    if not begins:
+        vars(drive).pop(name, None)
+        return
+    method, acknowledges = getattr(drive, name), ACKNOWLEDGES[type(drive).__name__]
+
+    def heard(*sent: Any) -> Iterator[Any]:
+        for answer in method(*sent):
+            if not acknowledges(*(answer if isinstance(answer, tuple) else (0, answer))):
+                yield answer
+
+    setattr(drive, name, heard)
 
 
 def law_of(drive: Any) -> SetPoint | None:  # noqa: PLR0911 - one for each make
@@ -469,6 +527,7 @@ def single_faults(plain: Run, stride: int = 1) -> Iterator[Event]:
             "hold",
             "hold and restart",
             "silent",
+            *UNHEARD,
             *REFUSALS[type(plain.bench.drives[0]).__name__],
         )
         for length in (CYCLES // 2, 2 * CYCLES)
