@@ -17,7 +17,13 @@ from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.can_line import budget
 from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Answers, Order
-from control_board_ros.plants.drives.interview import ATTEMPTS, Interview, Question, converse
+from control_board_ros.plants.drives.interview import (
+    ATTEMPTS,
+    PATIENCE,
+    Interview,
+    Question,
+    converse,
+)
 from control_board_ros.plants.drives.reconcile import Action
 from control_board_ros.plants.drives.serial_line import Item, Reply, Request, ServoBus, put
 from control_board_ros.plants.drives.servo_drives import ServoDrives, ServoOptions
@@ -174,7 +180,7 @@ def test_a_servo_that_does_not_answer_is_asked_again(bus: Any) -> None:
     far = bus.protocol
     with pytest.raises(ConnectionError, match="id 1 does not answer"):
         bus.get(1, PLACE)
-    assert bus.slept == [serial_line.PATIENCE] * (ATTEMPTS - 1)
+    assert far.waits == [PATIENCE * 2**attempt for attempt in range(ATTEMPTS)]
     assert len(far.sent) == ATTEMPTS  # the first, and markers
     assert [words[2:] for words in far.sent[1:4]] == [tuple(m) for m in bus._library.markers[:3]]
 

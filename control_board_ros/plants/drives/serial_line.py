@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import select
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
-from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from ..errors import PlantSettingsError
 from .axes import Axis
 from .can_line import PATIENCE
-from .interview import ATTEMPTS, Interview, Question, Questions, ask
+from .interview import ATTEMPTS, Interview, Question, Questions, ask, converse
 from .remedies import bus_error
 from .set_id import check, verify
 
@@ -226,17 +226,12 @@ class ServoBus:
         self.close()
 
     def get(self, drive: int, item: Item, signed: bool = False) -> int:
-        """The value of an item.
+        """The value of an item, on a bus that nobody else uses.
 
         Raises:
             ConnectionError: the servo does not answer.
         """
-        for attempt in range(ATTEMPTS):
-            if attempt:
-                time.sleep(PATIENCE)
-            if self._in_step(drive) and (answer := self._read(drive, item)) is not None:
-                return int.from_bytes(bytes(answer[0]), "little", signed=signed)
-        raise ConnectionError(f"id {drive} does not answer; is it powered?")
+        return converse(get(drive, item, signed=signed), partial(self.ask, drive))
 
     def put(self, drive: int, item: Item, value: int) -> None:
         """Write an item; its answer is not needed, what is written is to be read."""
@@ -275,27 +270,34 @@ class ServoBus:
         Args:
             drive: The id.
             interview: With it; None: nothing is asked.
-            seconds: Timeout, s; 0: the patience of the question, where no drive has power.
+            seconds: See ``ask``.
         """
-        if interview is None or not interview.asks or not interview.question.request:
-            return
-        request: Request = interview.question.request
-        self.port.wait = seconds or interview.question.patience
+        if interview is not None and interview.asks and interview.question.request:
+            for reply in self.ask(drive, interview.question, seconds):
+                interview.hear(reply)
+
+    def ask(self, drive: int, question: Question, seconds: float = 0.0) -> list[Reply]:
+        """The answers of a servo to a question: one, or two where several may answer.
+
+        Args:
+            drive: The id.
+            question: Without a request it is a pause.
+            seconds: Timeout, s; 0: the patience of the question.
+        """
+        if not question.request:
+            time.sleep(question.patience)
+            return []
+        request: Request = question.request
+        self.port.wait = seconds or question.patience
         if not self._in_step(drive):
-            return
+            return []
         if request.value is None:
-            if (answer := self._read(drive, request.item)) is not None:
-                interview.hear(request.parse(*answer))
-        else:
-            packed = list(request.item.pack(request.value, signed=request.value < 0))
-            self.protocol.writeTxOnly(self.port, drive, *request.item, packed)
-            if (answer := self._answer(drive, 0)) is not None:
-                interview.hear(Reply(request.value, answer[1]))
-        if interview.question.several:  # a second servo with the same id
-            for data, error in self._answers(drive):
-                if len(data) == request.item.length:
-                    interview.hear(request.parse(data, error))
-                    break
+            self.protocol.readTx(self.port, drive, *request.item)
+            answers = self._answers(drive, request.item.length, 1 + question.several)
+            return [request.parse(*answer) for answer in answers]
+        packed = list(request.item.pack(request.value, signed=request.value < 0))
+        self.protocol.writeTxOnly(self.port, drive, *request.item, packed)
+        return [Reply(request.value, error) for _, error in self._answers(drive, 0)]
 
     def sync(self, item: Item, values: Mapping[int, bytes]) -> None:
         """Write an item of several servos in one packet, by their ids; there is no answer."""
@@ -331,13 +333,12 @@ class ServoBus:
     def models(self, drive: int, attempts: int = ATTEMPTS) -> list[int]:
         """The models that answer as a drive: none, one, or two, if two answer each time."""
         numbers: list[int] = []
-        model = self._library.model
+        question = Question(Request(self._library.model), lambda reply: reply, several=True)
         for attempt in range(attempts):
             time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
             self.port.clearPort()
-            self.protocol.readTx(self.port, drive, *model)
-            answers = (data for data, _ in self._answers(drive) if len(data) == model.length)
-            models = [int.from_bytes(data, "little") for data in islice(answers, 2)]
+            self._behind.pop(drive, None)
+            models = [reply.value for reply in self.ask(drive, question, self.port.wait)]
             if len(models) == 1:
                 return models
             numbers = models or numbers
@@ -358,30 +359,27 @@ class ServoBus:
         head, tail, place = self._library.head, self._library.tail, self._library.place
         return packet[place], bytes(packet[head : len(packet) - tail])
 
-    def _read(self, drive: int, item: Item) -> tuple[bytes, int] | None:
-        """Data of an item, and error byte; None: no answer in time."""
-        self.protocol.readTx(self.port, drive, *item)
-        return self._answer(drive, item.length)
+    def _answers(self, drive: int, length: int, most: int = 1) -> list[tuple[bytes, int]]:
+        """The next answers of a drive, until a timeout: data and error byte.
 
-    def _answer(self, drive: int, length: int) -> tuple[bytes, int] | None:
-        """The first answer of a drive with so many bytes of data: it, and its error byte."""
-        for data, error in self._answers(drive):
-            if len(data) == length:
-                return data, error
-        self._behind.setdefault(drive, 0)
-        return None
-
-    def _answers(self, drive: int) -> Iterator[tuple[bytes, int]]:
-        """Answers of a drive as they come, until a timeout: whole, where the library cuts them."""
+        Args:
+            drive: Its id.
+            length: Of their data; answers of other lengths are left out, which the library cuts.
+            most: How many are waited for.
+        """
+        answers: list[tuple[bytes, int]] = []
         self.port.setPacketTimeout(0)
-        while True:
+        while len(answers) < most:
             packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
             self.port.is_using = False
             if result != 0:
-                return
+                break
             heard, data = self._parts(packet)
-            if heard == drive:
-                yield data, packet[self._library.head - 1]
+            if heard == drive and len(data) == length:
+                answers.append((data, packet[self._library.head - 1]))
+        if not answers:
+            self._behind.setdefault(drive, 0)
+        return answers
 
     def _in_step(self, drive: int) -> bool:
         """Whether the next answer of a drive is that to the next question.
@@ -393,7 +391,9 @@ class ServoBus:
             return True
         markers = self._library.markers
         self._behind[drive] = count + 1
-        if self._read(drive, markers[count % len(markers)]) is None:
+        marker = markers[count % len(markers)]
+        self.protocol.readTx(self.port, drive, *marker)
+        if not self._answers(drive, marker.length):
             return False
         del self._behind[drive]
         return True
