@@ -78,19 +78,30 @@ def test_a_torque_is_an_impedance_without_spring(options: dict[str, str], frame:
 
 
 @pytest.mark.parametrize(
-    ("options", "question"),
-    [(DAMIAO, "7FF#0100330a00000000"), (PRIVATE, "1100FD01#2870000000000000")],
-)
-def test_what_a_restart_forgets_is_read_three_times_under_power(
-    options: dict[str, str], question: str
+    ("options", "question", "answer", "motion"),
+    [
+        (DAMIAO, "7FF#0100330a00000000", "011#0100330a01000000", "011#11851e7bb999281f"),
+        (PRIVATE, "1100FD01#2870000000000000", "110001FD#28700000d0070000",
+         "028001FD#85177d178f0f0136"),
+    ],
+)  # fmt: skip
+def test_what_a_restart_forgets_is_read_under_power_until_it_was_told_three_times(
+    options: dict[str, str], question: str, answer: str, motion: str
 ) -> None:
-    """S8: it may have restarted since its set-up was confirmed."""
-    codec, _ = of(options)
+    """S8: it may have restarted since its set-up was confirmed; its law is not known before."""
+    codec, motor = of(options)
+    dialogue(motor.set_up(TIMEOUT), far_of(codec).on_frame)
     assert len(codec.sent(Action.GOAL, SetPoint.IMPEDANCE)) == 1
+    codec.heard(answer)
     codec.sent(Action.POWER_ON, SetPoint.IMPEDANCE)
-    heads = [codec.sent(Action.GOAL, SetPoint.IMPEDANCE)[0] for _ in range(4)]
-    assert heads[:3] == [question] * 3
-    assert heads[3] != question
+    for told in (0, 1, 1, 1):
+        assert codec.sent(Action.GOAL, SetPoint.IMPEDANCE)[0] == question
+        codec.heard(motion)
+        assert (codec.reported.power, codec.reported.law) == (True, None)
+        codec.heard(*[answer] * told)
+    codec.heard(motion)
+    assert codec.reported.law == motor.law
+    assert codec.sent(Action.GOAL, SetPoint.IMPEDANCE)[0] != question
 
 
 SET_UP = {

@@ -106,6 +106,7 @@ def test_what_is_not_confirmed_is_said() -> None:
     assert "keeps" in unconfirmed(Desired("a"), Reported(power=True, law="a", stale=True))
     assert "take" in unconfirmed(Desired("a"), Reported(power=False, law="a", stale=True))
     assert unconfirmed(Desired("a"), Reported(power=True, law="b")) == "acts in mode b, not in a"
+    assert unconfirmed(Desired("a"), Reported(power=True)) == "does not report its mode"
 
 
 def test_an_interview_asks_again_and_gives_up() -> None:

@@ -108,4 +108,6 @@ def unconfirmed(desired: Desired, reported: Reported) -> str:
         return "keeps its power, although switched off"
     if not reported.power:
         return "does not take power"
+    if reported.law is None:
+        return "does not report its mode"
     return f"acts in mode {reported.law}, not in {desired.law}"

@@ -2,7 +2,8 @@
 """Damiao motors: registers, states and faults as published.
 
 An answer has the id and the state of its motor. What a restart forgets is read back before power:
-TIMEOUT, the watchdog, and CTRL_MODE are lost with the supply.
+TIMEOUT, the watchdog, and CTRL_MODE are lost with the supply. CTRL_MODE is read just after it,
+too; until it is told, the motor's law is not known.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ WHOLE = {MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, SW_VER}
 LAST_REGISTER = 81
 #: s per count of TIMEOUT; the control mode of MIT frames.
 TIMEOUT_STEP, MIT_MODE = 50e-6, 1
-#: How often its mode is read under power.
+#: How often its mode is read under power: so many answers are awaited.
 AGAIN = 3
 DISABLED, ENABLED = 0, 1
 FAULTS = {
@@ -62,7 +63,7 @@ class Damiao:
         self._axis, self._bus = axis, bus
         self.ranges = f.Ranges(12.5, 30.0, 10.0)
         self.master: int | None = None
-        self._again = 0  # exchanges in which its mode is read again, after its power came
+        self._again = 0  # answers for its mode that are awaited, after its power came
 
     def sent(self, message: Any) -> bool:
         """Whether a frame is from this motor."""
@@ -119,7 +120,6 @@ class Damiao:
         answers.asked[k] += 1
         if action is GOAL:
             if self._again > 0:  # it may have restarted since its set-up was confirmed
-                self._again -= 1
                 yield from reading(number, CTRL_MODE).request
             yield number, f.command(self.ranges, order.kind, order.values)
         elif action is POWER_ON:
@@ -136,8 +136,10 @@ class Damiao:
         """Read an answer; true where it is a motion."""
         data = bytes(message.data)
         if is_register(data, self._axis.id):
-            if data[3] == CTRL_MODE and data[4:] != MIT_MODE.to_bytes(4, "little"):
-                answers.reported[k].lost = True
+            if data[3] == CTRL_MODE:
+                self._again = max(0, self._again - 1)
+                if data[4:] != MIT_MODE.to_bytes(4, "little"):
+                    answers.reported[k].lost = True
             return False  # of a question before
         reported, state = answers.reported[k], data[0] >> 4
         answers.came(k, data)
@@ -146,7 +148,7 @@ class Damiao:
         motion = f.readings(self.ranges, data)
         answers.position[k], answers.velocity[k], answers.torque[k] = motion
         answers.temperature[k] = data[7]
-        reported.power, reported.law = state == ENABLED, MIT_MODE
+        reported.power, reported.law = state == ENABLED, None if self._again else MIT_MODE
         fault = None if state in (DISABLED, ENABLED) else coded(state, FAULTS)
         reported.fault = fault or beyond(self.ranges, data)
         return True

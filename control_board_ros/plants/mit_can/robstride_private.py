@@ -54,7 +54,7 @@ BITS = {
 }
 #: The model whose positions had another range before a firmware.
 OLDER, SINCE, OLD_RANGE = "rs00", (0, 0, 2, 6), 12.5
-#: How often its watchdog is read when its power came or went.
+#: How often its watchdog is read when its power came or went: so many answers are awaited.
 AGAIN = 3
 TRIPPED = DriveFault(0, "watchdog: no command within its timeout; or it restarted")
 
@@ -191,7 +191,7 @@ class RobStridePrivate:
         self._axis, self._bus = axis, bus
         self.ranges = r.ranges(axis)
         self._action, self._timeout = OFF, 0
-        self._again = 0  # exchanges in which its watchdog is read
+        self._again = 0  # answers for its watchdog that are awaited
 
     def sent(self, message: Any) -> bool:
         """Whether a frame is from this motor."""
@@ -254,7 +254,6 @@ class RobStridePrivate:
         number, self._action = self._axis.id, order.action
         answers.asked[k] += 1
         if self._again > 0:  # it may have restarted since its set-up was confirmed
-            self._again -= 1
             yield read(number, CAN_TIMEOUT)
         if order.action is GOAL:
             yield command(number, self.ranges, f.values(order.kind, order.values))
@@ -284,9 +283,10 @@ class RobStridePrivate:
         if kind == FAULT:
             self._word = int.from_bytes(data[:4], "little")
         elif kind == READ:
-            other = data[:2] == CAN_TIMEOUT.to_bytes(2, "little") and not between >> 8
-            if other and unpack(CAN_TIMEOUT, data[4:]) != self._timeout:
-                reported.lost = True
+            if data[:2] == CAN_TIMEOUT.to_bytes(2, "little") and not between >> 8:
+                self._again = max(0, self._again - 1)
+                if unpack(CAN_TIMEOUT, data[4:]) != self._timeout:
+                    reported.lost = True
             if self._action is ASK:
                 answers.raw[k][data] = None
                 answers.heard(k)
@@ -307,6 +307,6 @@ class RobStridePrivate:
         power, bits = bool(between >> 14), between >> 8 & 0x3F
         if reported.power and not power and self._action is GOAL:
             self._tripped, self._again = True, AGAIN
-        reported.power, reported.law = power, OPERATION
+        reported.power, reported.law = power, None if self._again else OPERATION
         known = flagged(self._word, r.FAULTS) or flagged(bits, BITS)
         reported.fault = known or (TRIPPED if self._tripped else None)
