@@ -91,6 +91,10 @@ def test_spread() -> None:
         ([[1.0, 2.0, 3.0]], "speeds must be in one list"),
         ("fast", "speeds must be numbers"),
         (["a", "b", "c"], "speeds must be numbers"),
+        ([None, {}, 1.0], "speeds must be numbers"),
+        ([[1.0, 2.0], [3.0]], "speeds must be numbers"),
+        (object(), "speeds must be numbers"),
+        ({}, "speeds must be numbers"),
         (10**400, "speeds must be numbers"),
     ],
 )

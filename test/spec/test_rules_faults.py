@@ -290,7 +290,10 @@ def test_a_joint_without_power_heats_nothing() -> None:
 
 
 def test_over_temperature_has_a_hysteresis() -> None:
-    """F1, F3: after over-temperature the winding must cool by the hysteresis."""
+    """F1, F3, F6: after over-temperature the winding must cool by the hysteresis.
+
+    After a reconfiguration, too.
+    """
     rig = still()
     rig.plant.values[Row.TEMPERATURE] = 121.0
     rig.tick(2)
@@ -299,6 +302,8 @@ def test_over_temperature_has_a_hysteresis() -> None:
     reply = rig.board.set_control_mode("left", "fidl")
     assert not reply
     assert "111" in reply.message
+    rig.change("left", reference_speed=0.3)
+    assert not rig.board.set_control_mode("left", "fidl")
     rig.plant.values[Row.TEMPERATURE] = 109.0
     rig.tick(2)
     assert rig.board.set_control_mode("left", "fidl")

@@ -178,22 +178,6 @@ def test_an_output_that_was_no_number_is_forgotten_with_its_fault() -> None:
     assert rig.modes() == [M.POSITION, M.TORQUE]
 
 
-def test_an_overheated_joint_must_cool_down_under_new_limits_too() -> None:
-    """F6: 10 K below its limit of 120 °C, after a reconfiguration as before."""
-    rig = sagging(joint("a"))
-    rig.plant.values[Row.TEMPERATURE, 0] = 125.0
-    rig.tick(2)
-    assert rig.modes()[0] is M.HW_FAULT
-    rig.plant.values[Row.TEMPERATURE, 0] = 115.0
-    rig.tick(2)
-    assert not rig.board.set_control_mode("a", "fidl")
-    rig.change("a", reference_speed=0.3)
-    assert not rig.board.set_control_mode("a", "fidl")
-    rig.plant.values[Row.TEMPERATURE, 0] = 109.0
-    rig.tick(2)
-    assert rig.board.set_control_mode("a", "fidl")
-
-
 def test_a_fault_and_its_end_forget_the_travel_of_the_motor() -> None:
     """F1: without power it shows nothing."""
     rig = held(joint("a"))
