@@ -18,13 +18,11 @@ from control_board_ros.core.machine.decisions import (
     Requested,
     Verdict,
     decide,
-    decide_feedforward,
     decide_reference,
     decide_stop,
 )
 from control_board_ros.core.machine.explanations import (
     explain,
-    explain_feedforward,
     explain_reference,
     explain_stop,
     range_text,
@@ -164,12 +162,12 @@ def test_stop(mode: ControlMode) -> None:
 def test_feedforward(mode: ControlMode) -> None:
     """P11, K6, N4: in every mode but a calibration, once it is configured."""
     known = facts(mode)
-    verdict = decide_feedforward(known, (1.0, 2.0))
+    verdict = decide_reference(known, None, (1.0, 2.0))
     why = {
         M.CALIBRATING: "mode is CALIBRATING, where it has no effect",
         M.NOT_CONFIGURED: "mode is NOT_CONFIGURED; the board waits for configure",
     }
-    text = explain_feedforward(verdict.reason, known, (1.0, 2.0))
+    text = explain_reference(verdict.reason, known, None, (1.0, 2.0))
     assert text == (f"feedforward for a ignored: {why[mode]}" if mode in why else "")
 
 

@@ -203,21 +203,24 @@ def decide_stop(facts: Facts) -> Verdict:
 
 def decide_reference(
     facts: Facts,
-    kind: CommandKind,
+    kind: CommandKind | None,
     values: tuple[float, ...],
     fits: bool = True,
     void: Reason = Reason.NONE,
 ) -> Verdict:
-    """The verdict on a reference (M4, P13, F8).
+    """The verdict on a reference (M4, P13, F8), or on feed-forward terms (P11, K6, N4).
 
     Args:
         facts: Of one joint.
-        kind: Of the reference.
-        values: The reference, and its accompanying value.
+        kind: Of the reference; None: feed-forward terms.
+        values: The reference and its accompanying value, or the terms.
         fits: Whether the accompanying value is in its range.
         void: Why the stream that it belongs to is.
     """
-    if kind not in ACCEPTS.get(facts.mode, ()):
+    if kind is None:
+        if facts.mode in CALIBRATES or facts.mode in UNCONFIGURED:
+            return _ignored(facts, UNAVAILABLE[facts.mode])
+    elif kind not in ACCEPTS.get(facts.mode, ()):
         known = any(kind in ACCEPTS.get(mode, ()) for mode in facts.joint.control_modes)
         otherwise = Reason.OTHER_MODE if known else Reason.UNSUPPORTED
         return _ignored(facts, _unavailable(facts, otherwise))
@@ -225,17 +228,6 @@ def decide_reference(
         return _ignored(facts, Reason.NOT_FINITE)
     if not fits:
         return _ignored(facts, Reason.OUT_OF_RANGE)
-    return ACCEPT if void is Reason.NONE else _ignored(facts, void)
-
-
-def decide_feedforward(
-    facts: Facts, values: tuple[float, ...], void: Reason = Reason.NONE
-) -> Verdict:
-    """The verdict on feed-forward terms (P11, K6, M4, N4, F8)."""
-    if facts.mode in CALIBRATES or facts.mode in UNCONFIGURED:
-        return _ignored(facts, UNAVAILABLE[facts.mode])
-    if not all(math.isfinite(value) for value in values):
-        return _ignored(facts, Reason.NOT_FINITE)
     return ACCEPT if void is Reason.NONE else _ignored(facts, void)
 
 

@@ -121,15 +121,19 @@ def explain_stuck(facts: Facts) -> str:
 
 
 def explain_reference(
-    reason: Reason, facts: Facts, kind: CommandKind, values: tuple[float, ...], allowed: str = ""
+    reason: Reason,
+    facts: Facts,
+    kind: CommandKind | None,
+    values: tuple[float, ...],
+    allowed: str = "",
 ) -> str:
-    """Why a joint's part of a reference was ignored; empty where it was not.
+    """Why a joint's part of a reference, or of a feed-forward, was ignored; empty: it was not.
 
     Args:
         reason: Of the verdict.
         facts: Of the joint.
-        kind: Of the reference.
-        values: The reference, and its accompanying value.
+        kind: Of the reference; None: feed-forward terms.
+        values: The reference and its accompanying value, or the terms.
         allowed: The range of the accompanying value, in words.
     """
     if reason is Reason.NONE:
@@ -140,9 +144,12 @@ def explain_reference(
         why = allowed
     elif reason in OUTLIVED_TEXTS:
         why = outlived(reason, facts, kind)
+    elif kind is None and reason is Reason.CALIBRATING:
+        why = f"mode is {facts.mode.name}, where it has no effect"
     else:
         why = wrong_mode(reason, facts, kind)
-    return f"{kind} reference for {facts.joint.name} ignored: {why}"
+    what = "feedforward" if kind is None else f"{kind} reference"
+    return f"{what} for {facts.joint.name} ignored: {why}"
 
 
 #: Why a stream is void.
@@ -158,21 +165,6 @@ def outlived(reason: Reason, facts: Facts, kind: CommandKind | None) -> str:
     meets = kind in POSITIONS and reason is Reason.STALE
     meet = f"begin within {near} of the joint, " if meets else ""
     return f"{OUTLIVED_TEXTS[reason]}; {meet}pause for {PAUSE:g} s, or set the mode again"
-
-
-def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...]) -> str:
-    """Why a joint's part of a feed-forward was ignored; empty where it was not."""
-    if reason is Reason.NONE:
-        return ""
-    if reason is Reason.NOT_FINITE:
-        why = not_finite(values)
-    elif reason is Reason.NOT_CONFIGURED:
-        why = WITHHELD_TEXTS[reason](facts)
-    elif reason in OUTLIVED_TEXTS:
-        why = outlived(reason, facts, None)
-    else:
-        why = f"mode is {facts.mode.name}, where it has no effect"
-    return f"feedforward for {facts.joint.name} ignored: {why}"
 
 
 def explain_bound(joint: JointConfig, kind: CommandKind, requested: float, bounded: float) -> str:
@@ -266,9 +258,9 @@ WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
 }
 
 
-def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
+def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind | None) -> str:
     """Why a joint accepts no references of a kind now, and in which modes it does."""
-    if reason in WITHHELD_TEXTS:
+    if kind is None or reason in WITHHELD_TEXTS:
         return WITHHELD_TEXTS[reason](facts)
     codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
     hint = f"it is accepted in {', '.join(codes)}" if codes else "the joint has no mode for it"

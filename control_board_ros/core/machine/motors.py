@@ -23,8 +23,8 @@ from ..terms.measurement import Motor
 from ..terms.modes import CALIBRATES, CONFIGURED, UNCONFIGURED, UNPOWERED
 from ..terms.motors import TERMS, Loop, Motors, Pids, Term
 from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
-from .decisions import decide_feedforward
-from .explanations import all_or_none, explain_feedforward
+from .decisions import decide_reference
+from .explanations import all_or_none, explain_reference
 from .machine import Machine
 
 
@@ -78,11 +78,11 @@ class Feedforward:
         """What becomes of the terms of a joint."""
         facts = self._machine.facts(j)
         values = tuple(value for value in terms if value is not None)
-        verdict = decide_feedforward(facts, values)
+        verdict = decide_reference(facts, None, values)
         joint = np.array([j])
         if void := self._machine.feeds.void(None, joint, joint, [verdict.accepts]):
-            verdict = decide_feedforward(facts, values, void[0])
-        text = explain_feedforward(verdict.reason, facts, values)
+            verdict = decide_reference(facts, None, values, void=void[0])
+        text = explain_reference(verdict.reason, facts, None, values)
         return JointAnswer(verdict.answer, text, verdict.reason)
 
 
