@@ -801,18 +801,6 @@ def test_a_position_move_does_not_prolong_a_velocity() -> None:
     assert rig.board.snapshot().velocity_reference[0] == 0.0
 
 
-def test_a_stop_ends_the_timeout() -> None:
-    """P12, P3: after a stop no velocity is left that could expire."""
-    rig = ready(board_config(joint("left")))
-    rig.enter("vel")
-    rig.board.velocity_move("left", 0.5, 20.0)
-    rig.run(0.05)
-    rig.board.stop("left")
-    rig.board.take_events()
-    rig.run(0.5)
-    assert not rig.board.take_events()
-
-
 def test_timeouts_off() -> None:
     """P12, Y2: 0 is never, and the default of all but velocities."""
     rig = moving("vel", control_modes=(*STANDARD, M.CURRENT))
