@@ -11,7 +11,6 @@ from rig import LIMITS, MOTOR, joint
 
 from control_board_ros.core.terms.faults import Cause, FaultCode
 from control_board_ros.core.watch.causes import (
-    CODES,
     ROWS_OF,
     Check,
     alarm_cause,
@@ -187,7 +186,6 @@ def test_warnings_of_heat() -> None:
     }
 
 
-def test_each_check_has_its_code_and_its_row() -> None:
-    assert set(CODES) == set(Check)
+def test_each_bound_has_its_row() -> None:
     assert list(ROWS_OF) == [check for check in Check if check < Check.TRAVEL]
     assert all(check.name == row.name for check, row in ROWS_OF.items())

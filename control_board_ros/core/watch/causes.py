@@ -80,36 +80,28 @@ def tenths(seconds: float) -> str:
 
 
 class Check(IntEnum):
-    """The checks of the monitor, in the order of its search for a cause."""
+    """The checks of the monitor, in the order of its search for a cause; ``code``: its fault's."""
 
-    ALARM = 1
-    CURRENT = 2
-    ENCODER_AGE = 3
-    POSITION = 4
-    VELOCITY = 5
-    TORQUE_AGE = 6
-    TORQUE = 7
-    TEMPERATURE = 8
-    TRAVEL = 9
-    OVERRUN = 10
-    OVERLOAD = 11
-    OVERSPEED = 12
+    code: FaultCode
 
+    def __new__(cls, number: int, code: FaultCode = FaultCode.EXTERNAL) -> Check:
+        """A check by its number in the monitor and the code of its fault."""
+        check = int.__new__(cls, number)
+        check._value_, check.code = number, code
+        return check
 
-CODES = {
-    Check.ALARM: FaultCode.EXTERNAL,
-    Check.CURRENT: FaultCode.OVERCURRENT,
-    Check.ENCODER_AGE: FaultCode.ENCODER_SILENT,
-    Check.POSITION: FaultCode.ENCODER_SPIKE,
-    Check.VELOCITY: FaultCode.ENCODER_INVALID,
-    Check.TORQUE_AGE: FaultCode.TORQUE_SENSOR,
-    Check.TORQUE: FaultCode.TORQUE_SENSOR,
-    Check.TEMPERATURE: FaultCode.OVERHEATING,
-    Check.TRAVEL: FaultCode.ENCODER_MISMATCH,
-    Check.OVERRUN: FaultCode.HARD_LIMIT,
-    Check.OVERLOAD: FaultCode.I2T,
-    Check.OVERSPEED: FaultCode.OVERSPEED,
-}
+    ALARM = 1, FaultCode.EXTERNAL
+    CURRENT = 2, FaultCode.OVERCURRENT
+    ENCODER_AGE = 3, FaultCode.ENCODER_SILENT
+    POSITION = 4, FaultCode.ENCODER_SPIKE
+    VELOCITY = 5, FaultCode.ENCODER_INVALID
+    TORQUE_AGE = 6, FaultCode.TORQUE_SENSOR
+    TORQUE = 7, FaultCode.TORQUE_SENSOR
+    TEMPERATURE = 8, FaultCode.OVERHEATING
+    TRAVEL = 9, FaultCode.ENCODER_MISMATCH
+    OVERRUN = 10, FaultCode.HARD_LIMIT
+    OVERLOAD = 11, FaultCode.I2T
+    OVERSPEED = 12, FaultCode.OVERSPEED
 
 
 def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: float) -> Cause:
@@ -122,7 +114,7 @@ def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: 
         value: The reading.
     """
     if not abs(value) <= CREDIBLE:
-        code = FaultCode.ENCODER_INVALID if check is Check.POSITION else CODES[check]
+        code = FaultCode.ENCODER_INVALID if check is Check.POSITION else check.code
         reads = f"reads {value:.3g}, which no sensor does"
         return Cause(code, reads if math.isfinite(value) else "the reading is not a number")
     if check is Check.ALARM:
@@ -141,13 +133,13 @@ def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: 
     }
     if check is Check.TEMPERATURE:
         wait = cooling_time(joint.motor, value, hottest)
-        return Cause(CODES[check], texts[check], cooling_advice(wait, hottest), wait)
-    return Cause(CODES[check], texts[check])
+        return Cause(check.code, texts[check], cooling_advice(wait, hottest), wait)
+    return Cause(check.code, texts[check])
 
 
 def slow_cause(check: Check, monitor: JointMonitor, joint: JointConfig, period: float) -> Cause:
     """The cause when a slow check has failed; period: of the slow checks, s."""
-    code, limits = CODES[check], joint.limits
+    code, limits = check.code, joint.limits
     unit = joint.kind.unit
     if check is Check.TRAVEL:
         return Cause(
