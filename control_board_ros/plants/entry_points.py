@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 
+from ..extensions import offered
 from ..text import unknown_word
 from .errors import PlantSettingsError
 from .interface import DrivePlant, RobotPlant
@@ -27,19 +28,13 @@ def find(name: str) -> Maker:
     if name in DRIVERS:
         maker: Maker = import_module(f".{name}.driver", __package__).make
         return maker
-    offered = {point.name: point for point in entry_points(group=GROUP)}
-    if name not in offered:
-        names = [*DRIVERS, *sorted(offered), *(f"virtual/{driver}" for driver in DRIVERS)]
+    made: Maker | None = offered(GROUP, name, "plant:", PlantSettingsError)
+    if made is None:
+        others = sorted(entry_points(group=GROUP).names)
+        names = [*DRIVERS, *others, *(f"virtual/{driver}" for driver in DRIVERS)]
         text = unknown_word("plant:", name, names, "known:")
         raise PlantSettingsError(f"{text}; packages offer others by the entry point {GROUP}")
-    try:
-        maker = offered[name].load()
-    except Exception as error:  # noqa: BLE001 - third-party module
-        raise PlantSettingsError(
-            f"plant: {name!r} cannot be imported ({type(error).__name__}: {error}); "
-            f"check {offered[name].value}"
-        ) from None
-    return maker
+    return made
 
 
 def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPlant | DrivePlant:

@@ -81,18 +81,10 @@ def find(name: str) -> Callable[..., Any] | None:
     """
     if name in VERBS:
         return load(name)
-    from importlib.metadata import entry_points
+    from ...extensions import offered
 
-    for offered in entry_points(group=GROUP, name=name):
-        try:
-            verb: Callable[..., Any] = offered.load()
-        except Exception as error:  # noqa: BLE001 - third-party module
-            raise Refused(
-                f"verb {name!r} cannot be imported ({type(error).__name__}: {error}); "
-                f"check {offered.value}"
-            ) from None
-        return verb
-    return None
+    verb: Callable[..., Any] | None = offered(GROUP, name, "verb", Refused)
+    return verb
 
 
 def load(name: str) -> Callable[..., Any]:
