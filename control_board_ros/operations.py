@@ -47,6 +47,9 @@ Task = MoveTask | CalibrationTask
 Begin = Callable[["JointGroup"], Task]
 
 FEEDFORWARD = "feedforward"
+#: Of a simulation: the message of an emergency stop while it is paused, and why it does not step.
+ACTS_LATER = "the simulation is paused: it acts with the next cycle"
+RUNS = "step needs a paused simulation, and this one runs; pause it first: ~/pause"
 #: Power of drives, as they report it.
 POWER = {True: "on", False: "off", None: ""}
 #: The kinds of SendReference beside feed-forward.

@@ -38,7 +38,9 @@ from ..interface import (
     Endpoint,
 )
 from ..operations import (
+    ACTS_LATER,
     OPERATIONS,
+    RUNS,
     Fields,
     Poses,
     Task,
@@ -328,8 +330,7 @@ class LocalServices:
 
     def emergency_stop(self, request: Any) -> Fields:
         self._group.emergency_stop(request.data)
-        acts = "the simulation is paused: it acts with the next cycle" if self._link.paused else ""
-        return {"message": acts}
+        return {"message": ACTS_LATER if self._link.paused else ""}
 
     def get_freeze_frame(self, request: Any) -> Fields:
         joint = self._group.get_config(request.name)[0]
@@ -360,9 +361,7 @@ class LocalServices:
 
     def step(self, request: Any) -> Fields:
         if not self._link.paused:
-            raise RequestError(
-                "step needs a paused simulation, and this one runs; pause it first: ~/pause"
-            )
+            raise RequestError(RUNS)
         self._link.paused = False
         try:
             for _ in range(request.steps):

@@ -30,6 +30,7 @@ from ...core.terms.measurement import (
     Plant,
     Simulation,
 )
+from ...operations import RUNS
 from .pulse import Pulse
 from .snapshots import Snapshots
 from .timing import (
@@ -479,7 +480,7 @@ class Stepping:
         ``on_done`` is called after the last one with an empty text, or why they did not all run.
         """
         if not paused:
-            return "step needs a paused simulation, and this one runs; pause it first: ~/pause"
+            return RUNS
         if self.left:
             return f"step refused: {self.left} cycles of the last one are still to run"
         if cycles <= 0:

@@ -18,6 +18,7 @@ from ...core.terms.measurement import Simulation
 from ...core.terms.reply import Reason, Reply
 from ...core.terms.vocabs import ControlMode, encode
 from ...operations import (
+    ACTS_LATER,
     OPERATIONS,
     Operation,
     Poses,
@@ -108,7 +109,7 @@ class Services:
         with self._member.exclusive() as board:
             board.emergency_stop(request.data)
         if self._loop.paused:
-            response.message = "the simulation is paused: it acts with the next cycle"
+            response.message = ACTS_LATER
             return succeeded(response)
         return self._after_a_cycle(response)
 
