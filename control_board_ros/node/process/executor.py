@@ -112,7 +112,7 @@ class KeptWaitSetExecutor(Executor):
             self._stale = False
             self._gather()
         with self.pulse:
-            self._resume_tasks()
+            self._run_tasks()
         wait_set = self._wait_set
         wait_set.clear_entities()
         for add, entity in self._additions:
@@ -256,7 +256,7 @@ class KeptWaitSetExecutor(Executor):
         """Run a coroutine before the next wait; errors are reported by the entity's name."""
         self._jobs.append((Task(coroutine, args, executor=self), describe(entity)))
 
-    def _resume_tasks(self) -> None:
+    def _run_tasks(self) -> None:
         """Resume coroutines of actions and services, and callbacks of futures.
 
         A task that ends may be awaited by another one: repeat until none does.
