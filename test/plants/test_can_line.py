@@ -14,7 +14,7 @@ import pytest
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives import can_line
 from control_board_ros.plants.drives.can_drives import CanDrives, CanOptions
-from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, CanLine
+from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, PATIENCE, CanLine
 from control_board_ros.plants.drives.can_socket import MessageBus
 from control_board_ros.plants.drives.clock import Clock, ManualClock
 from control_board_ros.plants.drives.driver import Answers, Order
@@ -247,6 +247,29 @@ def test_it_asks_a_question(line: Any, several: bool, answers: list[bytes]) -> N
     assert line.ask(question, said) == answers
     assert len(line.bus.sent) == 1
     assert line.clock.now() - begin == pytest.approx(0.01 if several else 0.003)
+
+
+def test_a_survey_asks_eight_at_a_time(line: Any) -> None:
+    """A queue of ten frames, which an interface has as it comes, drops none."""
+    came = list[tuple[int, float]]()
+
+    def collect(seconds: float) -> list[Any]:
+        came.append((len(line.bus.sent), seconds))
+        return {1: [frame(7, b"a"), frame(8, b"?")], 3: [frame(2, b"b"), frame(7, b"c")]}.get(
+            len(came), []
+        )
+
+    def question(drive: int) -> Question:
+        return Question([(drive, b"who")], lambda data: data if data != b"?" else None)
+
+    def said(drive: int, found: Any) -> Any:
+        return (found.data,) if found.arbitration_id == drive else None
+
+    line.collect = collect
+    drives = [k for k in range(1, 22) if k != 3]
+    assert line.survey(question, drives, said) == [(2, b"b"), (7, b"a"), (7, b"c")]
+    assert line.bus.sent == [(k, b"who") for k in drives]
+    assert came == [(8, 0.1 * PATIENCE), (16, 0.1 * PATIENCE), (20, PATIENCE)]
 
 
 def test_it_is_closed_with_last_frames_and_twice(line: Any) -> None:

@@ -576,24 +576,6 @@ def test_a_scan_finds_two_with_one_id_and_one_that_tells_no_faults() -> None:
     assert [(one.id, one.fault) for one in found] == [(1, None), (1, None), (2, None)]
 
 
-def test_questions_of_a_scan_are_sent_eight_at_a_time() -> None:
-    said, came = [], []
-
-    class Line:
-        def send(self, frame_id: int, data: bytes) -> None:
-            said.append((frame_id, data))
-
-        def collect(self, seconds: float) -> list[Any]:
-            came.append((len(said), seconds))
-            return [message("0FD#0700000000000000")] if len(came) in (1, 17) else []
-
-    found = list(driver.answering(Line(), robstride.faults, {3, 4}))  # type: ignore[arg-type]
-    assert [frame_id for frame_id, _ in said] == [k for k in range(1, 128) if k not in (3, 4)]
-    counts = [min(125, 8 * k) for k in range(1, 17)]
-    assert came == [*((n, 0.005) for n in counts), (125, 0.05)]
-    assert found == [(7, 0), (7, 0)]
-
-
 SET_IDS = {
     "damiao": (DAMIAO, ["7FF#0100cc0000000000", "7FF#0100550719000000", "7FF#0100550809000000",
                         "7FF#0900330800000000", "7FF#0900330700000000", "7FF#0900aa0100000000"]),

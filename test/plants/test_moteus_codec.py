@@ -315,7 +315,7 @@ def test_a_scan_finds_drives() -> None:
             for one in found] == [(1, "moteus", "1.1.0", 24.0, None),
                                   (2, "moteus", "1.1.0", 24.0, 35)]  # fmt: skip
     assert sent.frames == [f"{0x8000 | k:08X}#1b800211001f01130d505050" for k in range(1, 127)]
-    assert bench.time - began == pytest.approx(0.1, abs=0.02)
+    assert bench.time - began == pytest.approx(0.125, abs=0.02)
 
 
 def test_an_id_is_written_read_back_and_stored() -> None:

@@ -21,7 +21,7 @@ from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.can_drives import CanDrives, CanOptions
-from ..drives.can_line import PATIENCE, CanLine, Frame
+from ..drives.can_line import CanLine, Frame
 from ..drives.driver import Identity, Order, Traits
 from ..drives.faults import WATCHDOG
 from ..drives.interview import Question, Questions, converse, find
@@ -323,24 +323,23 @@ def whole(value: float, bits: int) -> int:
 def scan(bus: str) -> list[Identity]:
     """The drives that answer on a bus."""
     with CanLine(bus) as line:
-        for drive in IDS:
-            line.send(o.SDO_REQUEST | drive, struct.pack("<BHBI", 0x40, o.DEVICE_TYPE, 0, 0))
-        answers = {m.arbitration_id & 0x7F: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
-                 if m.arbitration_id & 0x780 == o.SDO_ANSWER}  # fmt: skip
         return [
             identified(line, drive)
-            for drive, data in sorted(answers.items())
-            if len(data) == 8 and data[4] | data[5] << 8 == o.PROFILE
+            for drive, device in line.survey(device_type, IDS, data_of)
+            if device & 0xFFFF == o.PROFILE
         ]
+
+
+def data_of(drive: int, message: Any) -> tuple[bytes] | None:
+    """The answer of a drive by SDO in a frame."""
+    right = message.arbitration_id == o.SDO_ANSWER | drive and len(message.data) == 8
+    return (bytes(message.data),) if right else None
 
 
 def identified(line: CanLine, drive: int) -> Identity:
     """The identification of a drive on a line that nobody else uses."""
-
-    def data_of(message: Any) -> tuple[bytes] | None:
-        return (bytes(message.data),) if message.arbitration_id == o.SDO_ANSWER | drive else None
-
-    return converse(identity_of(Sdo(drive), drive), partial(line.ask, words_of=data_of))
+    answers = partial(line.ask, words_of=partial(data_of, drive))
+    return converse(identity_of(Sdo(drive), drive), answers)
 
 
 make = maker(Cia402Drives, Cia402Options, IDS)

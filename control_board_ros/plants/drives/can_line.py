@@ -18,6 +18,8 @@ from .remedies import bus_error
 FLOOD = 8
 #: s to wait for the answers of all drives to a scan.
 PATIENCE = 0.05
+#: Questions of a survey that are sent at once: an interface's queue holds ten frames, as it comes.
+BATCH = 8
 #: Bit of an error frame, as socketcan numbers them: the interface left the bus.
 BUS_OFF = 0x40
 #: Errors of an interface whose queue has no room.
@@ -228,6 +230,33 @@ class CanLine:
                 if not question.several:
                     break
         return answers
+
+    def survey(
+        self,
+        question: Callable[[int], Question],
+        drives: Iterable[int],
+        words_of: Callable[[int, Any], tuple[Any, ...] | None] = lambda _, frame: (frame,),
+    ) -> list[tuple[int, Any]]:
+        """Who answers a question, by the ids of drives, and what.
+
+        Args:
+            question: To the drive with an id.
+            drives: Their ids; others are asked nothing, to whom it may be a command.
+            words_of: What a frame says of a drive, as the question picks it; None: nothing.
+        """
+        questions, messages = {drive: question(drive) for drive in drives}, list[Any]()
+        for number, asked in enumerate(questions.values(), 1):
+            for frame in asked.request:
+                self.send(*frame)
+            if number % BATCH == 0:
+                messages += self.collect(0.1 * PATIENCE)
+        messages += self.collect(PATIENCE)
+        return [
+            (drive, answer)
+            for drive, asked in questions.items()
+            for words in (words_of(drive, message) for message in messages)
+            if words is not None and (answer := asked.pick(*words)) is not None
+        ]
 
     def close(self, last: Iterable[tuple[int, bytes]] = ()) -> None:
         """Leave the bus; safe to call twice, and where it is not open.

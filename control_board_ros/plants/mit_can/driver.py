@@ -8,7 +8,7 @@ in is in ``damiao``, ``robstride`` and ``robstride_private``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_line import PATIENCE, CanLine, Frame
 from ..drives.driver import ONE_TURN, Answers, Identity, Order, Traits
 from ..drives.faults import coded, flagged
-from ..drives.interview import Question, Questions, converse
+from ..drives.interview import Questions, converse
 from ..drives.plant import maker
 from ..drives.set_id import check, verify
 from ..errors import PlantSettingsError
@@ -28,8 +28,6 @@ from . import robstride as r
 from . import robstride_private as p
 
 IDS = range(1, 128)
-#: Questions of a scan that are sent at once: an interface's queue holds ten frames, as it comes.
-BATCH = 8
 Motor = d.Damiao | r.RobStride | p.RobStridePrivate
 
 
@@ -160,32 +158,16 @@ def scan(bus: str) -> list[Identity]:
                 faults = [coded(state, d.FAULTS) for state in states if state in d.FAULTS]
                 version = "".join(f"{int(n)}" for n in line.ask(d.reading(drive, d.SW_VER)))
                 add(drive, "Damiao", faults[0] if faults else None, firmware=version)
-        for drive, _ in answering(line, p.identity, ids):
+        for drive, _ in line.survey(p.identity, (drive for drive in IDS if drive not in ids)):
             volts, word = (
                 [*line.ask(p.reading(drive, index)), math.nan][0]
                 for index in (p.VOLTAGE, p.FAULTS)
             )
             fault = flagged(0 if math.isnan(word) else int(word), r.FAULTS)
             add(drive, "RobStride", fault, voltage=volts)
-        for drive, word in answering(line, r.faults, ids):
+        for drive, word in line.survey(r.faults, (drive for drive in IDS if drive not in ids)):
             add(drive, f"RobStride, protocol={f.MIT}", flagged(word, r.FAULTS))
     return identities
-
-
-def answering(
-    line: CanLine, question: Callable[[int], Question], aside: Container[int]
-) -> Iterator[tuple[int, Any]]:
-    """Who answers a question, and what; without some drives, to whom it would be a command."""
-    drives = [drive for drive in IDS if drive not in aside]
-    messages = list[Any]()
-    for begin in range(0, len(drives), BATCH):
-        for drive in drives[begin : begin + BATCH]:
-            line.send(*question(drive).request[0])
-        messages += line.collect(PATIENCE / 10)
-    messages += line.collect(PATIENCE)
-    for drive in drives:
-        pick = question(drive).pick
-        yield from ((drive, word) for message in messages if (word := pick(message)) is not None)
 
 
 def set_id(bus: str, old: int, new: int) -> None:

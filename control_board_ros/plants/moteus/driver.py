@@ -339,16 +339,12 @@ def said(drive: int, words: str) -> Questions[str]:
 def scan(bus: str) -> list[Identity]:
     """The drives that answer on a bus."""
     with CanLine(bus, fd=True) as line:
-        for drive in IDS:
-            line.send(*identity(drive).request[0])
-        came = {m.arbitration_id >> 8: bytes(m.data) for m in line.collect(0.1)
-                if m.arbitration_id & 0xFF == 0}  # fmt: skip
-        return [identity_of(drive, data) for drive, data in sorted(came.items()) if about(data)]
+        return [identity_of(*answer) for answer in line.survey(identity, IDS, words_of)]
 
 
 def words_of(drive: int, message: Any) -> tuple[bytes] | None:
-    """What a frame says, where it is of a drive."""
-    return (bytes(message.data),) if message.arbitration_id >> 8 & 0x7F == drive else None
+    """What a frame says, where it is of a drive, and for this host."""
+    return (bytes(message.data),) if message.arbitration_id & 0x7FFF == drive << 8 else None
 
 
 def set_id(bus: str, old: int, new: int) -> None:

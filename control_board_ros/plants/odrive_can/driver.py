@@ -12,12 +12,13 @@ import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from ...core.terms.drives import OnSilence, SetPoint
 from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_frame import REMOTE
-from ..drives.can_line import PATIENCE, CanLine, Frame
+from ..drives.can_line import CanLine, Frame
 from ..drives.driver import ONE_TURN, Identity, Order, Traits
 from ..drives.faults import flagged
 from ..drives.interview import Question, Questions, ask, find
@@ -292,14 +293,18 @@ def scan(bus: str) -> list[Identity]:
     answers: dict[int, dict[int, bytes]] = {}
     with CanLine(bus) as line:
         for command in (f.VERSION, f.SUPPLY, f.BEAT):
-            for drive in IDS:
-                line.send(frame(drive, command) | REMOTE, b"")
-            for m in line.collect(PATIENCE):
-                if m.arbitration_id & 0x1F == command and len(m.data) == 8:
-                    answers.setdefault(m.arbitration_id >> 5, {})[command] = bytes(m.data)
+            asked = partial(requested, command=command)
+            for drive, data in line.survey(asked, IDS, words_of):
+                answers.setdefault(drive, {})[command] = data
     return [
         identity_of(drive, said) for drive, said in sorted(answers.items()) if f.VERSION in said
     ]
+
+
+def words_of(drive: int, message: Any) -> tuple[int, bytes] | None:
+    """Command and data of a frame of a drive."""
+    number, command = divmod(message.arbitration_id, 32)
+    return (command, bytes(message.data)) if number == drive else None
 
 
 def identity_of(drive: int, said: Mapping[int, bytes]) -> Identity:
