@@ -74,7 +74,7 @@ def test_an_xm430_is_as_stiff_as_its_manual_says() -> None:
 @pytest.mark.parametrize(
     ("make", "library", "item", "motor"),
     [("feetech", "scservo_sdk", feetech.P, (1.21164, 2.67617, 7.4)),
-     ("dynamixel", "dynamixel_sdk", dynamixel.POSITION_P, control_table.MOTOR)],
+     ("dynamixel", "dynamixel_sdk", control_table.AT[84].item, control_table.MOTOR)],
 )  # fmt: skip
 def test_a_servo_reports_its_stiffness(make: str, library: str, item: Item, motor: Any) -> None:
     """Of its present gain, also after a restart, and the torque that its motor gives at most."""

@@ -78,7 +78,7 @@ ROWS = {
     "Velocity P Gain": Row(Item(78, 2), 100, 0, 16383),
     "Position D Gain": Row(Item(80, 2), 0, 0, 16383),
     "Position I Gain": Row(Item(82, 2), 0, 0, 16383),
-    "Position P Gain": Row(t.POSITION_P, 800, 0, 16383),
+    "Position P Gain": Row(Item(84, 2), 800, 0, 16383),
     "Feedforward 2nd Gain": Row(Item(88, 2), 0, 0, 16383),
     "Feedforward 1st Gain": Row(Item(90, 2), 0, 0, 16383),
     "Bus Watchdog": Row(t.WATCHDOG, 0, 0, 127),
@@ -134,7 +134,7 @@ POINTERS = {
 #: PWM of FULL_PWM. An MX-64's P is right so (Rhoban's BAM at 1b5a1ce, dynamixel/actuator.py: full
 #: duty at 198 mrad by oscilloscope, 205 by this); an XL330's is half of it there.
 POSITION_GAINS = (
-    (t.POSITION_P, t.POSITION_P_STEP),
+    (ROWS["Position P Gain"].item, t.POSITION_P_STEP),
     (ROWS["Position I Gain"].item, 65536),
     (ROWS["Position D Gain"].item, 16),
 )

@@ -11,7 +11,7 @@ from ..drives.serial_line import Item, Library
 MODEL, FIRMWARE, ID, MODE = Item(0, 2), Item(6, 1), Item(7, 1), Item(11, 1)
 PWM_LIMIT, CURRENT_LIMIT, VELOCITY_LIMIT = Item(36, 2), Item(38, 2), Item(44, 4)
 MAX_POSITION, MIN_POSITION = Item(48, 4), Item(52, 4)
-TORQUE, ERROR, POSITION_P, WATCHDOG = Item(64, 1), Item(70, 1), Item(84, 2), Item(98, 1)
+TORQUE, ERROR, WATCHDOG = Item(64, 1), Item(70, 1), Item(98, 1)
 POSITION_GAINS = Item(80, 6)  # D, I and P
 GOAL_PWM, GOAL_CURRENT = Item(100, 2), Item(102, 2)
 GOAL_VELOCITY, GOAL_POSITION = Item(104, 4), Item(116, 4)
