@@ -24,7 +24,7 @@ from ..drives.can_drives import CanDrives, CanOptions
 from ..drives.can_line import CanLine, Frame
 from ..drives.driver import Identity, Order, Traits
 from ..drives.faults import WATCHDOG
-from ..drives.interview import Question, Questions, converse, find
+from ..drives.interview import Questions, converse, find, told
 from ..drives.plant import maker
 from ..drives.reconcile import ACTING, ASK, CONFIRM, RESET, SET_UP
 from ..errors import PlantSettingsError
@@ -49,7 +49,6 @@ LOST = DriveFault(0, "drive disabled itself or restarted; check that safe torque
 #: States in which the motor has power.
 POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 FAULTED = (State.FAULT, State.FAULT_REACTION_ACTIVE)
-NOTHING = Question((), lambda _: None)
 #: Exchanges with the reset of a fault after which its communication is reset: an EPOS4 keeps error
 #: 0x8130 until then (maxon's EPOS4 Firmware Specification, as drivers of others quote it).
 MAX_RESETS = 20
@@ -134,7 +133,7 @@ class Cia402Drives(CanDrives[Cia402Options]):
                 f"{axis.name}: id {axis.id} has profile {device & 0xFFFF}; {o.PROFILE} (drives) "
                 "is supported"
             )
-        yield replace(NOTHING, request=[(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))])
+        yield told((o.NMT, bytes([o.PRE_OPERATIONAL, axis.id])))
         yield from self._clear(axis.id, sdo)
         modes = yield from sdo.get(o.SUPPORTED_MODES, 0, "<I")
         for set_point in self.traits.set_points:
@@ -156,7 +155,7 @@ class Cia402Drives(CanDrives[Cia402Options]):
             yield from sdo.map_pdo(o.TPDO3, o.MOTOR)
         identity = yield from named(sdo, axis.id)
         limits = yield from limits_of(sdo, drive.scale)
-        yield replace(NOTHING, request=[(o.NMT, bytes([o.START, axis.id]))])
+        yield told((o.NMT, bytes([o.START, axis.id])))
         self._drives[k] = drive
         return replace(identity, limits=limits)
 
@@ -169,7 +168,7 @@ class Cia402Drives(CanDrives[Cia402Options]):
             status = yield from sdo.get(o.STATUS, 0, "<H")
             if attempt or error != o.HEARTBEAT_LOST or state_of(status) not in FAULTED:
                 return
-            yield replace(NOTHING, request=[(o.NMT, bytes([o.RESET_COMMUNICATION, number]))])
+            yield told((o.NMT, bytes([o.RESET_COMMUNICATION, number])))
 
     def _set_watchdog(self, k: int, sdo: Sdo) -> Questions[None]:
         """The consumer's heartbeat, and what follows when it is missing."""

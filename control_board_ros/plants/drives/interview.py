@@ -41,8 +41,13 @@ class Question:
     patience: float = PATIENCE
 
 
+def told(*frames: Any) -> Question:
+    """Frames that no answer follows: they are sent, and PATIENCE passes."""
+    return Question(frames, lambda *_: None)
+
+
 #: Nothing is asked, and nothing heard, for PATIENCE.
-PAUSE = Question((), lambda *_: None)
+PAUSE = told()
 Questions = Generator[Question, Answers, Result]
 
 

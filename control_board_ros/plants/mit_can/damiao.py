@@ -15,7 +15,7 @@ from typing import Any
 from ..drives.can_line import Frame
 from ..drives.driver import ONE_TURN, Answers, Identity, Order
 from ..drives.faults import coded
-from ..drives.interview import Question, Questions, ask, find
+from ..drives.interview import Question, Questions, ask, find, told
 from ..drives.reconcile import ASK, CONFIRM, GOAL, POWER_ON, RESET
 from ..interface import DriveFault, DriveLimits
 from . import frames as f
@@ -174,7 +174,7 @@ def change_id(old: int, new: int) -> Questions[None]:
         content = yield from ask(reading(new, register), f"id {new} does not answer")
         if content != value:
             raise ValueError(f"id {old} does not accept {value} in register {register}")
-    yield Question([(REGISTERS, bytes([new, 0, STORE, 1, 0, 0, 0, 0]))], lambda _: None)
+    yield told((REGISTERS, bytes([new, 0, STORE, 1, 0, 0, 0, 0])))
 
 
 def limits(ranges: f.Ranges) -> DriveLimits:

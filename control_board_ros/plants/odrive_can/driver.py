@@ -21,7 +21,7 @@ from ..drives.can_frame import REMOTE
 from ..drives.can_line import CanLine, Frame
 from ..drives.driver import ONE_TURN, Identity, Order, Traits
 from ..drives.faults import flagged
-from ..drives.interview import Question, Questions, ask, find
+from ..drives.interview import Question, Questions, ask, find, told
 from ..drives.plant import maker
 from ..drives.reconcile import ACTING, ASK, CONFIRM, POWER_ON, RESET
 from ..errors import PlantSettingsError
@@ -102,7 +102,7 @@ class OdriveDrives(CanDrives[OdriveOptions]):
                 f"{axis.name}: id {number} has firmware {version.firmware}, CAN Simple "
                 f"{version.protocol}; firmware {firmware}, CAN Simple {f.PROTOCOL} is supported"
             )
-        yield Question([(frame(number, f.CLEAR), b"\0")], unheard)
+        yield told((frame(number, f.CLEAR), b"\0"))
         limits = DriveLimits()
         if not self._options.unwatched:
             drive.parameters = f.endpoints(version, self._options.endpoints)
@@ -141,7 +141,7 @@ class OdriveDrives(CanDrives[OdriveOptions]):
     def _put(self, number: int, drive: Drive, name: str, value: float) -> Questions[None]:
         """Write a parameter and read it back: what answers to a write is not that."""
         endpoint = drive.parameters[name]
-        yield Question([(frame(number, f.RX_SDO), written(endpoint, value))], unheard)
+        yield told((frame(number, f.RX_SDO), written(endpoint, value)))
         if abs((yield from got(number, drive, name)) - value) > 1e-6:
             raise PlantSettingsError(f"id {number} does not accept {value:g} for {name}")
 
@@ -245,10 +245,6 @@ class OdriveDrives(CanDrives[OdriveOptions]):
 
 def frame(drive: int, command: int) -> int:
     return drive << 5 | command
-
-
-def unheard(_command: int, _data: bytes) -> None:
-    """No answer is expected."""
 
 
 def written(endpoint: f.Endpoint, value: float) -> bytes:
