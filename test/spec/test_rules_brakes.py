@@ -174,32 +174,26 @@ def test_what_is_asked_for_while_the_brake_opens_acts_when_it_is_open(
     assert getattr(rig.board.state, row)[0] == pytest.approx(value, abs=0.3)
 
 
-def test_a_mode_set_while_the_brake_closes_keeps_power() -> None:
-    """Y4, M9: from idle back into a mode while the brake closes: no power is lost."""
+@pytest.mark.parametrize(
+    ("mode", "back", "time", "kept"),
+    [("idl", "pos", ENGAGE, (True, False)), ("pos", "idl", RELEASE, (False, True))],
+)
+def test_a_mode_that_is_left_before_its_brake_has_moved(
+    mode: str, back: str, time: int, kept: tuple[bool, bool]
+) -> None:
+    """Y4, M9: back from idle no power is lost; back to idle there was never any."""
     rig = braked()
-    rig.enter(M.POSITION, "left")
-    rig.tick(200)
+    if back == "pos":
+        rig.enter(M.POSITION, "left")
+        rig.tick(200)
     before = truth(rig)
-    assert rig.board.set_control_mode("left", "idl")
-    rig.tick(ENGAGE // 2)
-    assert rig.board.set_control_mode("left", "pos")
+    assert rig.board.set_control_mode("left", mode)
+    rig.tick(time // 2)
+    assert rig.board.set_control_mode("left", back)
     for _ in range(100):
         rig.tick()
-        assert power(rig) == (True, False)
-    assert abs(truth(rig) - before) < 0.05 * DEGREE
-
-
-def test_idle_set_while_the_brake_opens_keeps_it_closed() -> None:
-    """Y4: a mode and idle again within the release time: there was never power."""
-    rig = braked()
-    before = truth(rig)
-    assert rig.board.set_control_mode("left", "pos")
-    rig.tick(RELEASE // 2)
-    assert rig.board.set_control_mode("left", "idl")
-    for _ in range(100):
-        rig.tick()
-        assert power(rig) == (False, True)
-    assert abs(truth(rig) - before) < 0.02 * DEGREE
+        assert power(rig) == kept
+    assert abs(truth(rig) - before) < (0.05 if back == "pos" else 0.02) * DEGREE
 
 
 def test_a_calibration_waits_for_the_brake() -> None:
