@@ -138,7 +138,9 @@ def test_the_first_cause_counts() -> None:
     assert bench.failed() is Check.OVERRUN
     one.overran = False
     assert bench.failed() is Check.OVERLOAD
-    one.overloaded = False
+    one.overloaded, one.raced = False, True
+    assert bench.failed() is Check.OVERSPEED
+    one.raced = False
     assert bench.failed() is None
     one.passed = int(Check.TORQUE)
     one.slipped = True
