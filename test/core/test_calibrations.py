@@ -76,6 +76,43 @@ def test_a_joint_calibrates_again_by_its_encoder() -> None:
         rig.tick(2)
 
 
+def test_a_calibrator_that_drives_goes_on_and_one_asked_again_waits_anew() -> None:
+    """K1: for its turn, behind a joint of an earlier group."""
+    move = Calibration(type=3, required=False, start=0.4, speed=0.5)
+    joints = [joint(name, calibration=move) for name in ("first", "second")]
+    rig = ready(board_config(*joints, calibration_groups=(("first",), ("second",))))
+
+    def phases() -> list[str]:
+        return [status.phase for status in rig.board.get_calibration()]
+
+    for name in ("second", "first"):
+        assert rig.board.calibrate(name)
+        rig.tick(5)
+    assert phases() == ["waiting", "moving to the start position"]
+    assert rig.board.set_control_mode("second", "fidl")
+    assert rig.board.calibrate("second")
+    rig.tick(5)
+    assert phases() == ["moving to the start position", "waiting"]
+
+
+def test_what_an_aborted_calibration_changed_is_taken_back(
+    own: Callable[[type[Calibrator]], Rig],
+) -> None:
+    """K2, K7: the angle, and that it is known."""
+
+    class Shifts(Calibrator):
+        def advance(self) -> bool:
+            self.hand.set_offset(-1.0)
+            return False
+
+    rig = own(Shifts)
+    assert rig.tick(5).position == pytest.approx([1.5], abs=1e-3)
+    assert rig.board.set_control_mode("left", "fidl")
+    shown = rig.tick(2)
+    assert shown.position == pytest.approx([0.5], abs=1e-3)
+    assert shown.calibrated.all()
+
+
 def test_a_joint_is_held_at_its_encoder_reading(
     own: Callable[[type[Calibrator]], Rig],
 ) -> None:
