@@ -204,7 +204,7 @@ class Pacer:
 
 
 class Standstill:
-    """The last time that cycles began late by more than LONGEST: what waited then is void (B6).
+    """The last time that cycles began late by more than LIMIT_S: what waited then is void (B6).
 
     It is found within as long again, also where a sender's clock differs, or the system's was set
     back meanwhile.
