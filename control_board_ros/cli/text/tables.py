@@ -70,7 +70,7 @@ def heads(title: str, stack: str) -> list[str]:
     return plain.split(stack) if stack and plain else [plain]
 
 
-def column_width(title: str, cells: Sequence[Text], fold: Sequence[str], stack: str = "") -> int:
+def column_width(title: str, cells: Sequence[Text], fold: Sequence[str], stack: str) -> int:
     """Minimum width of a column, characters."""
     content = max((cell.cell_len for cell in cells), default=0)
     if title in fold:

@@ -97,7 +97,7 @@ class BoardNode:
         settings: Settings,
         changed: Callable[[str, Any], None],
         follower: Follower,
-        role: Role = ALONE,
+        role: Role,
     ) -> None:
         self.node, self.member = node, member
         self.on_reconfigured: Callable[[Mapping[str, Any]], None] = lambda _: None

@@ -32,7 +32,6 @@ from ...interface import (
     CLOCK,
     CONTROLLER_STATE,
     FAULTS,
-    JOINT_STATES,
     MODES,
     ROBOT_DESCRIPTION,
     STATE,
@@ -102,8 +101,8 @@ class StatePublisher:
         node: Node,
         member: Member,
         description: str | None,
-        joint_states: Endpoint = JOINT_STATES,
-        coupling: Coupling | None = None,
+        joint_states: Endpoint,
+        coupling: Coupling | None,
     ) -> None:
         self._snapshots, self._node = member.snapshots, node
         self._names = names = member.board.names
