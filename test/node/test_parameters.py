@@ -132,6 +132,7 @@ def test_arguments_of_other_nodes_are_theirs() -> None:
         (["-p", "state_rate:={a: 1}"], "is not one value"),
         (["-p", "state_rate:=[1"], "not YAML"),
         (["-p"], "-p: has no value"),
+        (["-r", "__ns:=left"], "namespace 'left' is not allowed; write -r __ns:=/left"),
         (["--params-file", "/nowhere/x.yaml"], "no such file"),
         (["--params-file", "/"], "folder"),
         (["-p", "robot:=nobody"], "unknown"),

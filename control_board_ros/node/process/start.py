@@ -64,7 +64,7 @@ def settings_from_arguments(argv: Sequence[str]) -> Start:
         SettingsError: one line: where, name, value, what is allowed, the next step.
     """
     options, rest = _split(argv)
-    remapped, namespace = NODE, "/"
+    remapped, namespace, relative = NODE, "/", ""
     for option, value in options:
         if option == "remap":
             target, mark, new = value.partition(":=")
@@ -73,6 +73,7 @@ def settings_from_arguments(argv: Sequence[str]) -> Start:
                 remapped = new
             elif mark and owner in ("", NODE) and what == "__ns":
                 namespace = "/" + new.strip("/")
+                relative = "" if new.startswith("/") else new
     full = f"{namespace.rstrip('/')}/{remapped}"
     layers = []
     for option, value in options:
@@ -93,6 +94,8 @@ def settings_from_arguments(argv: Sequence[str]) -> Start:
         remapped = ROBOT
         if namespace.rpartition("/")[2] != settings.robot_name:
             namespace = f"{namespace.rstrip('/')}/{settings.robot_name}"
+    elif relative:
+        raise SettingsError(f"namespace {relative!r} is not allowed; write -r __ns:=/{relative}")
     return Start(settings, rest, overrides, remapped, namespace)
 
 
