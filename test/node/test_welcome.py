@@ -38,6 +38,7 @@ def test_the_target_is_within_the_limits(lower: float, upper: float, kind: str) 
         (M.IDLE, "Try", "mode a pos"),
         (M.CALIBRATING, "When they have calibrated, try", "mode a pos"),
         (M.NOT_CONFIGURED, "Try", "configure"),
+        (M.HW_FAULT, "See why, remove the cause, then try", "faults"),
     ],
 )
 def test_the_mode_accepts_the_suggested_command(mode: ControlMode, when: str, first: str) -> None:
@@ -45,6 +46,12 @@ def test_the_mode_accepts_the_suggested_command(mode: ControlMode, when: str, fi
     found, words = suggestions(joint("a"), mode)
     assert (found, words[0]) == (when, first)
     assert words[-1] == "move a=30deg"
+
+
+def test_a_board_that_starts_in_fault() -> None:
+    """F2: its joints accept no mode before they are cleared."""
+    _, words = suggestions(joint("a"), M.HW_FAULT)
+    assert words == ["faults", "clear", "mode a pos", "move a=30deg"]
 
 
 def test_a_managed_node_reports_its_next_step() -> None:

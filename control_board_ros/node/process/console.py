@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ...core.config.config import BoardConfig, JointConfig
 from ...core.terms.joint_kind import ENDLESS
-from ...core.terms.modes import ACCEPTS, CALIBRATES, CONFIGURED, MOVES
+from ...core.terms.modes import ACCEPTS, CALIBRATES, CONFIGURED, FAULTED, MOVES
 from ...core.terms.vocabs import CommandKind, ControlMode
 from ...interface import CONFIGURE
 from ...text import clean
@@ -116,6 +116,8 @@ def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
     target = first_target(joint)
     value = f"{target * joint.kind.shown_factor:.3g}{joint.kind.choose('deg', 'mm')}"
     words = [f"mode {joint.name} {MOVES.code}", f"move {joint.name}={value}"]
+    if mode in FAULTED:
+        return "See why, remove the cause, then try", ["faults", "clear", *words]
     if mode in CALIBRATES:
         return "When they have calibrated, try", words
     if mode not in CONFIGURED:
