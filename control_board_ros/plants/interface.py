@@ -135,13 +135,16 @@ class Setup:
 
 @dataclass(frozen=True, slots=True)
 class DriveFault:
-    """A fault that a drive reports: its own number, and its name in words (S6)."""
+    """A fault that a drive reports: its own number, and its name in words (S6).
+
+    Attributes: number (0: the drive has none for it), name.
+    """
 
     number: int
     name: str
 
     def __str__(self) -> str:
-        return f"{self.number} {self.name}"
+        return f"{self.number} {self.name}" if self.number else self.name
 
 
 @dataclass(slots=True, kw_only=True)

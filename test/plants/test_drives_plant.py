@@ -413,9 +413,9 @@ def test_a_drive_that_was_never_read_has_no_position_and_gets_no_power() -> None
 @pytest.mark.parametrize(
     ("weak", "stuck", "law", "kind", "text"),
     [
-        (True, False, 1, POSITION, "0 does not take power"),
-        (False, True, 1, OFF, "0 keeps its power, although switched off"),
-        (False, False, 9, POSITION, "0 acts in mode 9, not in 1"),
+        (True, False, 1, POSITION, "does not take power"),
+        (False, True, 1, OFF, "keeps its power, although switched off"),
+        (False, False, 9, POSITION, "acts in mode 9, not in 1"),
     ],
 )
 def test_what_a_drive_does_not_confirm_is_a_fault_after_the_timeout(
@@ -452,7 +452,7 @@ def test_what_is_not_heard_is_not_unconfirmed() -> None:
     assert not any(rig.go(POSITION, 8).faults)
     rig.driver.mute.clear()
     assert not any(rig.go(POSITION, LASTING).faults)
-    assert str(rig.go(POSITION).faults[0]) == "0 does not take power"
+    assert str(rig.go(POSITION).faults[0]) == "does not take power"
 
 
 def test_power_that_goes_by_itself_is_a_restart() -> None:
@@ -546,7 +546,7 @@ def test_a_fault_does_not_count_as_unconfirmed() -> None:
     rig.go(POSITION)
     rig.driver.faults[0] = None
     assert not any(rig.go(POSITION, LASTING).faults)
-    assert str(rig.go(POSITION).faults[0]) == "0 does not take power"
+    assert str(rig.go(POSITION).faults[0]) == "does not take power"
 
 
 def surplus(rig: Rig, exchanges: int) -> Any:

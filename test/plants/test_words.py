@@ -24,9 +24,9 @@ NAMES = {1: "hot", 2: "stuck", 4: "lost"}
         (lambda: faults.flagged(5, NAMES), "5 hot, lost"),
         (lambda: faults.flagged(8, NAMES), "8 see its manual"),
         (lambda: faults.flagged(0, NAMES), "None"),
-        (lambda: faults.WATCHDOG, "0 watchdog: no command within its timeout"),
-        (lambda: faults.RESTARTED, "0 drive restarted"),
-        (lambda: DriveFault(faults.UNCONFIRMED, "keeps its power"), "0 keeps its power"),
+        (lambda: faults.WATCHDOG, "watchdog: no command within its timeout"),
+        (lambda: faults.RESTARTED, "drive restarted"),
+        (lambda: DriveFault(faults.UNCONFIRMED, "keeps its power"), "keeps its power"),
     ],
 )
 def test_a_fault_has_number_and_name(made: Callable[[], DriveFault | None], text: str) -> None:
