@@ -10,11 +10,14 @@ import pytest
 
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.words import Refused
+from control_board_ros.cli.text.advice import advice
 from control_board_ros.cli.verbs import recovery
 from control_board_ros.cli.verbs.recovery import wait_for_power_off
 from control_board_ros.client import BoardTimeout
 from control_board_ros.core.terms.drives import DriveReport
+from control_board_ros.core.terms.reply import Reason, refused
 from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.core.watch.fault_monitor import HEARTBEAT_SILENCE, REQUESTED_STOP
 
 FAULT, POSITION = ControlMode.HW_FAULT, ControlMode.POSITION
 OFF, ON, SILENT = (DriveReport(power=power) for power in (False, True, None))
@@ -70,3 +73,14 @@ def test_what_cannot_be_read_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Board, "get_drives", silent)
     with pytest.raises(Refused, match="confirmed the stop; whether the power is off was not seen"):
         wait_for_power_off(session(Board((FAULT, OFF))))
+
+
+@pytest.mark.parametrize(
+    ("cause", "step"),
+    [(REQUESTED_STOP, "release with: cbctl estop release"), (HEARTBEAT_SILENCE, "")],
+)
+def test_the_release_is_advised_where_it_helps(cause: tuple[str, str], step: str) -> None:
+    """E2: a heartbeat that is silent has to come again; no release ends that stop."""
+    why, remedy = cause
+    reply = refused(f"emergency stop, {why}; {remedy} first", ("a",), Reason.EMERGENCY_STOP)
+    assert advice(reply, ["a", "b"], lambda words: f"cbctl {words}", lambda: "") == step

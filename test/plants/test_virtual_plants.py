@@ -14,6 +14,7 @@ from control_board_ros.plants.entry_points import DRIVERS
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import Setup
 from control_board_ros.plants.offers import within
+from control_board_ros.plants.virtual.__main__ import main as serve
 from control_board_ros.plants.virtual.plant import make_virtual
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.testing.plant_contract import set_points
@@ -83,3 +84,14 @@ def test_a_servo_that_is_guided_has_a_gain_that_is_known() -> None:
             within(known, "virtual/feetech", silent)
     finally:
         plant.close()
+
+
+def test_a_bus_that_is_none_ends_the_process_with_one_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Virtual drives in a process of their own: what is wrong, and the next step."""
+    assert serve(["moteus", "--physics", "ideal", "--bus", "nothing"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("virtual drives: bus nothing: Unknown interface type")
+    assert "; use " in error
+    assert error.count("\n") == 1

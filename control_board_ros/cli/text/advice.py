@@ -19,6 +19,8 @@ STEPS = {
     "nothing_to_stop": ("disable with", "mode {joints} idl"),
     "not_configured": ("configure with", "configure"),
 }
+#: The board's word where the release of an emergency stop helps: a heartbeat has to come again.
+RELEASE = "release it"
 #: The same for joints that nothing holds.
 HOLD = ("hold with", "mode {joints} pos")
 #: Step and transition by code of a reply, of a managed board.
@@ -49,7 +51,7 @@ def advice(
         if code in TRANSITIONS and (node := manager()):
             what, transition = TRANSITIONS[code]
             texts.append(f"{what}: ros2 lifecycle set {node} {transition}")
-        elif code in STEPS:
+        elif code in STEPS and (code != "emergency_stop" or RELEASE in reply.message):
             what, words = STEPS[code]
             names = [n for n, its in zip(reply.joints, reply.codes, strict=True) if its == code]
             joints = "all" if len(names) == len(everyone) else " ".join(names)

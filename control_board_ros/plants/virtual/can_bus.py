@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
 from ..drives.can_frame import EXTENDED, REMOTE, SHORT
-from ..drives.can_line import open_bus
+from ..drives.can_line import CanBus, open_bus
+from ..drives.remedies import bus_error
 from .world import World
 
 #: s of silence on the bus after which the world is stepped anyway.
@@ -90,10 +91,18 @@ class VirtualCanBus(VirtualCan):
     ) -> None:
         super().__init__(world, drives)
         self.address = address or f"virtual:drives {next(_numbers)}"
-        self.bus = open_bus(self.address, fd=fd)
+        self.bus = self._open(fd=fd)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="virtual drives", daemon=True)
         self._thread.start()
+
+    def _open(self, *, fd: bool) -> CanBus:
+        import can
+
+        try:
+            return open_bus(self.address, fd=fd)
+        except (can.CanError, OSError, ValueError) as error:
+            raise bus_error(self.address, error) from None
 
     def close(self) -> None:
         """End the drives; safe to call twice."""
