@@ -43,7 +43,7 @@ COMPILED = runpy.run_path(str(HERE / NAME / "compiled.py"))
 MODULES: tuple[str, ...] = COMPILED["MODULES"]
 #: Executables, and what they call.
 COMMANDS = {
-    "control_board": f"{NAME}.node.main:main",
+    "control_board": f"{NAME}.node:start",
     "cbctl": f"{NAME}.cli:main",
     "control_board_conformance": f"{NAME}.conformance.app:main",
 }

@@ -14,8 +14,10 @@ import contextlib
 import gc
 import inspect
 import os
+import signal
 import sys
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -61,6 +63,23 @@ def _is_domain(text: str) -> bool:
         with contextlib.suppress(ValueError):
             return 0 <= int(text, base) <= MAX_DOMAIN
     return False
+
+
+@contextlib.contextmanager
+def quiet_interrupt() -> Iterator[None]:
+    """While modules load, Ctrl-C ends the process at once, as it does a program in C.
+
+    Otherwise the traceback of an import is printed, or an extension reports that it is missing.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def leave_out_the_generator() -> None:

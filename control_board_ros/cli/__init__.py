@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn
 
+from control_board_ros.startup import quiet_interrupt
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run cbctl; the exit code: 0 done, 1 refused or no board, 2 wrong usage.
@@ -20,7 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: the words of the line; None: those of the process, which then ends.
     """
-    from .app import run
+    with quiet_interrupt():
+        from .app import run
 
     if arguments is None and isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # what the locale cannot show, as in ASCII

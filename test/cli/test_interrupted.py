@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from processes import python
 from rich.console import Console
 
 from control_board_ros.cli.board import streaming
@@ -32,6 +33,18 @@ from control_board_ros.core.terms.vocabs import (
     parse_control_mode,
 )
 from control_board_ros.joint_limits import JointLimits
+
+#: Runs a line while Ctrl-C arrives in the import of a module, the first word.
+INTERRUPTED = """
+import os, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, *rest):
+        if name == sys.argv[1]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+"""
 
 OK = Reply(("j",), (Answer.ACCEPTED,))
 
@@ -173,3 +186,18 @@ def test_a_recording_is_completed_first(number: signal.Signals) -> None:
     with uninterrupted():
         os.kill(os.getpid(), number)
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize(
+    ("module", "line"),
+    [
+        ("control_board_ros.cli.app", "from control_board_ros.cli import main; main(['modes'])"),
+        ("rclpy.context", "from control_board_ros.cli import main; main(['modes'])"),
+        ("control_board_ros.node.main", "from control_board_ros.node import start; start()"),
+    ],
+)
+def test_ctrl_c_while_modules_load_ends_the_process_without_a_traceback(
+    module: str, line: str
+) -> None:
+    done = python(INTERRUPTED + line, module, code=-signal.SIGINT)
+    assert done.stdout + done.stderr == ""

@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING, Any
 from ...core.terms.joint_kind import JointKind
 from ...interface import LIFECYCLE
 from ...joint_limits import JointLimits
-from ...startup import announce_often, environment_error, leave_out_the_generator
+from ...startup import (
+    announce_often,
+    environment_error,
+    leave_out_the_generator,
+    quiet_interrupt,
+)
 from ...urdf_xml import DescribedJoint, published_joints
 from ..line.offers import TypedLine
 from ..line.options import Options
@@ -155,8 +160,9 @@ class Session:
         domain = {} if options.domain is None else {"ROS_DOMAIN_ID": str(options.domain)}
         if reason := environment_error(os.environ | domain):
             raise UsageError(f"cannot start a ROS node: {reason}")
-        from rclpy.context import Context
-        from rclpy.node import Node
+        with quiet_interrupt():
+            from rclpy.context import Context
+            from rclpy.node import Node
 
         context = Context()  # of its own: without rclpy's signal handlers, Ctrl-C is ours
         try:
