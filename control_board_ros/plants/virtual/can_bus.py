@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
 from ..drives.can_frame import EXTENDED, REMOTE, SHORT
-from ..drives.can_line import CanBus, open_bus
+from ..drives.can_line import open_bus
+from ..drives.can_socket import CanBus
 from ..drives.remedies import bus_error
 from .world import World
 
