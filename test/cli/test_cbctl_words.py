@@ -81,6 +81,7 @@ def test_values_with_units(text: str, kind: str, value: float, dimension: str) -
         ("90grad", "position"),
         ("nan", "position"),
         ("inf", "position"),
+        ("1e999", "position"),
         ("1,5", "position"),
         ("5deg", "torque"),
         ("5Nm", "output"),

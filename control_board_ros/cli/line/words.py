@@ -65,14 +65,14 @@ def quantity(text: str, kind: str) -> Quantity:
     """
     units = UNITS[kind]
     match = NUMBER.fullmatch(text.strip())
-    unit = match[2].strip() if match else ""
-    if match is None or not (unit == "" or unit in units):
+    value, unit = (float(match[1]), match[2].strip()) if match else (math.inf, "")
+    if not math.isfinite(value) or not (unit == "" or unit in units):
         shown = ", ".join(list(units)[:6])
         raise UsageError(
             f"{kind} {text[:40]!r} is not valid; write a number, with or without {shown}"
         )
     factor, dimension = units.get(unit, (1.0, ""))
-    return Quantity(float(match[1]) * factor, dimension)
+    return Quantity(value * factor, dimension)
 
 
 def assignments(words: Sequence[str], kind: str) -> list[tuple[str, Quantity]]:
