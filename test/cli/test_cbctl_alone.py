@@ -100,6 +100,13 @@ def test_a_full_disk(words: list[str]) -> None:
     assert re.fullmatch("cbctl: the output cannot be written: No space left .*\n", done.stderr)
 
 
+@pytest.mark.parametrize("stream", [1, 2])
+def test_a_closed_output(stream: int) -> None:
+    """As with >&-: nothing is printed there, and nothing fails."""
+    line = f"{shlex.quote(sys.executable)} -m control_board_ros.cli conformance --list {stream}>&-"
+    assert ended("sh", "-c", line).stderr == ""
+
+
 @pytest.mark.slow
 @pytest.mark.ros
 def test_no_board(alone: Any) -> None:

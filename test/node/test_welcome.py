@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import os
+from pathlib import Path
 
 import pytest
 from rig import board_config, joint
@@ -81,3 +83,13 @@ def test_it_names_the_board_where_it_is_another() -> None:
     text = welcome("/left/arm", config, [M.IDLE])
     assert "  cbctl --board /left/arm mode a pos\n" in text
     assert "joints in IDLE" in text
+
+
+def test_a_log_folder_without_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a service: rcl asks HOME only, and would not start."""
+    for name in ("HOME", "ROS_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("ROS_LOG_DIR", "")
+    monkeypatch.setattr("os.path.expanduser", lambda path: path.replace("~", str(tmp_path)))
+    provide_log_folder()
+    assert os.environ["ROS_LOG_DIR"] == str(tmp_path / ".ros/log")

@@ -63,6 +63,8 @@ def provide_log_folder() -> None:
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
+            if "HOME" not in os.environ:  # as in a service; rcl asks nothing else for it
+                os.environ["ROS_LOG_DIR"] = str(folder)
             return
     instead = temporary_folder() / f"control_board_ros-{os.getuid()}-log"
     with contextlib.suppress(OSError):
