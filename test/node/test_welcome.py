@@ -11,7 +11,12 @@ import pytest
 from rig import board_config, joint
 
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.node.process.console import first_target, suggestions, welcome
+from control_board_ros.node.process.console import (
+    first_target,
+    provide_log_folder,
+    suggestions,
+    welcome,
+)
 
 M = ControlMode
 
