@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -51,6 +53,11 @@ STOPS = {
     "kuka": (120.0, 1.5, 1.0),
     "scara": (250.0, 1.5, 5.0),
     "snake": (30.0, 1.5, 30.0),
+}
+DRIVES: dict[str, dict[str, Any]] = {
+    "pwm": {},
+    "current": {"joint_defaults.drive": ["current"]},
+    "torque": {"joint_defaults.drive": ["torque"]},
 }
 #: The joint that overshoots most where a velocity is turned round.
 TURNED = ("snake", "home", (4,))
@@ -105,6 +112,23 @@ def test_a_stop_at_full_speed_is_the_best_that_is_known(robot: str) -> None:
     furthest, longest, back = STOPS[robot]
     bounds = {"torq": furthest, "comp": furthest, "rest": longest, "back": back}
     for key, most in bounds.items():
+        worst_one = max(found.value for found in findings if found.quantity == key)
+        assert worst_one <= most, f"{key}: {worst_one:.3g}"
+    rig.close()
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_stop_at_full_speed_at_250_hz(drive: str) -> None:
+    """M9, P14: no joint at its speed limit swings, so that its stop begins from what it is.
+
+    By current, joints swung from one torque limit to the other, 580 mrad beyond.
+    """
+    parameters = {"control_rate": 250.0} | DRIVES[drive]
+    rig = Rig.load(replace(ROBOTS["iiwa"], parameters=parameters))
+    home = next(iter(poses(ROBOTS["iiwa"], rig.home, rig.windows).items()))
+    findings = list(measure(rig, dict([home]), ["halt"]))
+    assert rig.failures == []
+    for key, most in {"torq": 30.0, "comp": 30.0, "back": 3.0}.items():
         worst_one = max(found.value for found in findings if found.quantity == key)
         assert worst_one <= most, f"{key}: {worst_one:.3g}"
     rig.close()
