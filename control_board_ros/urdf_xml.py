@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import codecs
 import math
+import os
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from xml.parsers import expat
 
 from .core.terms.joint_kind import JointKind
@@ -68,6 +71,13 @@ class DescribedJoint:
     def dimension(self) -> str:
         """``length`` or ``angle``."""
         return JointKind.of(self.kind).choose("angle", "length")
+
+
+def share_folders() -> list[Path]:
+    """Where ``package://`` leads: the share folders of ROS prefixes and of this environment."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    shares = [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]
+    return list(dict.fromkeys(share for share in shares if share.is_dir()))
 
 
 def published_joints(urdf: str) -> dict[str, DescribedJoint]:

@@ -9,11 +9,12 @@ and for ``package://NAME/`` a folder NAME above the URDF.
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import unquote
+
+from ..urdf_xml import share_folders
 
 #: Folders above a URDF that are looked at for the package of a mesh.
 LEVELS = 6
@@ -29,13 +30,6 @@ def package_folder(module: str) -> Path | None:
     if spec is None or not spec.submodule_search_locations:
         return None
     return Path(next(iter(spec.submodule_search_locations)))
-
-
-def share_folders() -> list[Path]:
-    """The share folders of ROS prefixes and of this environment."""
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    shares = [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]
-    return list(dict.fromkeys(share for share in shares if share.is_dir()))
 
 
 def source_package(folder: Path) -> Path | None:

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from ..text import unknown_word
+from ..urdf_xml import share_folders
 from .geometry import as_text
-from .meshes import package_folder, share_folders
+from .meshes import package_folder
 from .urdf import Urdf, UrdfError, load, of_tree
 from .urdf_tree import Tree
 from .xacro_file import split_arguments

@@ -7,14 +7,12 @@ served, since any ROS node can publish a description.
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
-from control_board_ros.urdf_xml import DescribedJoint, UrdfError, joints_in, published_robot
+from ..urdf_xml import DescribedJoint, UrdfError, joints_in, published_robot, share_folders
 
 #: Supported mesh types and their media types.
 MEDIA = {
@@ -94,8 +92,3 @@ def mesh_file(name: str) -> Path | None:
         except OSError:
             continue
     return None
-
-
-def share_folders() -> list[Path]:
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]

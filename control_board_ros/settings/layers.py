@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ..core.config.parameter import Parameter
-from ..description.meshes import share_folders
 from ..description.urdf import Urdf
 from ..text import nearest
+from ..urdf_xml import share_folders
 from .params_file import Entries, Entry, Layer, SettingsError, convert, shown
 from .poses import POSES, known_names
 from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row

@@ -11,9 +11,9 @@ import pybullet_data
 import pytest
 from marks import needs_icub
 
-from control_board_ros.description.meshes import share_folders
 from control_board_ros.settings.loading import SettingsError, load
 from control_board_ros.simulation import Simulation
+from control_board_ros.urdf_xml import share_folders
 
 pytestmark = [pytest.mark.slow]
 
