@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_bullet import in_bullet
 from plants import described, xml_of
 
 from control_board_ros.description.geometry import rotation_of_rpy, rotations_about
@@ -13,8 +14,7 @@ from control_board_ros.description.urdf import Urdf
 from control_board_ros.frames import Frames, quaternions_of_rpy
 from control_board_ros.node.wiring.transforms import frames_of
 from control_board_ros.settings.loading import load
-from control_board_ros.sim.bodies.world import bullet, connect
-from control_board_ros.sim.bodies.world import load as load_body
+from control_board_ros.sim.bodies.world import bullet
 
 #: Turns, slides and follows, about slanted axes at slanted origins, with a fixed frame between.
 SLANTED = """
@@ -74,11 +74,7 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
     urdf = described(SLANTED) if name == "slanted" else load_robot(name)
     names = tuple(one for one in urdf.independent if one != "spare")
     frames, random = frames_of(urdf, names), np.random.default_rng(5)
-    client = connect(gui=False)
-    try:
-        body = load_body(client, xml_of(urdf), load(None).simulation, visuals=False)
-        count = bullet.getNumJoints(body, client)
-        info = [bullet.getJointInfo(body, i, client) for i in range(count)]
+    with in_bullet(xml_of(urdf), load(None).simulation) as (client, body, info):
         for q in random.uniform(-3.0, 3.0, (10, len(names))):
             at = dict(zip(names, q, strict=True))
             for mimic in urdf.mimics.values():
@@ -95,8 +91,6 @@ def test_frames_are_those_of_pybullet(name: str) -> None:
                 position, rotation = links[one[12].decode()]
                 assert position == pytest.approx(np.array(state[4]), abs=1e-5)
                 assert rotation == pytest.approx(matrix(np.array(state[5])), abs=1e-5)
-    finally:
-        bullet.disconnect(client)
 
 
 def test_moving_and_fixed_links() -> None:

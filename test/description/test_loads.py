@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pybullet_data
 import pytest
+from in_bullet import dynamics
 from plants import GRIPPER, PENDULUM, SLIDER, described, joint, link, robot, xml_of
 
 from control_board_ros.description.loads import POSES, Loads, loads, sample_poses
@@ -13,8 +14,6 @@ from control_board_ros.description.robots import load_robot
 from control_board_ros.description.urdf import Urdf
 from control_board_ros.settings.loading import load
 from control_board_ros.sim.bodies.bullet import BulletBody
-from control_board_ros.sim.bodies.world import bullet, connect
-from control_board_ros.sim.bodies.world import load as load_body
 from control_board_ros.sim.motor import reflected_inertia
 
 DATA = pybullet_data.getDataPath()
@@ -32,23 +31,10 @@ def tiny(text: str) -> Loads:
 def physics(urdf: Urdf) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """M_jj and gravity torque by pybullet in every pose, shape (joints, POSES)."""
     settings = load(None, {"robot": urdf.source} if urdf.source.startswith(DATA) else {})
-    sampled, client = sample_poses(urdf, ranges(urdf)), connect(gui=False)
-    try:
-        body = load_body(client, xml_of(urdf), settings.simulation, visuals=False)
-        count = bullet.getNumJoints(body, client)
-        info = [bullet.getJointInfo(body, index, client) for index in range(count)]
-        names = [one[1].decode() for one in info if one[2] != bullet.JOINT_FIXED]
-        inertia, torque = [], []
-        for pose in range(0, POSES, 8):
-            at = [float(sampled[name][pose]) for name in names]
-            still = [0.0] * len(names)
-            inertia.append(np.diag(bullet.calculateMassMatrix(body, at, physicsClientId=client)))
-            torque.append(
-                bullet.calculateInverseDynamics(body, at, still, still, physicsClientId=client)
-            )
-    finally:
-        bullet.disconnect(client)
-    return np.array(inertia).T, np.array(torque).T, names
+    sampled = sample_poses(urdf, ranges(urdf))
+    poses = [{name: at[pose] for name, at in sampled.items()} for pose in range(0, POSES, 8)]
+    names, matrices, torques = dynamics(xml_of(urdf), settings.simulation, poses)
+    return np.diagonal(matrices, axis1=1, axis2=2).T, torques.T, names
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -7,14 +7,13 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from in_bullet import dynamics
 from marks import needs_icub
 from plants import described, joint, link, robot, xml_of
 
 from control_board_ros.description.merge import inertial_of, merge_fixed
 from control_board_ros.description.robots import load_robot
 from control_board_ros.settings.loading import load
-from control_board_ros.sim.bodies.world import bullet, connect
-from control_board_ros.sim.bodies.world import load as load_body
 
 #: A hand of 3 kg on an arm of 1 kg, 1 m away and turned by a quarter about x, with a finger.
 HAND = robot(
@@ -66,27 +65,14 @@ def test_a_robot_without_fixed_joints_stays_as_it_is() -> None:
     assert ET.tostring(merged.root) == ET.tostring(urdf.tree.root)
 
 
-def dynamics(text: str, names: tuple[str, ...]) -> list[np.ndarray]:
+def physics(text: str, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """M and gravity torques by pybullet in ten poses, for the joints of these names."""
-    random, client = np.random.default_rng(5), connect(gui=False)
-    try:
-        body = load_body(client, text, load("iiwa").simulation, visuals=False)
-        info = [
-            bullet.getJointInfo(body, index, client)
-            for index in range(bullet.getNumJoints(body, client))
-        ]
-        order = [one[1].decode() for one in info if one[2] != bullet.JOINT_FIXED]
-        pick = [order.index(name) for name in names]
-        found = []
-        for _ in range(10):
-            pose = dict(zip(names, random.uniform(-1.0, 1.0, len(names)), strict=True))
-            at, still = [pose[name] for name in order], [0.0] * len(order)
-            matrix = np.array(bullet.calculateMassMatrix(body, at, client))
-            torque = np.array(bullet.calculateInverseDynamics(body, at, still, still, client))
-            found += [matrix[np.ix_(pick, pick)], torque[pick]]
-        return found
-    finally:
-        bullet.disconnect(client)
+    poses = np.random.default_rng(5).uniform(-1.0, 1.0, (10, len(names)))
+    order, matrices, torques = dynamics(
+        text, load("iiwa").simulation, [dict(zip(names, pose, strict=True)) for pose in poses]
+    )
+    pick = [order.index(name) for name in names]
+    return matrices[:, pick][:, :, pick], torques[:, pick]
 
 
 @pytest.mark.parametrize("name", ["panda", pytest.param("icub_left_arm", marks=needs_icub)])
@@ -97,5 +83,5 @@ def test_the_physics_of_a_robot_is_the_same(name: str) -> None:
     assert len(merged.links) == len(names) + 1
     ET.indent(merged.root)
     text = ET.tostring(merged.root, encoding="unicode")
-    for ours, theirs in zip(dynamics(text, names), dynamics(xml_of(urdf), names), strict=True):
+    for ours, theirs in zip(physics(text, names), physics(xml_of(urdf), names), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9)

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import pytest
+from in_bullet import in_bullet
 from plants import board, chain, described, link, robot, simulation
 
-from control_board_ros.sim.bodies.world import bullet, connect, load
 from control_board_ros.sim.plant import PlantError, SimulatedPlant
 
 
@@ -15,12 +15,11 @@ def test_a_description_that_pybullet_refuses_is_one_line():
         link("rod", 1, "0 0 0", "1 1 1 0 0 0"),
         '<joint name="hinge" type="revolute"><child link="rod"/></joint>',
     )
-    client = connect(gui=False)
-    try:
-        with pytest.raises(PlantError, match="pybullet cannot load it") as caught:
-            load(client, text, simulation(board("hinge")), visuals=False)
-    finally:
-        bullet.disconnect(client)
+    with (
+        pytest.raises(PlantError, match="pybullet cannot load it") as caught,
+        in_bullet(text, simulation(board("hinge"))),
+    ):
+        pass
     assert "\n" not in str(caught.value)
 
 
