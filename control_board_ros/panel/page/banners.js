@@ -2,7 +2,7 @@
 // @ts-check
 // Banners: faults and their recovery, takeover requests, a lost connection.
 
-import { h, setText } from "./dom.js";
+import { button, h, setText } from "./dom.js";
 import { frameCharts } from "./frame.js";
 
 // The code of an emergency stop.
@@ -72,15 +72,12 @@ export class Banners {
     this.headline = h("div", { class: "headline" });
     this.list = h("ul");
     this.more = h("li");
-    this.clear = h("button", { type: "button", class: "command", onclick: () => this.clearFaults(),
-      "aria-label": "Clear faults: the joints go to idle, without power" });
+    this.clear = button("command", "Clear faults: the joints go to idle, without power", () => this.clearFaults());
     this.released = new Set(); // faults of a stop that is released
     this.waits = new Map(); // by joint: when its cause can be gone, ms
-    this.release = h("button", { type: "button", class: "command primary", onclick: () => this.releaseStop() },
-      "Release stop");
-    this.recover = h("button",
-      { type: "button", class: "command primary", onclick: () => this.recoverAll(),
-        "aria-label": "Recover: the joints go back to the modes before, where they are" }, "Recover");
+    this.release = button("command primary", null, () => this.releaseStop(), "Release stop");
+    this.recover = button("command primary", "Recover: the joints go back to the modes before, where they are",
+      () => this.recoverAll(), "Recover");
     this.fault = h("div", { class: "banner fault", role: "alert" }, this.headline, this.list, this.release,
       this.recover, this.clear);
   }
@@ -107,8 +104,8 @@ export class Banners {
     const answer = (yes) => () => this.panel.request("hand_over", { yes });
     this.ask = h("div", { class: "banner ask" },
       h("strong", {}, `${browsers[asking] ?? "Another browser"} asks to take over.`), " ", this.countdown,
-      h("span", { class: "space" }), h("button", { type: "button", onclick: answer(true) }, "Hand over"),
-      h("button", { type: "button", class: "primary", onclick: answer(false) }, "Keep operating"));
+      h("span", { class: "space" }), button("", null, answer(true), "Hand over"),
+      button("primary", null, answer(false), "Keep operating"));
     callAttention();
   }
 
@@ -134,14 +131,12 @@ export class Banners {
     const joint = board.joint(fault.name);
     const frame = h("div", { hidden: true });
     const name = joint?.short ?? fault.name;
-    const button = h("button",
-      { type: "button", class: "small-button", "aria-expanded": "false",
-        "aria-label": `${name}: what was around the fault`,
-      onclick: () => this.showFrame(board, joint, fault, button, frame) }, "Around it");
+    const around = button("small-button", `${name}: what was around the fault`,
+      () => this.showFrame(board, joint, fault, around, frame), "Around it", { "aria-expanded": "false" });
     const advice = h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause.");
     return { board, fault, age, advice,
       row: h("li", {}, h("strong", {}, name), " ", h("span", { class: "cause" }, fault.text), " ", age,
-      advice, " ", button, frame) };
+      advice, " ", around, frame) };
   }
 
   /** Show or hide the freeze frame of a fault. */

@@ -3,7 +3,7 @@
 // One joint: modes, values, references.
 
 import { Details } from "./details.js";
-import { chooseOnce, h, icon, segmented, setText } from "./dom.js";
+import { button, chooseOnce, h, icon, segmented, setText } from "./dom.js";
 import { INTERACTIONS, MODES, TAKES, whatFalls, whyStill } from "./modes.js";
 import { HoldSlider, PositionSlider } from "./sliders.js";
 import { LABELS, number, quantity, unitOf } from "./units.js";
@@ -24,8 +24,8 @@ export class Card {
     chooseOnce(this.mode, (mode) => this.setMode(mode), () => this.joint.mode);
     this.interaction = h("div",
       { class: "segmented small", role: "radiogroup", "aria-label": `Interaction mode of ${label}` });
-    this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false",
-      "aria-label": `More of ${label}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
+    this.more = button("ghost more", `More of ${label}`, () => this.expand(this.body.hidden), icon("chevron"),
+      { "aria-expanded": "false" });
     this.position = this.value("position", "big");
     this.values = VALUES.map((signal) => this.value(signal));
     this.bar = h("i");

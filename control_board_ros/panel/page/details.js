@@ -2,7 +2,7 @@
 // @ts-check
 // Details of a joint: speeds, impedance, gains, calibration.
 
-import { h, setText } from "./dom.js";
+import { button, h, setText } from "./dom.js";
 import { LABELS, number, parse, quantity, unitOf } from "./units.js";
 
 const TITLES = { speed: "Reference speed", acceleration: "Reference acceleration", stiffness: "Stiffness",
@@ -28,10 +28,8 @@ class Group {
         element: h("label", { class: "row" }, h("span", { class: "name" }, field.title), now, input,
           h("span", { class: "u" }, field.unit())) };
     });
-    this.apply = h("button", { type: "button", class: "command primary", onclick: () => this.send(),
-      "aria-label": `Apply ${title}` }, "Apply");
-    this.revert = h("button", { type: "button", onclick: () => this.reset(), "aria-label": `Revert ${title}` },
-      "Revert");
+    this.apply = button("command primary", `Apply ${title}`, () => this.send(), "Apply");
+    this.revert = button("", `Revert ${title}`, () => this.reset(), "Revert");
     this.sendValues = apply;
     this.element = h("fieldset", { class: "group" }, h("legend", {}, title), ...this.rows.map((row) => row.element),
       h("div", { class: "buttons" }, this.apply, this.revert));
@@ -101,18 +99,14 @@ export class Details {
         (wanted) => panel.request("impedance", { ...one, ...wanted }).then(again)) : null;
     this.gains = h("div", { class: "gains" });
     this.groups = new Map();
-    this.calibrate = h("button",
-      { type: "button", class: "command", onclick: () => this.runCalibration(),
-        "aria-label": `Calibrate ${joint.label}` }, "Calibrate");
-    this.idle = h("button", { type: "button", class: "command",
-      onclick: () => panel.request("mode", { ...one, mode: "fidl" }),
-      "aria-label": `Force ${joint.label} to idle: no power` }, "Force idle");
+    this.calibrate = button("command", `Calibrate ${joint.label}`, () => this.runCalibration(), "Calibrate");
+    this.idle = button("command", `Force ${joint.label} to idle: no power`,
+      () => panel.request("mode", { ...one, mode: "fidl" }), "Force idle");
     this.size = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
       "aria-label": `Size of a step of ${joint.label}, amplitude of a chirp` });
     this.size.value = number(joint.sliding ? 0.005 : Math.PI / 36, "position", joint.sliding);
     const measure = (verb, text, words) =>
-      h("button", { type: "button", class: "command", "aria-label": `${text} of ${joint.label}`,
-        onclick: () => this.measure(verb, words) }, text);
+      button("command", `${text} of ${joint.label}`, () => this.measure(verb, words), text);
     this.step = measure("step", "Step", "steps there and back by");
     this.chirp = measure("chirp", "Chirp", "swings for a minute by up to");
     this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": `Calibration of ${joint.label}` });

@@ -19,6 +19,15 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
+/**
+ * A button. Its label names it to screen readers where its content does not.
+ * @param {string} kind @param {string | null} label @param {(() => unknown) | null} onclick
+ * @param {string | Node} content @param {Record<string, string>} more
+ */
+export function button(kind, label, onclick, content = "", more = {}) {
+  return h("button", { type: "button", class: kind || null, "aria-label": label, onclick, ...more }, content);
+}
+
 const SHAPES = {
   chevron: "M6 9l6 6 6-6", copy: "M9 9h10v11H9zM5 15V4h10", close: "M6 6l12 12M18 6L6 18",
   plot: "M4 4v16h16M7 15l4-5 3 3 5-7",
@@ -50,10 +59,8 @@ export function redraw(element, chosen, children) {
 
 /** A choice as one control: radio buttons that look like a bar. */
 export function segmented(element, label, options, chosen, choose) {
-  redraw(element, "[aria-checked=true]", Object.entries(options).map(([value, text]) => h("button", {
-    type: "button", role: "radio", "aria-checked": String(value === chosen), "aria-label": `${label}: ${text}`,
-    onclick: () => choose(value),
-  }, text)));
+  redraw(element, "[aria-checked=true]", Object.entries(options).map(([value, text]) => button(
+    "", `${label}: ${text}`, () => choose(value), text, { role: "radio", "aria-checked": String(value === chosen) })));
   return element;
 }
 

@@ -2,7 +2,7 @@
 // @ts-check
 // The log of actions: by whom, as lines to copy.
 
-import { h, icon, segmented, toast } from "./dom.js";
+import { button, h, icon, segmented, toast } from "./dom.js";
 
 const MOST = 500;
 const WORLDS = { cbctl: "cbctl", ros2: "ros2", python: "Python" };
@@ -51,9 +51,9 @@ export class Log {
     this.entries = [];
     this.choice = h("div", { class: "segmented small", role: "radiogroup", "aria-label": "Lines as" });
     this.list = h("ol", { class: "entries", tabindex: "0", "aria-label": "Commands, newest first" });
-    this.all = h("button", { type: "button", class: "small-button", "aria-label": "Copy all as a script",
-      title: "What was done, oldest first, as a script",
-      onclick: () => copy(script([...this.entries].reverse(), this.world)) }, "Copy all");
+    this.all = button("small-button", "Copy all as a script",
+      () => copy(script([...this.entries].reverse(), this.world)), "Copy all",
+      { title: "What was done, oldest first, as a script" });
     element.replaceChildren(h("header", {}, h("h2", {}, "Commands"), this.choice, this.all), this.list);
     this.draw();
   }
@@ -109,8 +109,7 @@ export class Log {
       h("time", {}, clock(at)), h("span", { class: "words", title: line || what },
         from ? h("span", { class: "from" }, `${from} `) : null,
         line ? h("code", {}, line) : what === "stop" ? "STOP: every joint of every board" : what), result,
-      line ? h("button", { type: "button", class: "ghost", "aria-label": `Copy: ${line}`, onclick: () => copy(line) },
-        icon("copy")) : null,
+      line ? button("ghost", `Copy: ${line}`, () => copy(line), icon("copy")) : null,
       message && ok === false ? h("span", { class: "reason" }, message) : null);
   }
 }

@@ -5,7 +5,7 @@
 import { Banners } from "./banners.js";
 import { Card } from "./card.js";
 import { Connection } from "./connection.js";
-import { chooseOnce, h, redraw, segmented, toast } from "./dom.js";
+import { button, chooseOnce, h, redraw, segmented, toast } from "./dom.js";
 import { Layout } from "./layout.js";
 import { Log } from "./log.js";
 import { Model } from "./model.js";
@@ -186,10 +186,9 @@ export class Panel {
     const tabs = names.length > 1 ? [ALL, ...names] : names;
     if (!tabs.includes(this.tab)) this.tab = names.length > 1 ? ALL : names[0] ?? null;
     const choose = (name) => { this.tab = name; this.setLive(false); this.drawTabs(); };
-    redraw($("tabs"), "[aria-selected=true]", tabs.map((name) => h("button", {
-      type: "button", role: "tab", "aria-selected": String(name === this.tab), "data-name": name,
-      onclick: () => choose(name),
-    }, name === ALL ? "All joints" : model.titleOf(model.boards.get(name)))));
+    redraw($("tabs"), "[aria-selected=true]", tabs.map((name) => button(
+      "", null, () => choose(name), name === ALL ? "All joints" : model.titleOf(model.boards.get(name)),
+      { role: "tab", "aria-selected": String(name === this.tab), "data-name": name })));
     $("tabs").onkeydown = (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (step) choose(tabs[(tabs.indexOf(this.tab) + step + tabs.length) % tabs.length]);
@@ -240,16 +239,12 @@ export class Panel {
   drawToolbar() {
     this.allModes = h("select", { class: "command", "aria-label": "Control mode of all joints shown" });
     chooseOnce(this.allModes, (mode) => this.setAll(mode), () => "");
-    this.liveSwitch = h("button",
-      { type: "button", role: "switch", class: "switch command", "aria-checked": "false",
-        "aria-label": "Live: send while a slider moves",
-        title: "Send while a slider moves, not only when it is let go; long ways are not asked about",
-        onclick: () => this.setLive(!this.live) }, h("span", { class: "knob" }), "Live");
-    this.idle = h("button", { type: "button", class: "command", "aria-label": "All joints shown to idle: no power",
-      onclick: () => this.setAll("idl") }, "Idle all");
-    this.calibrateAll = h("button",
-      { type: "button", class: "command", "aria-label": "Calibrate all joints shown",
-        onclick: () => this.each("calibrate", {}) }, "Calibrate all");
+    this.liveSwitch = button("switch command", "Live: send while a slider moves", () => this.setLive(!this.live),
+      "Live", { role: "switch", "aria-checked": "false",
+        title: "Send while a slider moves, not only when it is let go; long ways are not asked about" });
+    this.liveSwitch.prepend(h("span", { class: "knob" }));
+    this.idle = button("command", "All joints shown to idle: no power", () => this.setAll("idl"), "Idle all");
+    this.calibrateAll = button("command", "Calibrate all joints shown", () => this.each("calibrate", {}), "Calibrate all");
     this.rate = h("span", { class: "rate", title: "States shown per second" });
     const above = h("input", { class: "number", type: "number", min: "0", max: "360", step: "5",
       "aria-label": "Ask before ways longer than this, degrees",

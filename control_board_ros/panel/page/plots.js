@@ -2,7 +2,7 @@
 // @ts-check
 // Live plots of any signals: one chart per unit, one time axis, one cursor.
 
-import { download, h, icon, segmented } from "./dom.js";
+import { button, download, h, icon, segmented } from "./dom.js";
 import { LABELS, unitOf } from "./units.js";
 
 const WINDOWS = { 5: "5 s", 20: "20 s", 60: "60 s" };
@@ -39,17 +39,13 @@ export class Plots {
     this.paused = this.dirty = false;
     this.window = 20; // s
     this.windows = h("div", { class: "segmented small", role: "radiogroup", "aria-label": "Time shown" });
-    this.pauseButton = h("button", { type: "button", class: "ghost", onclick: () => this.pause(!this.paused) });
-    this.png = h("button", { type: "button", class: "small-button", onclick: () => this.savePicture(),
-      "aria-label": "Save the plots as PNG" }, "PNG");
-    this.csv = h("button", { type: "button", class: "small-button", onclick: () => this.saveTable(),
-      "aria-label": "Save the plots as CSV" }, "CSV");
+    this.pauseButton = button("ghost", null, () => this.pause(!this.paused));
+    this.png = button("small-button", "Save the plots as PNG", () => this.savePicture(), "PNG");
+    this.csv = button("small-button", "Save the plots as CSV", () => this.saveTable(), "CSV");
     this.adder = h("select", { "aria-label": "Add a signal of all joints shown", onchange: () => this.addAll() },
       h("option", { value: "" }, "Add …"),
       ...Object.entries(LABELS).map(([signal, label]) => h("option", { value: signal }, label)));
-    this.clearButton = h("button",
-      { type: "button", class: "small-button", onclick: () => this.clear(), "aria-label": "Remove all plots" },
-      "Clear");
+    this.clearButton = button("small-button", "Remove all plots", () => this.clear(), "Clear");
     this.body = h("div", { class: "charts" });
     this.legend = h("ul", { class: "legend", "aria-label": "Signals in the plots" });
     element.replaceChildren(h("header", {}, h("h2", {}, "Plots"), this.adder, this.windows, this.pauseButton, this.png,
@@ -145,11 +141,10 @@ export class Plots {
       dot.style.background = s.colour;
       const name = this.nameOf(s);
       return h("li", {}, dot, h("span", {}, name, s.beside ? h("span", { class: "beside" }, "– – reference") : null),
-        h("button", { type: "button", class: "ghost", "aria-label": `Remove ${name} from the plots`,
-          onclick: () => this.remove(s) }, icon("close")));
+        button("ghost", `Remove ${name} from the plots`, () => this.remove(s), icon("close")));
     }));
-    for (const button of [this.png, this.csv, this.clearButton, this.pauseButton])
-      button.disabled = !this.signals.length;
+    for (const action of [this.png, this.csv, this.clearButton, this.pauseButton])
+      action.disabled = !this.signals.length;
     if (!this.signals.length)
       this.body.replaceChildren(h("p", { class: "hint" },
         "Press a value of a joint to plot it, with its reference beside it."));

@@ -2,7 +2,7 @@
 // @ts-check
 // Named poses of a board: go, save, and sequences of them.
 
-import { download, h, toast } from "./dom.js";
+import { button, download, h, toast } from "./dom.js";
 import { parse } from "./units.js";
 
 export class Poses {
@@ -15,8 +15,7 @@ export class Poses {
     this.offered = false;
     this.name = h("input", { type: "text", class: "command", placeholder: "name",
       "aria-label": "Name of the pose to save", maxlength: "60" });
-    const save = h("button", { type: "button", class: "command", onclick: () => this.save(),
-      "aria-label": "Save the joints as they are as a pose" }, "Save as");
+    const save = button("command", "Save the joints as they are as a pose", () => this.save(), "Save as");
     this.list = h("div", { class: "pose-list" });
     this.shownSequence = this.sequence();
     element.replaceChildren(h("header", {}, h("h2", {}, "Poses"), h("span", { class: "space" }), this.name, save),
@@ -62,9 +61,8 @@ export class Poses {
   drawList(poses) {
     const go = (pose) => this.panel.request("pose", { board: this.board.name, pose });
     this.list.replaceChildren(...poses.map((pose) => h("span", { class: "pose" },
-      h("button", { type: "button", class: "command", "aria-label": `Go to ${pose}`, onclick: () => go(pose) }, pose),
-      h("button", { type: "button", class: "ghost", "aria-label": `Add ${pose} to the sequence`,
-        onclick: () => this.addStep(pose) }, "+"))));
+      button("command", `Go to ${pose}`, () => go(pose), pose),
+      button("ghost", `Add ${pose} to the sequence`, () => this.addStep(pose), "+"))));
     this.permit();
   }
 
@@ -83,22 +81,20 @@ export class Poses {
         onchange: (event) => { step.how = event.target.value.trim(); this.keep(); } });
       speed.value = step.how;
       return h("li", { class: this.running?.at === k ? "now" : "" }, h("span", {}, step.pose), speed,
-        h("button", { type: "button", class: "ghost", "aria-label": `Remove step ${k + 1}`,
-          onclick: () => { this.steps.splice(k, 1); this.keep(); this.draw(); } }, "×"));
+        button("ghost", `Remove step ${k + 1}`,
+          () => { this.steps.splice(k, 1); this.keep(); this.draw(); }, "×"));
     });
-    const button = (text, label, click, kind = "") =>
-      h("button", { type: "button", class: kind, "aria-label": label, onclick: click }, text);
     const running = this.running !== null;
     return h("details", { class: "sequence", open: this.steps.length > 0 }, h("summary", {}, "Sequence"),
       this.steps.length ? h("ol", {}, ...rows)
         : h("p", { class: "hint" }, "Add poses with +. Each step may have a speed (20deg/s) or a time (3s)."),
       h("div", { class: "buttons" },
-        running ? button("End", "End the sequence", () => this.end(), "primary")
-          : button("Run", "Run the sequence once", () => this.run(false), "command primary"),
-        running ? null : button("Cycle", "Run the sequence again and again", () => this.run(true), "command"),
-        button("Save file", "Save the sequence to a file",
-          () => download("sequence.json", JSON.stringify(this.steps, null, 1), "application/json")),
-        button("Load file", "Load a sequence from a file", () => this.loadFile())));
+        running ? button("primary", "End the sequence", () => this.end(), "End")
+          : button("command primary", "Run the sequence once", () => this.run(false), "Run"),
+        running ? null : button("command", "Run the sequence again and again", () => this.run(true), "Cycle"),
+        button("", "Save the sequence to a file",
+          () => download("sequence.json", JSON.stringify(this.steps, null, 1), "application/json"), "Save file"),
+        button("", "Load a sequence from a file", () => this.loadFile(), "Load file")));
   }
 
   addStep(pose) { this.steps.push({ pose, how: "" }); this.keep(); this.draw(); }

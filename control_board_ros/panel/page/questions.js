@@ -2,7 +2,7 @@
 // @ts-check
 // A question before something moves or falls. It covers nothing: STOP stays in reach.
 
-import { h } from "./dom.js";
+import { button, h } from "./dom.js";
 
 export class Questions {
   /** @param {HTMLElement} element @param {Panel} panel */
@@ -25,10 +25,8 @@ export class Questions {
       this.open = answer;
       const back = /** @type {HTMLElement} */ (document.activeElement);
       const reply = (value) => () => { this.end(value); back?.focus?.(); };
-      const go = h("button", { type: "button", class: "command primary", "aria-label": `${yes}: yes`,
-        onclick: reply(true) }, yes);
-      const no = h("button", { type: "button", "aria-label": "Cancel: nothing moves", onclick: reply(false) },
-        "Cancel");
+      const go = button("command primary", `${yes}: yes`, reply(true), yes);
+      const no = button("", "Cancel: nothing moves", reply(false), "Cancel");
       this.element.replaceChildren(h("p", { id: "question-text" }, text), h("span", { class: "space" }), go, no);
       this.element.hidden = false;
       this.panel.permit(this.element);

@@ -2,7 +2,7 @@
 // @ts-check
 // Recordings of the boards shown, notes in them, and their reports.
 
-import { h, redraw, setText } from "./dom.js";
+import { button, h, redraw, setText } from "./dom.js";
 
 /** The link of a report, which has an opaque origin. */
 export const reportOf = (name) => `report/${encodeURIComponent(name)}`;
@@ -14,8 +14,7 @@ export class Recording {
     this.panel = panel;
     /** @type {Recordings} */
     this.state = { running: "", reports: [], busy: "" };
-    this.button = h("button", { type: "button", class: "command record", "aria-label": "Record the boards shown",
-      onclick: () => this.toggle() });
+    this.button = button("command record", "Record the boards shown", () => this.toggle());
     this.time = h("span", { class: "rate" });
     this.note = h("input", { type: "text", class: "command", placeholder: "note", maxlength: "200",
       "aria-label": "Note for the recording; Enter writes it",

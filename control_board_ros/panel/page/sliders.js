@@ -2,7 +2,7 @@
 // @ts-check
 // Sliders: one sends a position on release, one acts only while held.
 
-import { h, icon, toast } from "./dom.js";
+import { button, h, icon, toast } from "./dom.js";
 import { inDegrees, number, parse, quantity, unitOf } from "./units.js";
 
 const LIVE_EVERY = 50; // ms between positions in live mode
@@ -96,8 +96,7 @@ export class PositionSlider {
     this.steps.replaceChildren(...STEPS.map((count) => {
       const size = joint.sliding || inDegrees() ? Math.abs(count) : Math.abs(count) / 100;
       const way = `${count < 0 ? "−" : "+"}${size}${unit}`;
-      return h("button", { type: "button", class: "command", "aria-label": `${joint.label} ${way}`,
-        onclick: () => this.stepped(count * step) }, way);
+      return button("command", `${joint.label} ${way}`, () => this.stepped(count * step), way);
     }));
     this.lower.textContent = joint.endless ? "∞" : number(joint.lower, "position", joint.sliding).replace(/\.0$/, "");
     this.upper.textContent = joint.endless ? "∞" : number(joint.upper, "position", joint.sliding).replace(/\.0$/, "");
@@ -228,8 +227,8 @@ export class HoldSlider {
     this.input.classList.add("dead-man");
     this.box = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
       "aria-label": `${label} that the buttons of ${joint.label} give` });
-    this.minus = this.button(-1, `${label} of ${joint.label} down, while held`, "left");
-    this.plus = this.button(1, `${label} of ${joint.label} up, while held`, "right");
+    this.minus = this.jog(-1, `${label} of ${joint.label} down, while held`, "left");
+    this.plus = this.jog(1, `${label} of ${joint.label} up, while held`, "right");
     this.unit = h("span", { class: "limit" });
     this.handle = h("span", { class: "handle", "aria-hidden": "true" });
     this.element = h("div", { class: "slider hold" }, this.minus,
@@ -275,19 +274,18 @@ export class HoldSlider {
     this.unit.textContent = unitOf(kind, joint.sliding)[1];
   }
 
-  button(direction, label, shape) {
-    const button = h("button", { type: "button", class: "jog command", "aria-label": label, title: "acts while held" },
-      icon(shape));
-    const start = () => this.begin(this.rest() + direction * this.typed(), button);
-    button.addEventListener("pointerdown", (event) => this.press(event, button, start));
-    button.addEventListener("keydown", (event) => {
+  jog(direction, label, shape) {
+    const element = button("jog command", label, null, icon(shape), { title: "acts while held" });
+    const start = () => this.begin(this.rest() + direction * this.typed(), element);
+    element.addEventListener("pointerdown", (event) => this.press(event, element, start));
+    element.addEventListener("keydown", (event) => {
       if ((event.key === " " || event.key === "Enter") && !event.repeat) start();
     });
     for (const name of ["pointerup", "pointercancel", "lostpointercapture", "keyup", "blur"]) {
-      button.addEventListener(name, () => this.end(button));
+      element.addEventListener(name, () => this.end(element));
     }
-    button.addEventListener("contextmenu", (event) => event.preventDefault());
-    return button;
+    element.addEventListener("contextmenu", (event) => event.preventDefault());
+    return element;
   }
 
   /** A mouse acts at once, a finger once it rests: scrolling commands nothing. */

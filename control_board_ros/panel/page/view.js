@@ -6,7 +6,7 @@ import * as THREE from "three";
 import { ColladaLoader } from "three/examples/jsm/loaders/ColladaLoader.js";
 import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
 import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
-import { h, icon } from "./dom.js";
+import { button, h, icon } from "./dom.js";
 import { Grasp } from "./grasp.js";
 import { Push } from "./push.js";
 import { OrbitControls } from "./vendor/OrbitControls.js";
@@ -69,15 +69,11 @@ export class View {
       tabindex: "0" });
     this.note = h("p", { class: "hint" });
     this.showGhost = true;
-    this.ghostButton = h("button",
-      { type: "button", class: "ghost", "aria-pressed": "true", "aria-label": "Show the reference as a ghost",
-        title: "Reference as a ghost", onclick: () => this.toggleGhost() }, icon("ghost"));
-    this.fitButton = h("button",
-      { type: "button", class: "ghost", "aria-label": "Show the whole robot", title: "Reset the view",
-        onclick: () => this.fit() }, icon("fit"));
-    this.dragButton = h("button",
-      { type: "button", class: "ghost", "aria-pressed": "false", "aria-label": "Drag joints in the view",
-        title: "Drag joints: sets their targets", onclick: () => this.toggleDrag() }, icon("hand"));
+    this.ghostButton = button("ghost", "Show the reference as a ghost", () => this.toggleGhost(), icon("ghost"),
+      { "aria-pressed": "true", title: "Reference as a ghost" });
+    this.fitButton = button("ghost", "Show the whole robot", () => this.fit(), icon("fit"), { title: "Reset the view" });
+    this.dragButton = button("ghost", "Drag joints in the view", () => this.toggleDrag(), icon("hand"),
+      { "aria-pressed": "false", title: "Drag joints: sets their targets" });
     element.replaceChildren(this.canvas,
       h("div", { class: "view-tools" }, this.dragButton, this.ghostButton, this.fitButton),
       h("div", { class: "scale", "aria-label": "Colour: share of the torque limit" }, "torque",
