@@ -15,8 +15,9 @@ from cbctl_process import Cbctl
 from waiting import until
 
 from control_board_ros.cli.app import for_several
-from control_board_ros.cli.board import boards
-from control_board_ros.cli.board.boards import alone_among, is_pattern, robots_among
+from control_board_ros.cli.board import boards, only_board
+from control_board_ros.cli.board.boards import is_pattern, robots_among
+from control_board_ros.cli.board.only_board import alone_among
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options, read_options
 from control_board_ros.cli.verbs import load
@@ -61,8 +62,8 @@ def test_boards_that_are_discovered_one_after_the_other(
 ) -> None:
     """At these times, s: the parts of a robot on a busy machine, before the robot itself."""
     clock = discovered(monkeypatch, seen)
-    assert boards.only_board(NODE, 5.0) == board
-    assert clock.now <= 5.0 + boards.POLL
+    assert only_board.only_board(NODE, 5.0) == board
+    assert clock.now <= 5.0 + only_board.POLL
 
 
 def test_an_emergency_stop_waits_for_no_second(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,8 +101,10 @@ def discovered(monkeypatch: pytest.MonkeyPatch, seen: dict[float, list[str]]) ->
     def boards_on(_: object) -> list[str]:
         return next((seen[at] for at in sorted(seen, reverse=True) if at <= clock.now), [])
 
-    time = SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep)
-    monkeypatch.setattr(boards, "time", time)
+    for module in (only_board, boards):
+        monkeypatch.setattr(
+            module, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep)
+        )
     monkeypatch.setattr("control_board_ros.client.ros_link.boards_on", boards_on)
     return clock
 

@@ -24,7 +24,7 @@ from ..line.offers import TypedLine
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, assignments, find_joints
 from ..text.output import load_drawing
-from .boards import GATHERING, only_board
+from .only_board import GATHERING, only_board
 
 #: Suffix of the unit of a position, by quantity.
 RATES = {"position": "", "speed": "/s", "acceleration": "/s²"}

@@ -9,7 +9,7 @@ from typing import Any
 from control_board_ros.core.terms.modes import FAULTED, UNCONFIGURED
 from control_board_ros.core.terms.reply import Answer, Reply
 
-from ..board.boards import HASTE
+from ..board.only_board import HASTE
 from ..board.reading import Rows, read_faults
 from ..board.session import Session
 from ..board.status import warn_without_power
