@@ -228,8 +228,8 @@ def test_a_mode_just_set_is_the_mode_that_counts(client: ControlBoardClient) -> 
         (0, 0.1, "fast", "must be numbers"),
         (0, 0.1, [], "0 speeds for 1 joint"),
         ([0, 1], 0.1, [], "0 speeds for 2 joints"),
-        ([0, 1], [[0.1], [0.1]], None, "2 position references for 2 joints"),
-        ([0, 1], 0.1, [[0.2], [0.2]], "2 speeds for 2 joints"),
+        ([0, 1], [[0.1], [0.1]], None, "position references must be in one list, not in 2"),
+        ([0, 1], 0.1, [[0.2], [0.2]], "speeds must be in one list, not in 2"),
     ],
 )
 def test_bad_values_are_ignored_and_counted(

@@ -332,21 +332,20 @@ def test_the_current_loop(law: int) -> None:
 BOUND = {
     "period": 0.01, "delay": 0.002, "current": 4.0, "current_before": 3.0,
     "torque_per_ampere": 2.0, "lag": 0.3, "velocity": 1.0, "acceleration": 0.5,
-    "light_inertia": 0.14, "heavy_inertia": 0.5, "hold_time": 0.01,
+    "light_inertia": 0.14, "heavy_inertia": 0.5,
     "per_torque": 1.5, "per_speed": 0.7, "in_amps": False, "lead": 0.6, "max_torque": 60.0,
 }  # fmt: skip
 
 
 def bounded(top: float, way: float, **at: float) -> float:
-    """The formula of the module: τ + n1 − n0 with H = 3 (T + delay), T of a starved loop's own."""
+    """The formula of the module: τ + n1 − n0 with H = 3 (T + delay)."""
     v = {**BOUND, **at}
-    starved = v["hold_time"] > 1.5 * v["period"]
-    span = 3.0 * ((v["hold_time"] if starved else v["period"]) + v["delay"])
+    span = 3.0 * (v["period"] + v["delay"])
     torque = way * v["current"] * v["torque_per_ampere"]
     grown = torque - way * v["current_before"] * v["torque_per_ampere"]
     gain = 1.0 + v["lag"] * v["period"] / span
     spare = (top - way * v["velocity"]) / span - gain * way * v["acceleration"]
-    inertia = v["light_inertia" if spare >= 0.0 or starved else "heavy_inertia"]
+    inertia = v["light_inertia" if spare >= 0.0 else "heavy_inertia"]
     most = torque - gain * v["lag"] * grown + inertia * spare
     if most >= v["max_torque"]:
         return float(INFINITE)
@@ -364,9 +363,6 @@ def bounded(top: float, way: float, **at: float) -> float:
         (0.2, {}),
         (-1.0, {}),
         (0.2, {"heavy_inertia": 0.56}),
-        (0.2, {"hold_time": 0.014}),
-        (0.2, {"hold_time": 0.016}),
-        (1.2, {"hold_time": 0.05}),
         (3.0, {"in_amps": True}),
         (0.2, {"in_amps": True, "current": -7.0, "current_before": -6.0}),
         (90.0, {}),

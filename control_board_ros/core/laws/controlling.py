@@ -477,10 +477,8 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
 
     lag·Δτ is the torque at the end of the cycle beyond its mean. Torque grows as for a light
     joint, and is reduced as for a heavy one, by no more than a light one bears without swinging.
-    Where the loop is starved, a cycle is as long as late ones were.
     """
-    starved: cython.bint = j.hold_time > STARVED_PERIODS * j.period
-    span = SPAN * ((j.hold_time if starved else j.period) + j.delay + j.wire)
+    span = SPAN * (j.period + j.delay + j.wire)
     speed = way * j.velocity
     torque = way * j.current * j.torque_per_ampere
     grown = torque - way * j.current_before * j.torque_per_ampere
@@ -492,7 +490,7 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
             speed += gained * (j.age - j.missed)
     spare = (top - speed) / span - gain * gained
     inertia = j.light_inertia
-    if spare < 0.0 and not starved:
+    if spare < 0.0:
         inertia = j.heavy_inertia
     bound = torque - gain * j.lag * grown + inertia * spare
     if bound >= j.max_torque:

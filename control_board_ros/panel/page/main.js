@@ -244,7 +244,8 @@ export class Panel {
         title: "Send while a slider moves, not only when it is let go; long ways are not asked about" });
     this.liveSwitch.prepend(h("span", { class: "knob" }));
     this.idle = button("command", "All joints shown to idle: no power", () => this.setAll("idl"), "Idle all");
-    this.calibrateAll = button("command", "Calibrate all joints shown", () => this.each("calibrate", {}), "Calibrate all");
+    this.calibrateAll = button("command", "Calibrate all joints shown", () => this.each("calibrate", {}),
+      "Calibrate all");
     this.rate = h("span", { class: "rate", title: "States shown per second" });
     const above = h("input", { class: "number", type: "number", min: "0", max: "360", step: "5",
       "aria-label": "Ask before ways longer than this, degrees",
