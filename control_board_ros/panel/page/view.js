@@ -71,7 +71,8 @@ export class View {
     this.showGhost = true;
     this.ghostButton = button("ghost", "Show the reference as a ghost", () => this.toggleGhost(), icon("ghost"),
       { "aria-pressed": "true", title: "Reference as a ghost" });
-    this.fitButton = button("ghost", "Show the whole robot", () => this.fit(), icon("fit"), { title: "Reset the view" });
+    this.fitButton = button("ghost", "Show the whole robot", () => this.fit(), icon("fit"),
+      { title: "Reset the view" });
     this.dragButton = button("ghost", "Drag joints in the view", () => this.toggleDrag(), icon("hand"),
       { "aria-pressed": "false", title: "Drag joints: sets their targets" });
     element.replaceChildren(this.canvas,
