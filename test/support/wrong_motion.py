@@ -98,7 +98,7 @@ def velocities_last() -> None:
     around("core.laws.references:ReferenceTimeouts.expired", lambda *_: None)
 
 
-@replaces("P13", "core.group:spread")
+@replaces("P13", "core.machine.commands:spread")
 def the_first_of_too_many(old: Any, values: Any, count: int, what: str) -> Any:
     array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     return old(array[:count] if array.size > count else values, count, what)
