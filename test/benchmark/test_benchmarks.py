@@ -99,8 +99,8 @@ def test_a_long_one_yields_numbers(name: str, long: list[Any]) -> None:
 
 
 def are_numbers(figures: Sequence[Any], name: str) -> None:
-    """As many figures as the benchmark has, finite, and not negative."""
+    """As many figures as the benchmark has, finite, and not negative, but for a difference."""
     assert len(figures) == FIGURES[name]
     for figure in figures:
         assert math.isfinite(figure["value"]), figure
-        assert figure["value"] >= 0.0, figure
+        assert figure["value"] >= 0.0 or "adds" in figure["case"], figure
