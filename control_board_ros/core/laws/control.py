@@ -31,7 +31,6 @@ from .trajectory import Effort
 LIGHT_FACTOR = 0.7
 HEAVY_FACTOR = 2.0
 WIDE_FACTOR = 4.0
-SWING_SHARE = 1.0
 
 #: A current reference stays below what would be an overcurrent, by this part of it.
 PEAK_SHARE = 0.95
@@ -478,9 +477,9 @@ def set_protection(joint: Joint) -> None:
     gain = 1.0 + joint.lag / 3.0
     swinging = (2.0 - 2.0 * gain * joint.lag) / (gain + 1.0 / 6.0)
     swinging /= max(1.0 - 2.0 * joint.lag, 1e-6)
-    joint.light_inertia = LIGHT_FACTOR * joint.inertia_min
-    joint.heavy_inertia = min(swinging, WIDE_FACTOR) * joint.light_inertia
-    joint.heavy_inertia = min(HEAVY_FACTOR * joint.inertia, joint.heavy_inertia)
+    light = LIGHT_FACTOR * joint.inertia_min
+    joint.light_inertia = light
+    joint.heavy_inertia = min(HEAVY_FACTOR * joint.inertia, min(swinging, WIDE_FACTOR) * light)
 
 
 def set_gains(loop: Loop, pid: Pid, period: float) -> None:
