@@ -328,6 +328,7 @@ class RosLink:
 
         publisher = self._entity(GOAL_HEARTBEAT, make)
         await self.thread.until(lambda: publisher.get_subscription_count() > 0, REPEAT_TIME)
+        await self._get_acquainted(GOAL_HEARTBEAT, self.find_timeout)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
 
         def start() -> Any:
@@ -347,7 +348,8 @@ class RosLink:
     async def _get_acquainted(self, endpoint: Endpoint, patience: float) -> None:
         """Wait until this run of the board has discovered the client of a service or action.
 
-        Before that its answer is lost, and a request must not be repeated. Endpoints are
+        Before that its answer is lost, and a request must not be repeated; or a publisher, whose
+        first message would be lost. Endpoints are
         discovered in order of creation: an answer to one created later confirms the client. This
         query has no effect on the board and is repeated after a lost answer.
         """

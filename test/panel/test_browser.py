@@ -221,15 +221,15 @@ def leaves(read: Callable[[], float], value: float) -> float:
 def hold(page: Any, control: Any, key: str, read: Callable[[], float], value: float) -> float:
     """Hold a key until it acts; returns what. A busy page ends a hold when it hears no board."""
 
-    def acts() -> bool:
+    def acts() -> tuple[float, ...]:
         page.keyboard.up(key)
         control.focus()
         page.keyboard.down(key)
         page.wait_for_timeout(300)
-        return abs(read() - value) > 0.3
+        held = read()
+        return (held,) if abs(held - value) > 0.3 else ()
 
-    until(acts)
-    return read()
+    return until(acts)[0]
 
 
 @pytest.mark.parametrize(
