@@ -285,7 +285,7 @@ class Arm:
         With inertia I, speed v, room r, and b = torque limit / 2I: a push of I·a over PUSHED = T
         ends v·T + a·T²/2 + (v + a·T)²/2b further.
         """
-        limits, inertia = self.joints[j].limits, board.engine.controller.joints[j].inertia
+        limits, inertia = self.joints[j].limits, board.engine.controller.joints[j].motor.inertia
         position, speed = (float(one[j]) for one in (board.state.position, board.state.velocity))
         speed = max(way * speed, 0.0)
         room = limits.hard_upper - position if way > 0.0 else position - limits.hard_lower

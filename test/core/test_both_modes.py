@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joint_parts import numbers
 from pure import as_python, load_python
 from rig import COMMANDS, LIMITS, MOTOR, Rig, board_config, joint, plain, simulation_config
 
@@ -189,13 +190,11 @@ def parts_of(rig: Rig) -> dict[str, bytes]:
 def insides(rig: Rig) -> list[str]:
     """All numbers that the compiled objects hold, joint by joint, to the last bit."""
     objects: list[Any] = [*rig.board.engine.monitor.joints, *rig.plant._motors._drives]
-    for one in rig.board.engine.controller.joints:
-        objects += [one, one.position_pid, one.torque_pid, one.current_pid]
+    objects += rig.board.engine.controller.joints
     return [
-        f"{type(one).__name__}.{name} {float(value).hex()}"
+        f"{type(one).__name__}.{path} {float(value).hex()}"
         for one in objects
-        for name in sorted(dir(one))
-        if isinstance(value := getattr(one, name), int | float)
+        for path, value in numbers(one).items()
     ]
 
 

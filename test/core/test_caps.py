@@ -24,12 +24,12 @@ PER_AMPERE = 5.0
 def test_a_smaller_current_bounds_the_torque() -> None:
     """Y5: 3 A of 5 N·m each, of this joint and no other; nothing beyond the peak current."""
     made = controller(board_config(joint("a"), joint("b")))
-    assert [one.max_torque for one in made.joints] == [LIMITS.torque] * 2
+    assert [one.limits.torque for one in made.joints] == [LIMITS.torque] * 2
     made.set_caps(np.array([0]), np.array([3.0]), None)
-    assert [one.max_torque for one in made.joints] == [3.0 * PER_AMPERE, LIMITS.torque]
+    assert [one.limits.torque for one in made.joints] == [3.0 * PER_AMPERE, LIMITS.torque]
     assert made.caps[0].tolist() == [3.0, LIMITS.peak_current]
     made.set_caps(np.array([0]), np.array([20.0]), None)
-    assert made.joints[0].max_torque == LIMITS.torque  # which is less than 100 N·m
+    assert made.joints[0].limits.torque == LIMITS.torque  # which is less than 100 N·m
     made.set_caps(np.array([0]), np.array([1e3]), np.array([1e3]))
     assert made.caps[:, 0].tolist() == [LIMITS.peak_current, LIMITS.output]
 
@@ -39,11 +39,11 @@ def test_a_smaller_pwm_bounds_the_output() -> None:
     config = board_config(joint("a"), joint("b"))
     made = controller(config)
     made.set_caps(np.array([1]), None, np.array([40.0]))
-    assert [one.max_output for one in made.joints] == [LIMITS.output, 40.0]
-    assert [one.max_drive for one in made.joints] == [LIMITS.output, 40.0]
+    assert [one.limits.output for one in made.joints] == [LIMITS.output, 40.0]
+    assert [one.drive.max for one in made.joints] == [LIMITS.output, 40.0]
     (zone,) = config.zones()
     made.power_on(zone)
-    assert [one.max_output for one in made.joints] == [LIMITS.output] * 2
+    assert [one.limits.output for one in made.joints] == [LIMITS.output] * 2
 
 
 def test_a_bound_leaves_the_law_that_runs_its_set_point() -> None:
@@ -54,7 +54,7 @@ def test_a_bound_leaves_the_law_that_runs_its_set_point() -> None:
     assert made._state.kinds.tolist() == [SetPoint.TORQUE]
     made.set_caps(np.array([0]), np.array([3.0]), None)
     assert made._state.kinds.tolist() == [SetPoint.TORQUE]
-    assert made.joints[0].max_drive == 3.0 * PER_AMPERE
+    assert made.joints[0].drive.max == 3.0 * PER_AMPERE
     (zone,) = config.zones()
     made.power_on(zone)
     assert made._state.kinds.tolist() == [SetPoint.POSITION]
@@ -72,9 +72,9 @@ def test_set_points_of_a_drive_with_its_own_loops(
 ) -> None:
     """S1, K6: N·m or A; 1 % of a feed-forward is 1 % of the peak current."""
     (one,) = controller(board_config(joint("a", drive=(drive,)))).joints
-    assert one.per_torque == pytest.approx(per_torque)
-    assert one.per_feed == pytest.approx(per_feed)
-    assert one.per_speed == 0.0
+    assert one.drive.per_torque == pytest.approx(per_torque)
+    assert one.drive.per_feed == pytest.approx(per_feed)
+    assert one.drive.per_speed == 0.0
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_position_error_asks_for_a_velocity(kd: float, delay: float, pursuit: 
     """S2: k_p/k_d, and no more than a fifth of the error in the time in which it acts."""
     own = joint("a", position_pid=Pid(kp=60.0, kd=kd), drive_delay=delay)
     (one,) = controller(board_config(own)).joints
-    assert one.pursuit == pytest.approx(pursuit)
+    assert one.drive.pursuit == pytest.approx(pursuit)
 
 
 def test_load_of_a_joint_where_its_law_begins() -> None:

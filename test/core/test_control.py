@@ -39,8 +39,10 @@ PIDS = st.builds(
 def test_new_gains_make_no_jump(before: Pid, after: Pid, loop: str) -> None:
     """M9, I6: the next output is the last one and a period's integral and rate, no more."""
     law = LOOPS[loop]
-    one = resting(in_amps=loop == "current_pid", percent_per_volt=1.0, max_torque=1e9)
-    one.joint.max_drive = one.joint.max_output = 1e9
+    one = resting(
+        drive__in_amps=loop == "current_pid", motor__percent_per_volt=1.0, limits__torque=1e9
+    )
+    one.joint.drive.max = one.joint.limits.output = 1e9
     gains(one.joint.torque_pid, kff=1.0)
     pid = getattr(one.joint, loop)
     set_gains(pid, before, PERIOD)
@@ -111,24 +113,27 @@ def test_constants_of_a_joint() -> None:
     own = joint("a", inertia_min=0.2, inertia_mean=0.5, inertia_max=0.9)
     set_constants(one.joint, own, 0.002)
     made = one.joint
-    assert (made.limit_lower, made.limit_upper) == (LIMITS.lower, LIMITS.upper)
-    assert (made.max_velocity, made.max_acceleration) == (LIMITS.velocity, LIMITS.acceleration)
-    assert (made.max_torque, made.max_output) == (LIMITS.torque, LIMITS.output)
-    assert (made.inertia_min, made.inertia) == (0.2, 0.5)
-    assert made.percent_per_volt == pytest.approx(100.0 / 48.0)
-    assert made.torque_per_ampere == MOTOR.torque_per_ampere == pytest.approx(5.0)
+    assert (made.limits.lower, made.limits.upper) == (LIMITS.lower, LIMITS.upper)
+    assert (made.limits.velocity, made.limits.acceleration) == (
+        LIMITS.velocity,
+        LIMITS.acceleration,
+    )
+    assert (made.limits.torque, made.limits.output) == (LIMITS.torque, LIMITS.output)
+    assert (made.motor.inertia_min, made.motor.inertia) == (0.2, 0.5)
+    assert made.motor.percent_per_volt == pytest.approx(100.0 / 48.0)
+    assert made.motor.torque_per_ampere == MOTOR.torque_per_ampere == pytest.approx(5.0)
 
 
 def test_how_late_a_torque_is() -> None:
     """P10, S2: the winding's a/(1 − a), a = exp(−T R/L), at most three; none of a drive's own."""
-    one = OneJoint(period=0.002).joint
-    set_winding(one, 0.002)
-    assert one.lead == pytest.approx(1.0 / (math.e - 1.0))
-    assert one.lag == pytest.approx(1.0 - one.lead)
-    set_winding(one, 1.0)
-    assert one.lead == 3.0
-    set_winding(one, 0.0)
-    assert one.lead == one.lag == 0.0
+    one = OneJoint().joint
+    set_winding(one.motor, 0.002, 0.002)
+    assert one.motor.lead == pytest.approx(1.0 / (math.e - 1.0))
+    assert one.motor.lag == pytest.approx(1.0 - one.motor.lead)
+    set_winding(one.motor, 1.0, 0.002)
+    assert one.motor.lead == 3.0
+    set_winding(one.motor, 0.0, 0.002)
+    assert one.motor.lead == one.motor.lag == 0.0
 
 
 @pytest.mark.parametrize(
@@ -145,9 +150,9 @@ def test_the_inertia_by_which_a_joint_is_slowed_down(
     lag: float, mean: float, factor: float
 ) -> None:
     """P14: no more than what 0.7 of the least inertia bears without swinging."""
-    one = OneJoint(lag=lag, inertia_min=1.0, inertia=mean).joint
-    assert one.light_inertia == pytest.approx(0.7)
-    assert one.heavy_inertia == pytest.approx(0.7 * factor)
+    one = OneJoint(motor__lag=lag, motor__inertia_min=1.0, motor__inertia=mean).joint
+    assert one.motor.light_inertia == pytest.approx(0.7)
+    assert one.motor.heavy_inertia == pytest.approx(0.7 * factor)
 
 
 def test_conversions_to_a_pwm() -> None:
@@ -155,10 +160,10 @@ def test_conversions_to_a_pwm() -> None:
     made = controller(board_config(joint("a")))
     made.arm(np.array([0]), Law.POSITION, direct=False, feeds=True)
     one = made.joints[0]
-    assert not one.in_amps
-    assert one.per_torque == pytest.approx(100.0 / 48.0 * 1.0 / 5.0)
-    assert one.per_speed == pytest.approx(100.0 / 48.0 * MOTOR.back_emf)
-    assert (one.per_feed, one.max_drive) == (1.0, LIMITS.output)
+    assert not one.drive.in_amps
+    assert one.drive.per_torque == pytest.approx(100.0 / 48.0 * 1.0 / 5.0)
+    assert one.drive.per_speed == pytest.approx(100.0 / 48.0 * MOTOR.back_emf)
+    assert (one.drive.per_feed, one.drive.max) == (1.0, LIMITS.output)
 
 
 def test_conversions_to_a_current_reference() -> None:
@@ -166,13 +171,13 @@ def test_conversions_to_a_current_reference() -> None:
     made = controller(board_config(joint("a"), output="current"))
     made.arm(np.array([0]), Law.TORQUE, direct=False, feeds=True)
     one = made.joints[0]
-    assert one.in_amps
-    assert (one.per_torque, one.per_speed) == (pytest.approx(1.0 / 5.0), 0.0)
-    assert one.per_feed == pytest.approx(0.01 * LIMITS.peak_current)
-    assert one.max_drive == pytest.approx(0.95 * LIMITS.peak_current)
+    assert one.drive.in_amps
+    assert (one.drive.per_torque, one.drive.per_speed) == (pytest.approx(1.0 / 5.0), 0.0)
+    assert one.drive.per_feed == pytest.approx(0.01 * LIMITS.peak_current)
+    assert one.drive.max == pytest.approx(0.95 * LIMITS.peak_current)
     made.arm(np.array([0]), Law.OUTPUT, direct=False, feeds=True)
-    assert not one.in_amps
-    assert (one.per_feed, one.max_drive) == (1.0, LIMITS.output)
+    assert not one.drive.in_amps
+    assert (one.drive.per_feed, one.drive.max) == (1.0, LIMITS.output)
 
 
 def test_direct_gains_are_those_of_position_direct() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joint_parts import stand_in, write
 
 from control_board_ros.core.laws.control import Controller
 from control_board_ros.core.laws.trajectory import Effort
@@ -119,29 +120,32 @@ def joint(**changes: Any) -> SimpleNamespace:
     """A joint of the laws, at rest at 0.1 rad."""
     given = {
         "calibrated": True,
-        "moved_acceleration": 0.0,
-        "move_acceleration": 0.0,
-        "max_output": 80.0,  # %
-        "percent_per_volt": 2.0,  # 40 V
-        "torque_per_ampere": 5.0,
-        "ohms": 0.5,
-        "emf": 4.0,
-        "max_torque": 60.0,
-        "lower": -1.0,
-        "upper": 2.0,
-        "ramp_velocity": 0.0,
-        "moving": False,
-        "reference": 0.1,
-        "moved_velocity": 0.2,
-        "period": 0.01,
-        "move_cycles": 30.0,
-        "move_start": -0.3,
-        "move_velocity": 0.7,
-        "move_target": 0.9,
-        "move_time": 1.5,
-        "brake_time": 0.25,
+        "trajectory.acceleration": 0.0,
+        "trajectory.start_acceleration": 0.0,
+        "limits.output": 80.0,  # %
+        "motor.percent_per_volt": 2.0,  # 40 V
+        "motor.torque_per_ampere": 5.0,
+        "motor.ohms": 0.5,
+        "motor.emf": 4.0,
+        "limits.torque": 60.0,
+        "reference.lower": -1.0,
+        "reference.upper": 2.0,
+        "ramp.velocity": 0.0,
+        "trajectory.moving": False,
+        "reference.position": 0.1,
+        "trajectory.velocity": 0.2,
+        "clock.period": 0.01,
+        "trajectory.cycles": 30.0,
+        "trajectory.start": -0.3,
+        "trajectory.start_velocity": 0.7,
+        "trajectory.target": 0.9,
+        "trajectory.time": 1.5,
+        "trajectory.brake_time": 0.25,
     }
-    return SimpleNamespace(**(given | changes))
+    made = stand_in(**given)
+    for path, value in changes.items():
+        write(made, path, value)
+    return made
 
 
 def effort(arm: Listening, *joints: SimpleNamespace, first: int = 0) -> Effort:
@@ -151,7 +155,7 @@ def effort(arm: Listening, *joints: SimpleNamespace, first: int = 0) -> Effort:
 def test_model_input_of_motors_and_running_moves() -> None:
     """0.9 of a motor's torque, falling with its speed; a move at its present time."""
     arm = Listening()
-    effort(arm, joint(), joint(moving=True), joint(ramp_velocity=0.4)).stretched(
+    effort(arm, joint(), joint(trajectory__moving=True), joint(ramp__velocity=0.4)).stretched(
         [], [], lambda _: []
     )
     for body in arm.bodies:
@@ -173,7 +177,7 @@ def test_model_input_of_moves_that_begin() -> None:
     """From the reference and its velocity; numbers are the board's."""
     arm = Listening()
     plan = [(2.0, 0.5), (3.0, 0.0)]
-    made = effort(arm, joint(), joint(), joint(reference=0.6), first=10)
+    made = effort(arm, joint(), joint(), joint(reference__position=0.6), first=10)
     assert made.stretched([12, 10], [1.0, -1.0], lambda _: plan) == (1.0, plan)
     last, first = arm.bodies[2], arm.bodies[0]
     assert (last.start, last.start_velocity, last.target) == (0.6, 0.2, 1.0)

@@ -8,6 +8,7 @@ from array import array
 
 import numpy as np
 import pytest
+from joint_parts import write
 from joints import CONSTANTS, ROWS, gains
 from pure import LAWS
 
@@ -16,19 +17,19 @@ from control_board_ros.core.terms.modes import Law
 
 PERIOD, DEAD_BAND, DAMPING = 0.005, 0.1, 0.5
 SERVO = {
-    "period": PERIOD,
-    "elapsed": PERIOD,
-    "span": PERIOD,
-    "kind": int(SetPoint.POSITION),
-    "has_torque_sensor": False,
-    "torque_per_ampere": 2.0,
-    "limit_edge": math.radians(1.0),
-    "dead_band": DEAD_BAND,
-    "load_share": 0.1,
-    "min_damping": DAMPING,
-    "felt_share": 1.0,
-    "external_share": 1.0,
-    "max_acceleration": 20.0,
+    "clock.period": PERIOD,
+    "clock.elapsed": PERIOD,
+    "clock.span": PERIOD,
+    "drive.kind": int(SetPoint.POSITION),
+    "motor.has_torque_sensor": False,
+    "motor.torque_per_ampere": 2.0,
+    "limits.edge": math.radians(1.0),
+    "admittance.dead_band": DEAD_BAND,
+    "admittance.load_share": 0.1,
+    "admittance.min_damping": DAMPING,
+    "admittance.share": 1.0,
+    "external.share": 1.0,
+    "limits.acceleration": 20.0,
 }
 
 
@@ -49,7 +50,7 @@ class Servo:
     def __init__(self, weight: float = 0.0, **constants: float) -> None:
         self.joint = LAWS.Joint()
         for name, value in (CONSTANTS | SERVO | constants).items():
-            setattr(self.joint, name, value)
+            write(self.joint, name, value)
         self.rows = {name: array("d", [0.0]) for name in ROWS}
         self._handed = [array("d", [0.0]) for _ in range(6)]
         self._external = array("d", [math.nan])
@@ -70,7 +71,7 @@ class Servo:
 
     def feel(self, torque: float) -> None:
         """What a hand gives, N·m: the motor gives so much less."""
-        self.rows["current"][0] = (self.weight - torque) / self.joint.torque_per_ampere
+        self.rows["current"][0] = (self.weight - torque) / self.joint.motor.torque_per_ampere
 
     def step(self, cycles: int = 1) -> None:
         for _ in range(cycles):
@@ -231,7 +232,7 @@ def test_the_load_taken_over_fades_as_the_goal_gives_way() -> None:
 
 def test_the_load_is_taken_over_for_a_while() -> None:
     """M9: what braking has left in the low pass is not taken for the load."""
-    servo = Servo(felt_time=0.1)
+    servo = Servo(admittance__entry_time=0.1)
     servo.enter()
     servo.feel(0.8)  # 20 cycles
     servo.step(200)
@@ -251,7 +252,7 @@ def test_what_the_drive_sags_by_stays() -> None:
         servo.joint.hold(-0.04)
         servo.joint.start(law)
         servo.step(20)
-        assert servo.joint.followed == -0.04
+        assert servo.joint.track.position == -0.04
         assert servo.set_point == pytest.approx(0.0, abs=1e-12)
 
 
@@ -261,13 +262,13 @@ def test_a_joint_in_motion_keeps_no_lag() -> None:
     servo.rows["position"][0], servo.rows["velocity"][0] = -0.2, 1.0
     servo.step()
     servo.joint.hold(-0.2)
-    assert servo.joint.sag == 0.0
+    assert servo.joint.set_point.sag == 0.0
 
 
 def test_without_a_dead_band_it_is_a_drive_by_position() -> None:
     """I7: nothing is observed, nothing gives way."""
-    servo = Servo(dead_band=0.0)
+    servo = Servo(admittance__dead_band=0.0)
     servo.feel(5.0)
     servo.step(50)
-    assert not servo.joint.feels
+    assert not servo.joint.admittance.known
     assert math.isnan(servo._external[0])

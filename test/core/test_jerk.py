@@ -18,12 +18,17 @@ from control_board_ros.simulation import Simulation
 
 PERIOD, VELOCITY, ACCELERATION, JERK = 0.002, 2.0, 20.0, 300.0
 LIMITS = VELOCITY, ACCELERATION
-WIDE = {"period": PERIOD, "max_velocity": VELOCITY, "max_acceleration": ACCELERATION}
-WIDE |= {"limit_lower": -99.0, "limit_upper": 99.0, "lower": -99.0, "upper": 99.0}
+WIDE = {"clock.period": PERIOD, "limits.velocity": VELOCITY, "limits.acceleration": ACCELERATION}
+WIDE |= {
+    "limits.lower": -99.0,
+    "limits.upper": 99.0,
+    "reference.lower": -99.0,
+    "reference.upper": 99.0,
+}
 
 
 def at(place: float) -> OneJoint:
-    one = started(Law.POSITION, **WIDE, max_jerk=JERK)
+    one = started(Law.POSITION, **WIDE, limits__jerk=JERK)
     one.joint.hold(place)
     return one
 
@@ -31,8 +36,8 @@ def at(place: float) -> OneJoint:
 def go(one: OneJoint, target: float, speed: float) -> None:
     joint = one.joint
     time, brake = durations(
-        target - joint.reference, speed, joint.moved_velocity, *LIMITS,
-        acceleration=joint.moved_acceleration, max_jerk=JERK,
+        target - joint.reference.position, speed, joint.trajectory.velocity, *LIMITS,
+        acceleration=joint.trajectory.acceleration, max_jerk=JERK,
     )  # fmt: skip
     joint.move(target, time, brake)
 
@@ -64,14 +69,14 @@ def test_moves_amid_moves_keep_it(moves: list[tuple[float, float, float]]) -> No
     one, places = at(0.0), [np.zeros(4)]
     for target, speed, time in moves:
         go(one, target, speed)
-        places.append(one.record(max(round(time / PERIOD), 1), "followed")[:, 0])
-    places.append(one.record(4500, "followed")[:, 0])
+        places.append(one.record(max(round(time / PERIOD), 1), "track.position")[:, 0])
+    places.append(one.record(4500, "track.position")[:, 0])
     speed, change, jerk = rates(np.concatenate(places))
     assert np.abs(speed).max() <= 1.001 * VELOCITY
     assert np.abs(change).max() <= 1.001 * ACCELERATION
     assert np.abs(jerk).max() <= 1.02 * JERK + 1e-3
     assert places[-1][-1] == moves[-1][0]
-    assert not one.joint.moving
+    assert not one.joint.trajectory.moving
 
 
 def test_a_limit_that_is_taken_away_amid_a_move() -> None:
@@ -80,13 +85,13 @@ def test_a_limit_that_is_taken_away_amid_a_move() -> None:
     go(one, 1.0, 1.0)
     one.step(150)
     go(one, 1.5, 1.0)
-    assert one.joint.move_acceleration != 0.0
+    assert one.joint.trajectory.start_acceleration != 0.0
     one.step(5)
-    one.joint.max_jerk = 0.0
-    places = one.record(100, "moved", "moved_velocity")
+    one.joint.limits.jerk = 0.0
+    places = one.record(100, "trajectory.position", "trajectory.velocity")
     speed = np.diff(places[:, 0]) / PERIOD
     assert speed == pytest.approx(0.5 * (places[1:, 1] + places[:-1, 1]), abs=1e-3)
-    assert one.joint.moved_acceleration == 0.0
+    assert one.joint.trajectory.acceleration == 0.0
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-20.0, 20.0), st.floats(0.5, 5.0))

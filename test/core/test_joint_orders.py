@@ -11,17 +11,19 @@ from array import array
 from typing import Any
 
 import pytest
+from joint_parts import read
 from lone_joint import INFINITE, LAWS, changes, joint
 
 
 def test_a_new_joint() -> None:
     """Bounds are unknown, no set-point is given, nothing was asked of it."""
     made = LAWS.Joint()
-    assert (made.lower, made.upper, made.direct_age) == (-INFINITE, INFINITE, INFINITE)
+    assert (made.reference.lower, made.reference.upper) == (-INFINITE, INFINITE)
+    assert made.direct.age == INFINITE
     for name in ("current", "torque", "velocity", "position", "stiffness", "damping"):
-        assert getattr(made, f"set_{name}") == 0.0
+        assert getattr(made.set_point, name) == 0.0
     assert (made.was_on_limit, made.diverged, made.strained) == (False, False, False)
-    assert made.kind == LAWS.AS_PWM
+    assert made.drive.kind == LAWS.AS_PWM
     for pid in (made.position_pid, made.torque_pid, made.current_pid):
         assert [pid.kp, pid.ki_period, pid.kd, pid.kff, pid.limit, pid.fall, pid.alpha] == [0] * 7
         assert [pid.integral, pid.previous, pid.derivative, pid.error, pid.room] == [0] * 5
@@ -50,65 +52,86 @@ def test_a_pid_starts_with_an_integral_within_its_limit() -> None:
 ])  # fmt: skip
 def test_to_hold(velocity: float, followed: float) -> None:
     """At a position, from the speed that the joint has; at rest below 0.002 of its limit."""
-    one = joint(velocity=velocity, moving=True, driven=True, active=not followed)
-    one.followed_velocity = 8.0
-    zeros = "ramped ramp_velocity ramp_target followed_acceleration direct_velocity"
-    expected = dict.fromkeys(zeros.split(), 0.0) | {"moving": False, "driven": False}
-    expected |= dict.fromkeys(("moved", "reference", "followed"), 1.25)
-    speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
+    one = joint(
+        velocity=velocity,
+        trajectory__moving=True,
+        ramp__is_step=True,
+        reference__active=not followed,
+    )
+    one.track.velocity = 8.0
+    zeros = "ramp.way ramp.velocity ramp.target track.acceleration direct.velocity"
+    expected = dict.fromkeys(zeros.split(), 0.0) | {
+        "trajectory.moving": False,
+        "ramp.is_step": False,
+    }
+    expected |= dict.fromkeys(
+        ("trajectory.position", "reference.position", "track.position"), 1.25
+    )
+    speeds = ("trajectory.velocity", "reference.velocity", "track.velocity")
     expected |= dict.fromkeys(speeds, followed)
-    expected |= dict.fromkeys(("stopping", "stop_due", "active"), followed != 0.0)
-    expected |= {"stop_rate": 20.0, "renewal_speed": INFINITE, "plan_steps": 0}
-    expected |= {"comes_to_rest": True, "direct_age": INFINITE}
+    expected |= dict.fromkeys(("stop.active", "stop.due", "reference.active"), followed != 0.0)
+    expected |= {"stop.rate": 20.0, "stop.renewal_speed": INFINITE, "plan.steps": 0}
+    expected |= {"reference.comes_to_rest": True, "direct.age": INFINITE}
     assert changes(one, "hold", 1.25) == expected
-    assert (one.stream.count, one.stream.flows) == (0.0, False)
+    assert (one.direct.stream.count, one.direct.stream.flows) == (0.0, False)
 
 
 @pytest.mark.parametrize(("time", "lasts"), [(2.0, 2.0), (0.001, 0.01)])
 def test_to_move(time: float, lasts: float) -> None:
     """From where the reference is, with its velocity; one cycle at least."""
-    one = joint(reference=0.5, moved_velocity=0.2, settling=True, active=False, moving=False)
+    one = joint(
+        reference__position=0.5,
+        trajectory__velocity=0.2,
+        settling=True,
+        reference__active=False,
+        trajectory__moving=False,
+    )
     assert changes(one, "move", 1.5, time, 0.3) == {
-        "active": True,
-        "moving": True,
-        "stopping": False,
-        "move_start": 0.5,
-        "move_velocity": 0.2,
-        "move_target": 1.5,
-        "move_time": lasts,
-        "brake_time": 0.3,
-        "brake_even": False,
-        "move_cycles": 0.0,
-        "moved": 0.5,
-        "ramped": 0.0,
+        "reference.active": True,
+        "trajectory.moving": True,
+        "stop.active": False,
+        "trajectory.start": 0.5,
+        "trajectory.start_velocity": 0.2,
+        "trajectory.target": 1.5,
+        "trajectory.time": lasts,
+        "trajectory.brake_time": 0.3,
+        "trajectory.brakes_evenly": False,
+        "trajectory.cycles": 0.0,
+        "trajectory.position": 0.5,
+        "ramp.way": 0.0,
         "awaited": True,
     }
 
 
 def test_to_ramp_a_velocity() -> None:
-    one = joint(active=False, settling=False)
-    assert changes(one, "ramp", 0.4, 2.0) == {
-        "active": True,
-        "ramp_target": 0.4,
-        "ramp_step": 0.02,
+    one = joint(reference__active=False, settling=False)
+    assert changes(one, "ramp_to", 0.4, 2.0) == {
+        "reference.active": True,
+        "ramp.target": 0.4,
+        "ramp.step": 0.02,
         "awaited": False,
     }
 
 
 def test_a_velocity_at_once_and_its_end() -> None:
     """Y1, P12: halted as it was driven; else as hard as the joint may."""
-    one = joint(active=False, driven=False, settling=True)
-    at_once = dict.fromkeys(("ramp_target", "ramp_velocity", "reference_velocity"), 0.4)
-    at_once |= {"active": True, "driven": True, "ramp_step": INFINITE, "awaited": True}
-    at_once |= {"stopping": False}
+    one = joint(reference__active=False, ramp__is_step=False, settling=True)
+    at_once = dict.fromkeys(("ramp.target", "ramp.velocity", "reference.velocity"), 0.4)
+    at_once |= {
+        "reference.active": True,
+        "ramp.is_step": True,
+        "ramp.step": INFINITE,
+        "awaited": True,
+    }
+    at_once |= {"stop.active": False}
     assert changes(one, "drive_at", 0.4) == at_once
-    stopped = dict.fromkeys(("ramp_target", "ramp_velocity", "reference_velocity"), 0.0)
+    stopped = dict.fromkeys(("ramp.target", "ramp.velocity", "reference.velocity"), 0.0)
     assert changes(one, "halt") == stopped
-    other = joint(active=False, driven=False, settling=True)
+    other = joint(reference__active=False, ramp__is_step=False, settling=True)
     assert changes(other, "halt") == {
-        "active": True,
-        "ramp_target": 0.0,
-        "ramp_step": 0.2,
+        "reference.active": True,
+        "ramp.target": 0.0,
+        "ramp.step": 0.2,
         "awaited": True,
     }
 
@@ -118,19 +141,29 @@ def test_a_velocity_at_once_and_its_end() -> None:
 )
 def test_a_direct_position(velocity: float | None, given: float) -> None:
     """P4: the reference is there; its velocity is what its stream shows."""
-    one = joint(direct_age=INFINITE, active=False, moving=True, settling=True)
-    zeros = "ramped moved_velocity ramp_velocity ramp_target reference_velocity direct_age"
-    expected = dict.fromkeys(zeros.split(), 0.0) | {"moved": 0.8, "reference": 0.8}
-    expected |= {"active": True, "moving": False, "awaited": True, "direct_velocity": given}
-    expected |= {"alone": True, "sample_age": 0.0}
-    expected |= {"stopping": False}
+    one = joint(
+        direct__age=INFINITE, reference__active=False, trajectory__moving=True, settling=True
+    )
+    zeros = "ramp.way trajectory.velocity ramp.velocity ramp.target reference.velocity direct.age"
+    expected = dict.fromkeys(zeros.split(), 0.0) | {
+        "trajectory.position": 0.8,
+        "reference.position": 0.8,
+    }
+    expected |= {
+        "reference.active": True,
+        "trajectory.moving": False,
+        "awaited": True,
+        "direct.velocity": given,
+    }
+    expected |= {"direct.alone": True, "direct.sample_age": 0.0}
+    expected |= {"stop.active": False}
     arguments = (0.8,) if velocity is None else (0.8, velocity)
     method = "step_to" if velocity is None else "step_with"
     assert changes(one, method, *arguments) == expected
-    assert (one.stream.last, one.stream.count) == (0.8, 1.0)
-    one.direct_age = 2.0
+    assert (one.direct.stream.last, one.direct.stream.count) == (0.8, 1.0)
+    one.direct.age = 2.0
     one.step_to(0.81)
-    assert (one.stream.last, one.stream.count) == (0.81, 2.0)
+    assert (one.direct.stream.last, one.direct.stream.count) == (0.81, 2.0)
 
 
 # --- rest and load -------------------------------------------------------------------------------
@@ -161,18 +194,18 @@ def test_the_load_is_known_after_30_ms_of_rest() -> None:
 
 def test_the_load_on_a_wire_is_the_filtered_one() -> None:
     """B7: torque and acceleration of one reading belong to other times."""
-    one = joint(rest_cycles=0, load=4.0, torque=10.0, motion=3.0, wire=0.01)
+    one = joint(rest_cycles=0, load=4.0, torque=10.0, motion=3.0, wire__max_age=0.01)
     assert one.known_load() == 4.0
     one.start(LAWS.TORQUE, False)
     assert one.load == 4.0
 
 
 def test_torque_of_a_feedforward() -> None:
-    one = joint(feeds=True, per_torque=2.0, output_offset=3.0, per_feed=5.0)
+    one = joint(feeds=True, drive__per_torque=2.0, output_offset=3.0, drive__per_feed=5.0)
     assert one.feed_torque() == 7.5
     one.feeds = False
     assert one.feed_torque() == 0.0
-    one.feeds, one.per_torque = True, 0.0
+    one.feeds, one.drive.per_torque = True, 0.0
     assert one.feed_torque() == 0.0
 
 
@@ -183,12 +216,16 @@ def observed(one: Any, position: float, velocity: float) -> None:
 def test_a_reading() -> None:
     """A = Δq̇/T from the second one on; without a sensor the current is the torque."""
     one = joint(
-        readings=0, velocity=1.0, has_torque_sensor=False, current=2.0, torque_per_ampere=3.0
+        readings=0,
+        velocity=1.0,
+        motor__has_torque_sensor=False,
+        current=2.0,
+        motor__torque_per_ampere=3.0,
     )
     observed(one, 0.5, 1.5)
     assert (one.position, one.velocity, one.acceleration, one.motion) == (0.5, 1.5, 0.0, 0.0)
     assert (one.torque, one.readings) == (6.0, 1)
-    one.has_torque_sensor, one.torque = True, 9.0
+    one.motor.has_torque_sensor, one.torque = True, 9.0
     observed(one, 0.6, 1.7)
     assert one.acceleration == pytest.approx(20.0)
     assert one.motion == pytest.approx(10.0)
@@ -198,7 +235,7 @@ def test_a_reading() -> None:
 
 
 def test_cycles_at_rest_are_counted() -> None:
-    one = joint(readings=2, rest_cycles=0, has_torque_sensor=True)
+    one = joint(readings=2, rest_cycles=0, motor__has_torque_sensor=True)
     for _ in range(3):
         observed(one, 0.5, 0.0)
     assert one.rest_cycles == 3
@@ -212,50 +249,54 @@ def test_cycles_at_rest_are_counted() -> None:
 
 def test_the_load_is_filtered() -> None:
     """10 ms; at first, and in longer cycles, it is what is measured."""
-    one = joint(period=0.002, readings=2, torque=10.0, motion=4.0, load=1.0)
+    one = joint(clock__period=0.002, readings=2, torque=10.0, motion=4.0, load=1.0)
     LAWS.weigh(one)
     assert one.load == pytest.approx(1.0 + 0.2 * 5.0)
-    for changed in ({"readings": 1}, {"period": 0.01}, {"period": 0.02}):
-        one = joint(**({"period": 0.002, "readings": 2, "torque": 10.0, "motion": 4.0} | changed))
+    for changed in ({"readings": 1}, {"clock.period": 0.01}, {"clock.period": 0.02}):
+        one = joint(
+            **({"clock.period": 0.002, "readings": 2, "torque": 10.0, "motion": 4.0} | changed)
+        )
         LAWS.weigh(one)
         assert one.load == 6.0
 
 
 def test_the_load_on_a_wire_is_weighed_between_two_readings() -> None:
     """B7: with the mean torque of both, and not again without a new one."""
-    weighed = {"period": 0.002, "readings": 2, "motion": 4.0, "wire": 0.01}
+    weighed = {"clock.period": 0.002, "readings": 2, "motion": 4.0, "wire.max_age": 0.01}
     one = joint(**weighed, torque=10.0, weighed_torque=6.0, load=1.0)
     LAWS.weigh(one)
     assert one.load == pytest.approx(1.0 + 0.2 * (8.0 - 4.0 - 1.0))
     assert one.weighed_torque == 10.0
-    before, one.missed = one.load, 0.002
+    before, one.wire.silence = one.load, 0.002
     one.torque = 30.0
     LAWS.weigh(one)
     assert (one.load, one.weighed_torque) == (before, 10.0)
-    one.wire = 0.0
+    one.wire.max_age = 0.0
     LAWS.weigh(one)
     assert one.weighed_torque == 30.0
 
 
 def test_an_old_reading_goes_on_with_what_was_accelerated_since() -> None:
     """B7: ∫a_ref dt over its age, of the laws that feed the reference's acceleration forward."""
-    one = joint(law=LAWS.POSITION, active=True, period=0.01)
+    one = joint(law=LAWS.POSITION, reference__active=True, clock__period=0.01)
     for acceleration in (5.0, 2.0, 3.0):
-        one.followed_acceleration = acceleration
+        one.track.acceleration = acceleration
         LAWS.note_feed(one)
     for age, expected in ((0.0, 0.0), (0.01, 0.03), (0.024, 0.05), (0.03, 0.1), (9.0, 0.1)):
-        assert LAWS.fed_since(one, age) == pytest.approx(expected, abs=1e-12), age
-    for fed in ({"active": False}, {"law": LAWS.TORQUE, "settling": False}):
+        assert one.history.speed_since(age, one.clock.period) == pytest.approx(
+            expected, abs=1e-12
+        ), age
+    for fed in ({"reference.active": False}, {"law": LAWS.TORQUE, "settling": False}):
         idle = joint(
-            **({"law": LAWS.POSITION, "active": True, "followed_acceleration": 5.0} | fed)
+            **({"law": LAWS.POSITION, "reference.active": True, "track.acceleration": 5.0} | fed)
         )
         LAWS.note_feed(idle)
-        assert LAWS.fed_since(idle, 0.01) == 0.0
-    one.followed_acceleration = 0.0
-    for _ in range(LAWS.FEED_CYCLES):  # the oldest are forgotten
+        assert idle.history.speed_since(0.01, idle.clock.period) == 0.0
+    one.track.acceleration = 0.0
+    for _ in range(LAWS.HISTORY_CYCLES):  # the oldest are forgotten
         LAWS.note_feed(one)
-    assert LAWS.fed_since(one, 9.0) == 0.0
-    one.followed_acceleration, one.missed = 4.0, 0.0
+    assert one.history.speed_since(9.0, one.clock.period) == 0.0
+    one.track.acceleration, one.wire.silence = 4.0, 0.0
     LAWS.observe(one, 1.0, 2.0, 0.01)
     assert one.velocity == pytest.approx(2.0 + 0.04)
     assert one.position == pytest.approx(1.0 + 0.01 * (2.0 + 0.02))
@@ -269,8 +310,8 @@ STARTED = {
     "motion": 2.0,
     "gravity": 3.0,
     "feeds": False,
-    "followed": 0.5,
-    "per_torque": 1.0,
+    "track.position": 0.5,
+    "drive.per_torque": 1.0,
     "rest_cycles": 0,
     "readings": 2,
     "acceleration": 0.0,
@@ -288,14 +329,19 @@ def test_a_law_takes_over_the_load(law: str) -> None:
     expected = dict.fromkeys(("on_limit", "awaited", "settling"), False)
     expected |= dict.fromkeys(("settle_cycles", "wait_cycles", "strain_cycles"), 0)
     expected |= {"load": 10.0, "torque_reference": 12.0, "torque_command": 9.0}
-    expected |= {"current_command": 0.0, "asked": 12.0, "load_taken": 5.0, "hold_place": 0.5}
+    expected |= {
+        "current_command": 0.0,
+        "set_point.request": 12.0,
+        "load_taken": 5.0,
+        "hold_place": 0.5,
+    }
     expected |= {"holding": number in (LAWS.TORQUE, LAWS.CURRENT)}
     if number != LAWS.POSITION:
         expected |= {"law": number}
     if number == LAWS.OUTPUT:  # it brakes nothing
-        speeds = ("moved_velocity", "reference_velocity", "followed_velocity")
+        speeds = ("trajectory.velocity", "reference.velocity", "track.velocity")
         expected |= dict.fromkeys(speeds, 0.0) | dict.fromkeys(
-            ("active", "stopping", "stop_due"), False
+            ("reference.active", "stop.active", "stop.due"), False
         )
     assert found == expected
     assert one.position_pid.integral == 10.0 - 3.0 - 0.5 * 0.5
@@ -318,7 +364,7 @@ def test_a_law_that_ends() -> None:
 def test_the_requested_drive_is_bounded(torque: float, asked: float) -> None:
     one = joint(**(STARTED | {"torque": torque}))
     one.start(LAWS.POSITION)
-    assert one.asked == asked
+    assert one.set_point.request == asked
 
 
 @pytest.mark.parametrize("law", ["POSITION", "IMPEDANCE", "TORQUE", "OUTPUT", "CURRENT"])
@@ -341,7 +387,7 @@ def test_a_load_that_is_known_counts_where_the_others_rest() -> None:
 
 
 def test_a_feed_is_no_load() -> None:
-    one = joint(**(STARTED | {"feeds": True, "output_offset": 2.0, "per_feed": 1.0}))
+    one = joint(**(STARTED | {"feeds": True, "output_offset": 2.0, "drive.per_feed": 1.0}))
     one.start(LAWS.POSITION)
     assert one.position_pid.integral == 10.0 - 3.0 - 2.0 - 0.25
     assert one.torque_pid.integral == 12.0 - 5.0 - 2.0
@@ -370,7 +416,7 @@ def test_a_torque_command_ends_holding(settling: bool) -> None:
 
 
 def test_a_current_command_ends_waiting() -> None:
-    one = joint(settling=True, awaited=True, holding=True, stopping=False)
+    one = joint(settling=True, awaited=True, holding=True, stop__active=False)
     assert changes(one, "command_current", 2.0) == {
         "settling": False,
         "awaited": False,
@@ -397,18 +443,25 @@ def test_to_give_up() -> None:
     """What led to an output that is no number is forgotten; the joint is where it is."""
     one = joint(diverged=False, position=0.3, velocity=1.0)
     one.give_up()
-    zeros = "output torque_reference load asked set_current set_torque set_velocity"
-    assert all(getattr(one, name) == 0.0 for name in zeros.split())
+    zeros = "output torque_reference load set_point.request"
+    zeros += " set_point.current set_point.torque set_point.velocity"
+    assert all(read(one, name) == 0.0 for name in zeros.split())
     assert (one.readings, one.rest_cycles, one.diverged) == (0, 0, True)
     for pid in (one.position_pid, one.torque_pid, one.current_pid):
         assert (pid.integral, pid.error, pid.derivative) == (0.0, 0.0, 0.0)
-    assert (one.reference, one.followed, one.followed_velocity) == (0.3, 0.3, 1.0)
+    assert (one.reference.position, one.track.position, one.track.velocity) == (0.3, 0.3, 1.0)
 
 
 # --- the end of settling -------------------------------------------------------------------------
 
 
-SETTLING = {"settling": True, "awaited": False, "active": False, "wait_cycles": 0, "load": 5.0}
+SETTLING = {
+    "settling": True,
+    "awaited": False,
+    "reference.active": False,
+    "wait_cycles": 0,
+    "load": 5.0,
+}
 SETTLING |= {"lift": 0.0, "torque_offset": 0.0, "torque": 0.0, "feeds": False, "rest_cycles": 0}
 
 
@@ -433,8 +486,8 @@ def test_how_long_a_joint_settles() -> None:
     assert cycles_to_settle(awaited=True, rested=True) == 5
     assert cycles_to_settle(awaited=True, rest_cycles=3) == 3
     assert cycles_to_settle(awaited=True, rest_cycles=2) == 5
-    assert cycles_to_settle(active=True, rested=True) == 0  # it still brakes
-    assert cycles_to_settle(active=True, awaited=True) == 5
+    assert cycles_to_settle(reference__active=True, rested=True) == 0  # it still brakes
+    assert cycles_to_settle(reference__active=True, awaited=True) == 5
 
 
 def test_waiting_time_for_other_joints() -> None:
@@ -464,15 +517,28 @@ def test_braking_in_whole_cycles() -> None:
 )
 def test_a_move_from_cycle_to_cycle(velocity: float, time: float, brake: float) -> None:
     """P1: the quintic, and what is braked beside it; on its target in the last one."""
-    one = joint(moving=True, move_cycles=0.0, move_start=0.2, move_target=1.2)
-    one.move_velocity, one.move_time, one.brake_time = velocity, time, brake
-    one.brake_even = False
+    one = joint(
+        trajectory__moving=True,
+        trajectory__cycles=0.0,
+        trajectory__start=0.2,
+        trajectory__target=1.2,
+    )
+    one.trajectory.start_velocity, one.trajectory.time, one.trajectory.brake_time = (
+        velocity,
+        time,
+        brake,
+    )
+    one.trajectory.brakes_evenly = False
     end = max(time, brake)
     for k in range(1, round(end / 0.01) + 1):
-        LAWS.advance_move(one)
+        LAWS.advance_move(one.trajectory, one.clock, one.limits)
         t = 0.01 * k
         if k == round(end / 0.01):
-            assert (one.moving, one.moved, one.moved_velocity) == (False, 1.2, 0.0)
+            assert (one.trajectory.moving, one.trajectory.position, one.trajectory.velocity) == (
+                False,
+                1.2,
+                0.0,
+            )
             return
         u = min(t / brake, 1.0) if brake else 0.0
         reach = 1.0 - 0.5 * velocity * brake
@@ -484,45 +550,51 @@ def test_a_move_from_cycle_to_cycle(velocity: float, time: float, brake: float) 
         way += velocity * brake * (u - u**3 + 0.5 * u**4)
         if brake and u < 1.0:
             speed += velocity * (1 - 3 * u**2 + 2 * u**3)
-        assert one.moved == pytest.approx(0.2 + way)
-        assert one.moved_velocity == pytest.approx(speed, abs=1e-12)
-        assert one.moving
+        assert one.trajectory.position == pytest.approx(0.2 + way)
+        assert one.trajectory.velocity == pytest.approx(speed, abs=1e-12)
+        assert one.trajectory.moving
 
 
 @pytest.mark.parametrize("velocity", [0.5, -0.5, 0.19, 2.9])
 def test_a_stop_from_cycle_to_cycle(velocity: float) -> None:
     """M9, P3: at the acceleration limit to rest, where the joint is held; never back."""
-    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0)
+    one = joint(reference__lower=-INFINITE, reference__upper=INFINITE, ramp__way=0.0)
     one.velocity, one.position = velocity, 0.3
     one.hold(0.3)
     way, speed = 0.0, abs(velocity)
-    while one.stopping:
+    while one.stop.active:
         LAWS.advance_stop(one)
-        one.position, one.velocity = one.moved, one.moved_velocity
+        one.position, one.velocity = one.trajectory.position, one.trajectory.velocity
         speed = max(speed - 0.2, 0.0)
         way += speed * 0.01
-        assert one.moved_velocity == pytest.approx(math.copysign(speed, velocity), abs=1e-12)
-        assert one.moved == pytest.approx(0.3 + math.copysign(way, velocity))
-    assert one.moved_velocity == 0.0
+        assert one.trajectory.velocity == pytest.approx(math.copysign(speed, velocity), abs=1e-12)
+        assert one.trajectory.position == pytest.approx(0.3 + math.copysign(way, velocity))
+    assert one.trajectory.velocity == 0.0
 
 
 def test_a_stop_by_a_plan() -> None:
     """M9: the planned accelerations, each for its step; what is left brakes at the limit."""
-    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0, velocity=1.0, position=0.0)
+    one = joint(
+        reference__lower=-INFINITE,
+        reference__upper=INFINITE,
+        ramp__way=0.0,
+        velocity=1.0,
+        position=0.0,
+    )
     one.hold(0.0)
     one.brake_by(memoryview(array("d", [-5.0, 2.0, -40.0, 9.0])), 3, 0.02)
     speeds = []
-    while one.stopping:
+    while one.stop.active:
         LAWS.advance_stop(one)
-        one.position, one.velocity = one.moved, one.moved_velocity
-        speeds.append(one.moved_velocity)
+        one.position, one.velocity = one.trajectory.position, one.trajectory.velocity
+        speeds.append(one.trajectory.velocity)
     assert speeds == pytest.approx([0.95, 0.9, 0.92, 0.94, 0.54, 0.14, 0.0])
-    assert one.plan_steps == 0
+    assert one.plan.steps == 0
     one.hold(0.0)
     one.brake_by(memoryview(array("d", [-5.0])), 1, 0.02)
     one.brake(4.0)
     LAWS.advance_stop(one)
-    assert one.moved_velocity == pytest.approx(0.0)
+    assert one.trajectory.velocity == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize(
@@ -541,26 +613,38 @@ def test_a_joint_that_runs_past_the_end_of_its_stop_is_not_driven_back(
     position: float, velocity: float, ramp: float, goes_on: bool
 ) -> None:
     """M9: it lacked torque; it stops from where it is. What follows a ramp has not run past."""
-    one = joint(lower=-INFINITE, upper=INFINITE, ramped=0.0, stopping=True, plan_steps=0)
-    one.ramp_velocity = ramp
-    one.moved, one.moved_velocity, one.stop_rate = 0.3, 0.0, 1.0
+    one = joint(
+        reference__lower=-INFINITE,
+        reference__upper=INFINITE,
+        ramp__way=0.0,
+        stop__active=True,
+        plan__steps=0,
+    )
+    one.ramp.velocity = ramp
+    one.trajectory.position, one.trajectory.velocity, one.stop.rate = 0.3, 0.0, 1.0
     one.position, one.velocity = position, velocity
     LAWS.advance_stop(one)
-    assert bool(one.stopping) is goes_on
-    assert one.moved == (position if goes_on else 0.3)
+    assert bool(one.stop.active) is goes_on
+    assert one.trajectory.position == (position if goes_on else 0.3)
     if goes_on:
-        assert (one.followed, one.followed_velocity) == (position, velocity)
-        assert (one.moved_velocity, one.stop_rate) == (velocity, 20.0)
+        assert (one.track.position, one.track.velocity) == (position, velocity)
+        assert (one.trajectory.velocity, one.stop.rate) == (velocity, 20.0)
 
 
 def test_a_stop_ends_at_a_limit() -> None:
     """P9: of a joint that is too fast to come to rest before it."""
     for velocity in (2.0, -2.0):
-        one = joint(lower=0.25, upper=0.35, ramped=0.0, velocity=velocity, position=0.3)
+        one = joint(
+            reference__lower=0.25,
+            reference__upper=0.35,
+            ramp__way=0.0,
+            velocity=velocity,
+            position=0.3,
+        )
         one.hold(0.3)
         for _ in range(5):
             LAWS.advance_stop(one)
-        assert (one.moved, one.moved_velocity, one.stopping) == (
+        assert (one.trajectory.position, one.trajectory.velocity, one.stop.active) == (
             0.3 + math.copysign(0.05, velocity), 0.0, False,
         )  # fmt: skip
 
@@ -568,18 +652,23 @@ def test_a_stop_ends_at_a_limit() -> None:
 @pytest.mark.parametrize("velocity", [1.5, -1.5, 9.0])
 def test_a_stop_without_the_torque_for_it_goes_on_with_the_joint(velocity: float) -> None:
     """P14, M9: the reference is not left behind, to come back to."""
-    one = joint(velocity=velocity, stopping=True, ramped=0.1, forward=3.0)
-    one.followed_acceleration = 4.0
+    one = joint(velocity=velocity, stop__active=True, ramp__way=0.1, forward=3.0)
+    one.track.acceleration = 4.0
     LAWS.stay(one, 0.7)
     speed = min(velocity, 3.0)
-    assert (one.followed, one.moved) == (0.7, pytest.approx(0.6))
-    assert (one.followed_velocity, one.moved_velocity) == (speed, speed)
-    assert (one.followed_acceleration, one.forward) == (0.0, 3.0 - 0.5 * 4.0)
+    assert (one.track.position, one.trajectory.position) == (0.7, pytest.approx(0.6))
+    assert (one.track.velocity, one.trajectory.velocity) == (speed, speed)
+    assert (one.track.acceleration, one.forward) == (0.0, 3.0 - 0.5 * 4.0)
 
 
 def ramped(**at: float) -> Any:
-    free = {"lower": -INFINITE, "upper": INFINITE, "reference": 0.0, "moved_velocity": 0.0}
-    free |= {"ramp_velocity": 0.0, "ramp_step": 0.1, "ramped": 0.5}
+    free = {
+        "reference.lower": -INFINITE,
+        "reference.upper": INFINITE,
+        "reference.position": 0.0,
+        "trajectory.velocity": 0.0,
+    }
+    free |= {"ramp.velocity": 0.0, "ramp.step": 0.1, "ramp.way": 0.5}
     one = joint(**(free | at))
     LAWS.advance_ramp(one)
     return one
@@ -588,18 +677,29 @@ def ramped(**at: float) -> Any:
 @pytest.mark.parametrize(
     ("at", "velocity"),
     [
-        ({"ramp_target": 1.0}, 0.1),
-        ({"ramp_target": -1.0}, -0.1),
-        ({"ramp_target": 0.05}, 0.05),
-        ({"ramp_target": 5.0, "ramp_velocity": 2.95}, 3.0),  # the speed limit
-        ({"ramp_target": -5.0, "ramp_velocity": -2.95}, -3.0),
-        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "moved_velocity": 2.5}, 0.5),
-        ({"ramp_target": -1.0, "ramp_velocity": -1.0, "moved_velocity": -2.5}, -0.5),
-        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "upper": 0.0}, 0.0),  # on its limit
-        ({"ramp_target": -1.0, "ramp_velocity": -1.0, "lower": 0.0}, 0.0),
-        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "upper": 0.002}, 0.2),  # one cycle from it
-        ({"ramp_target": -1.0, "ramp_velocity": -1.0, "lower": -0.002}, -0.2),
-        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "upper": 0.3, "reference": 0.298}, 0.2),
+        ({"ramp.target": 1.0}, 0.1),
+        ({"ramp.target": -1.0}, -0.1),
+        ({"ramp.target": 0.05}, 0.05),
+        ({"ramp.target": 5.0, "ramp.velocity": 2.95}, 3.0),  # the speed limit
+        ({"ramp.target": -5.0, "ramp.velocity": -2.95}, -3.0),
+        ({"ramp.target": 1.0, "ramp.velocity": 1.0, "trajectory.velocity": 2.5}, 0.5),
+        ({"ramp.target": -1.0, "ramp.velocity": -1.0, "trajectory.velocity": -2.5}, -0.5),
+        ({"ramp.target": 1.0, "ramp.velocity": 1.0, "reference.upper": 0.0}, 0.0),  # on its limit
+        ({"ramp.target": -1.0, "ramp.velocity": -1.0, "reference.lower": 0.0}, 0.0),
+        (
+            {"ramp.target": 1.0, "ramp.velocity": 1.0, "reference.upper": 0.002},
+            0.2,
+        ),  # one cycle from it
+        ({"ramp.target": -1.0, "ramp.velocity": -1.0, "reference.lower": -0.002}, -0.2),
+        (
+            {
+                "ramp.target": 1.0,
+                "ramp.velocity": 1.0,
+                "reference.upper": 0.3,
+                "reference.position": 0.298,
+            },
+            0.2,
+        ),
     ],
 )
 def test_a_velocity_is_ramped_within_speed_and_limits(
@@ -607,13 +707,13 @@ def test_a_velocity_is_ramped_within_speed_and_limits(
 ) -> None:
     """P5, P14."""
     one = ramped(**at)
-    assert one.ramp_velocity == pytest.approx(velocity)
-    assert one.ramped == pytest.approx(0.5 + 0.01 * velocity)
+    assert one.ramp.velocity == pytest.approx(velocity)
+    assert one.ramp.way == pytest.approx(0.5 + 0.01 * velocity)
 
 
 def test_a_late_current_is_compared_with_the_reference_of_its_time() -> None:
     """B7, P10: what the wire keeps is no error, and no reading is integrated twice."""
-    one = joint(period=0.01, ohms=2.0, wire=0.03, age=0.03)
+    one = joint(clock__period=0.01, motor__ohms=2.0, wire__max_age=0.03, wire__age=0.03)
     loop = one.current_pid
     loop.kp, loop.ki_period, loop.limit, loop.integral = 1.0, 0.1, 50.0, 0.0
     for reference in (1.0, 2.0, 3.0, 4.0):
@@ -625,8 +725,8 @@ def test_a_late_current_is_compared_with_the_reference_of_its_time() -> None:
     assert LAWS.late_feedback(one, 5.0) == 0.0
     one.current = 0.5
     assert LAWS.late_feedback(one, 5.0) == pytest.approx(0.5 * calm + 0.05 * calm)
-    one.missed = 0.01  # the same reading again
+    one.wire.silence = 0.01  # the same reading again
     assert LAWS.late_feedback(one, 5.0) == pytest.approx(0.05 * calm)
     assert loop.reference == 5.0
-    one.missed, loop.kp, loop.ki_period = 0.0, 0.1, 0.0  # within the phase: as configured
+    one.wire.silence, loop.kp, loop.ki_period = 0.0, 0.1, 0.0  # within the phase: as configured
     assert LAWS.late_feedback(one, 5.0) == pytest.approx(0.5 * 0.1 + 0.05 * calm)

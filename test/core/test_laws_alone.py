@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 import pytest
+from joint_parts import read, write
 from lone_joint import INFINITE, LAWS, joint
 
 OFF, POSITION, IMPEDANCE, TORQUE, OUTPUT, CURRENT = (
@@ -77,16 +78,22 @@ def test_an_integral_pushing_into_a_bound_is_unwound(
 
 def test_friction_of_either_direction() -> None:
     """F_c v/v_slip up to F_c, and F_v v."""
-    one = joint(coulomb=2.0, coulomb_negative=3.0, viscous=0.5, viscous_negative=0.25, slip=0.1)
+    one = joint(
+        motor__coulomb=2.0,
+        motor__coulomb_negative=3.0,
+        motor__viscous=0.5,
+        motor__viscous_negative=0.25,
+        motor__slip=0.1,
+    )
     for velocity, expected in (
         (0.0, 0.0), (0.05, 1.0 + 0.025), (0.4, 2.0 + 0.2), (-0.05, -1.5 - 0.0125), (-0.4, -3.1),
     ):  # fmt: skip
-        assert LAWS.friction(one, velocity) == pytest.approx(expected)
-    one.coulomb = one.coulomb_negative = one.slip = 0.0
-    assert LAWS.friction(one, 0.4) == pytest.approx(0.2)
-    assert LAWS.friction(one, -0.4) == pytest.approx(-0.1)
-    one.coulomb, one.slip = 0.5, 0.1
-    assert LAWS.friction(one, 0.05) == pytest.approx(0.25 + 0.025)
+        assert one.motor.friction(velocity) == pytest.approx(expected)
+    one.motor.coulomb = one.motor.coulomb_negative = one.motor.slip = 0.0
+    assert one.motor.friction(0.4) == pytest.approx(0.2)
+    assert one.motor.friction(-0.4) == pytest.approx(-0.1)
+    one.motor.coulomb, one.motor.slip = 0.5, 0.1
+    assert one.motor.friction(0.05) == pytest.approx(0.25 + 0.025)
 
 
 # --- position ------------------------------------------------------------------------------------
@@ -94,10 +101,20 @@ def test_friction_of_either_direction() -> None:
 
 def leading(**at: float) -> Any:
     """A joint at 0.2, followed from 0.3 on; too strong for hold_back to matter."""
-    near = {"position": 0.2, "followed": 0.3, "followed_velocity": 0.5, "inertia_min": 1e6}
-    near |= {"followed_acceleration": 4.0, "forward": 11.0, "delay": 0.0, "lead": 0.0}
-    near |= {"coulomb": 0.0, "coulomb_negative": 0.0, "viscous": 0.0, "viscous_negative": 0.0}
-    one = joint(**(near | {"active": False, "blocked": False} | at))
+    near = {
+        "position": 0.2,
+        "track.position": 0.3,
+        "track.velocity": 0.5,
+        "motor.inertia_min": 1e6,
+    }
+    near |= {"track.acceleration": 4.0, "forward": 11.0, "drive.delay": 0.0, "motor.lead": 0.0}
+    near |= {
+        "motor.coulomb": 0.0,
+        "motor.coulomb_negative": 0.0,
+        "motor.viscous": 0.0,
+        "motor.viscous_negative": 0.0,
+    }
+    one = joint(**(near | {"reference.active": False, "blocked": False} | at))
     one.position_pid = pid(kp=100.0, limit=1e3)
     return one
 
@@ -105,9 +122,9 @@ def leading(**at: float) -> Any:
 def test_a_joint_that_stays_needs_no_torque_to_start_moving() -> None:
     one = leading()
     LAWS.stay(one, 0.7)
-    assert (one.followed, one.followed_velocity, one.followed_acceleration) == (0.7, 0.0, 0.0)
+    assert (one.track.position, one.track.velocity, one.track.acceleration) == (0.7, 0.0, 0.0)
     assert one.forward == 11.0 - 0.5 * 4.0
-    assert one.active is True
+    assert one.reference.active is True
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -119,24 +136,27 @@ def test_the_followed_position_leads_by_no_more_than_the_torque(way: float) -> N
         (0.69, 0.2, False),
         (0.71, 0.2, True),
     ):
-        one = leading(followed=0.2 + way * lead, followed_velocity=way * 0.5, delay=delay)
+        one = leading(
+            track__position=0.2 + way * lead, track__velocity=way * 0.5, drive__delay=delay
+        )
         LAWS.keep_near(one)
         most = 0.6 + delay * 0.5
-        assert one.followed == pytest.approx(0.2 + way * (most if stays else lead))
-        assert one.followed_velocity == (0.0 if stays else way * 0.5)
-    one = leading(followed=0.2 + way * 5.0)
+        assert one.track.position == pytest.approx(0.2 + way * (most if stays else lead))
+        assert one.track.velocity == (0.0 if stays else way * 0.5)
+    one = leading(track__position=0.2 + way * 5.0)
     one.position_pid.kp = 0.0
     LAWS.keep_near(one)
-    assert one.followed == 0.2 + way * 5.0
+    assert one.track.position == 0.2 + way * 5.0
     one.position_pid.kp = 0.5
-    one.followed = 0.2 + way * 150.0
+    one.track.position = 0.2 + way * 150.0
     LAWS.keep_near(one)
-    assert one.followed == pytest.approx(0.2 + way * 120.0)
+    assert one.track.position == pytest.approx(0.2 + way * 120.0)
 
 
 BLOCKED = {
-    "light_inertia": 0.07, "max_velocity": 3.0, "period": 0.01, "lead": 0.5, "delay": 0.004,
-    "velocity": 0.0, "position": 0.2, "followed": 0.5, "followed_velocity": 0.0, "carried": 2.0,
+    "motor.light_inertia": 0.07, "limits.velocity": 3.0, "clock.period": 0.01, "motor.lead": 0.5,
+    "drive.delay": 0.004,
+    "velocity": 0.0, "position": 0.2, "track.position": 0.5, "track.velocity": 0.0, "carried": 2.0,
     "blocked": True,
 }  # fmt: skip
 #: J v/(T (1 + lead/2) + delay), N·m.
@@ -151,18 +171,18 @@ def test_a_blocked_joint_pushes_with_limited_torque(way: float) -> None:
         one = leading(**(BLOCKED | at))
         one.position_pid = pid(kp=100.0, limit=1e3, integral=way * 3.0)
         one.carried *= way
-        one.followed = 0.2 + way * (one.followed - 0.2)
+        one.track.position = 0.2 + way * (one.track.position - 0.2)
         LAWS.hold_back(one)
         return one
 
     one = held()
     excess = 30.0 + 1.0
     assert excess > PUSH
-    assert one.followed == pytest.approx(0.2 + way * (0.3 - (excess - PUSH) / 100.0))
+    assert one.track.position == pytest.approx(0.2 + way * (0.3 - (excess - PUSH) / 100.0))
     far = held(carried=-40.0)  # more than the whole way back
-    assert far.followed == 0.2
-    assert held(followed=0.2 + (PUSH - 1.0) / 100.0 - 1e-6).active is False
-    assert held(followed=0.2 + (PUSH - 1.0) / 100.0 + 1e-6).active is True
+    assert far.track.position == 0.2
+    assert held(track__position=0.2 + (PUSH - 1.0) / 100.0 - 1e-6).reference.active is False
+    assert held(track__position=0.2 + (PUSH - 1.0) / 100.0 + 1e-6).reference.active is True
 
 
 @pytest.mark.parametrize(
@@ -172,8 +192,8 @@ def test_a_blocked_joint_pushes_with_limited_torque(way: float) -> None:
         ({"velocity": -0.0061}, False, 3.0),
         ({"velocity": 0.0059}, True, 2.0),
         ({"blocked": False}, False, 3.0),
-        ({"blocked": False, "followed_velocity": 0.5}, True, 2.0),
-        ({"blocked": False, "followed_velocity": -0.5}, True, 2.0),
+        ({"blocked": False, "track.velocity": 0.5}, True, 2.0),
+        ({"blocked": False, "track.velocity": -0.5}, True, 2.0),
     ],
 )
 def test_when_a_joint_is_blocked(at: dict[str, float], blocked: bool, carried: float) -> None:
@@ -188,22 +208,22 @@ def test_when_a_joint_is_blocked(at: dict[str, float], blocked: bool, carried: f
 def test_a_joint_that_is_caught_at_any_torque_is_not_held_back() -> None:
     heavy = 60.0 / PUSH * 0.07
     for inertia, changed in ((1.001 * heavy, False), (0.999 * heavy, True)):
-        one = leading(**(BLOCKED | {"light_inertia": inertia, "blocked": False}))
+        one = leading(**(BLOCKED | {"motor.light_inertia": inertia, "blocked": False}))
         one.position_pid = pid(kp=100.0, limit=1e3, integral=3.0)
         LAWS.hold_back(one)
         assert (one.carried == 3.0) is changed
 
 
 def test_a_tenth_of_the_torque_may_always_push() -> None:
-    one = leading(**(BLOCKED | {"light_inertia": 1e-6}))
+    one = leading(**(BLOCKED | {"motor.light_inertia": 1e-6}))
     one.position_pid = pid(kp=100.0, limit=1e3, integral=2.0)
     LAWS.hold_back(one)
-    assert one.followed == pytest.approx(0.2 + 6.0 / 100.0)
+    assert one.track.position == pytest.approx(0.2 + 6.0 / 100.0)
 
 
 def test_the_position_law() -> None:
     """kp·e + I + kd·ė + what is fed forward; e is as the drive has it by now."""
-    one = leading(delay=0.02, velocity=0.1, viscous=0.3)
+    one = leading(drive__delay=0.02, velocity=0.1, motor__viscous=0.3)
     one.position_pid = pid(kp=100.0, ki_period=2.0, kd=5.0, alpha=1.0, limit=1e3, integral=1.0)
     error = 0.3 - 0.02 * 0.5 - 0.2
     torque = LAWS.position_law(one)
@@ -215,7 +235,13 @@ def test_the_position_law() -> None:
 
 def sprung(**at: float) -> Any:
     given = {"torque_offset": 1.0, "load_taken": 2.0, "lift": 4.0, "stiffness": 50.0}
-    given |= {"damping": 3.0, "followed": 0.5, "position": 0.2, "velocity": 0.1, "lifts": True}
+    given |= {
+        "damping": 3.0,
+        "track.position": 0.5,
+        "position": 0.2,
+        "velocity": 0.1,
+        "lifts": True,
+    }
     one = joint(**(given | {"hold_place": 0.25} | at))
     one.position_pid = pid(kp=10.0, kd=2.0)
     return one
@@ -260,17 +286,17 @@ def test_before_a_first_reference_the_load_is_held() -> None:
 @pytest.mark.parametrize(("asked", "reference"), [(20.0, 20.0), (70.0, 60.0), (-70.0, -60.0)])
 def test_the_torque_loop(asked: float, reference: float) -> None:
     """kff·τ_ref + kp·e + I + kd·ė; a drive that closes it is given the reference."""
-    one = joint(torque=12.0, kind=LAWS.AS_PWM)
+    one = joint(torque=12.0, drive__kind=LAWS.AS_PWM)
     one.torque_pid = pid(kff=1.0, kp=0.5, ki_period=0.1, kd=0.01, alpha=1.0, limit=1e3, error=3.0)
     error = reference - 12.0
     expected = reference + 0.5 * error + 0.1 * error + 0.01 * (error - 3.0) / 0.01
     assert LAWS.torque_law(one, asked) == pytest.approx(expected)
     assert one.torque_reference == reference
     for kind in (LAWS.AS_TORQUE, LAWS.AS_IMPEDANCE):
-        one.kind = kind
+        one.drive.kind = kind
         assert LAWS.torque_law(one, asked) == reference
         assert one.torque_pid.error == error
-    one.kind = LAWS.AS_CURRENT
+    one.drive.kind = LAWS.AS_CURRENT
     assert LAWS.torque_law(one, asked) != reference
 
 
@@ -278,11 +304,16 @@ def test_torque_requested_by_a_law() -> None:
     """Its own; while it settles that of the position law."""
 
     def asked(law: int, **at: float) -> float:
-        one = sprung(law=law, kind=LAWS.AS_TORQUE, torque_command=5.0, lifts=False, **at)
-        one.forward, one.delay, one.blocked = 11.0, 0.0, False
-        for name in ("coulomb", "coulomb_negative", "viscous", "viscous_negative"):
-            setattr(one, name, 0.0)
-        one.inertia_min, one.followed_velocity = 1e6, 0.0
+        one = sprung(law=law, drive__kind=LAWS.AS_TORQUE, torque_command=5.0, lifts=False, **at)
+        one.forward, one.drive.delay, one.blocked = 11.0, 0.0, False
+        for name in (
+            "motor.coulomb",
+            "motor.coulomb_negative",
+            "motor.viscous",
+            "motor.viscous_negative",
+        ):
+            write(one, name, 0.0)
+        one.motor.inertia_min, one.track.velocity = 1e6, 0.0
         return float(LAWS.law_torque(one))
 
     position = 10.0 * 0.3 + 2.0 * 0.0 + 11.0
@@ -300,21 +331,27 @@ def test_torque_requested_by_a_law() -> None:
 
 def test_the_drive_is_ahead_of_the_winding() -> None:
     """V = R (i' − a i)/(1 − a); not where the drive takes amperes."""
-    one = joint(in_amps=False, lead=0.5, asked=3.0)
+    one = joint(drive__in_amps=False, motor__lead=0.5, set_point__request=3.0)
     assert LAWS.ahead_of_winding(one, 5.0) == 5.0 + 0.5 * 2.0
-    assert one.asked == 5.0
-    one.in_amps = True
+    assert one.set_point.request == 5.0
+    one.drive.in_amps = True
     assert LAWS.ahead_of_winding(one, 9.0) == 9.0
-    assert one.asked == 9.0
+    assert one.set_point.request == 9.0
 
 
 @pytest.mark.parametrize("law", [POSITION, CURRENT])
 def test_the_current_loop(law: int) -> None:
     """R (i + lead Δi) + Ke q̇ + PI; a user's step is compared with the last one."""
     one = joint(
-        law=law, ohms=2.0, lead=0.5, emf=0.3, velocity=4.0, current=1.0, percent_per_volt=2.0
+        law=law,
+        motor__ohms=2.0,
+        motor__lead=0.5,
+        motor__emf=0.3,
+        velocity=4.0,
+        current=1.0,
+        motor__percent_per_volt=2.0,
     )
-    one.max_output = 100.0
+    one.limits.output = 100.0
     one.current_pid = pid(kp=0.5, ki_period=0.1, limit=1e3, integral=0.2, reference=1.5)
     error = (1.5 if law == CURRENT else 3.0) - 1.0
     volts = 0.5 * error + 0.2 + 0.1 * error + 2.0 * (3.0 + 0.5 * 1.5) + 1.2
@@ -330,28 +367,33 @@ def test_the_current_loop(law: int) -> None:
 
 
 BOUND = {
-    "period": 0.01, "delay": 0.002, "current": 4.0, "current_before": 3.0,
-    "torque_per_ampere": 2.0, "lag": 0.3, "velocity": 1.0, "acceleration": 0.5,
-    "light_inertia": 0.14, "heavy_inertia": 0.5,
-    "per_torque": 1.5, "per_speed": 0.7, "in_amps": False, "lead": 0.6, "max_torque": 60.0,
+    "clock.period": 0.01, "drive.delay": 0.002, "current": 4.0, "current_before": 3.0,
+    "motor.torque_per_ampere": 2.0, "motor.lag": 0.3, "velocity": 1.0, "acceleration": 0.5,
+    "motor.light_inertia": 0.14, "motor.heavy_inertia": 0.5,
+    "drive.per_torque": 1.5, "drive.per_speed": 0.7, "drive.in_amps": False, "motor.lead": 0.6,
+    "limits.torque": 60.0,
 }  # fmt: skip
 
 
 def bounded(top: float, way: float, **at: float) -> float:
     """The formula of the module: τ + n1 − n0 with H = 3 (T + delay)."""
     v = {**BOUND, **at}
-    span = 3.0 * (v["period"] + v["delay"])
-    torque = way * v["current"] * v["torque_per_ampere"]
-    grown = torque - way * v["current_before"] * v["torque_per_ampere"]
-    gain = 1.0 + v["lag"] * v["period"] / span
+    span = 3.0 * (v["clock.period"] + v["drive.delay"])
+    torque = way * v["current"] * v["motor.torque_per_ampere"]
+    grown = torque - way * v["current_before"] * v["motor.torque_per_ampere"]
+    gain = 1.0 + v["motor.lag"] * v["clock.period"] / span
     spare = (top - way * v["velocity"]) / span - gain * way * v["acceleration"]
-    inertia = v["light_inertia" if spare >= 0.0 else "heavy_inertia"]
-    most = torque - gain * v["lag"] * grown + inertia * spare
-    if most >= v["max_torque"]:
+    inertia = v["motor.light_inertia" if spare >= 0.0 else "motor.heavy_inertia"]
+    most = torque - gain * v["motor.lag"] * grown + inertia * spare
+    if most >= v["limits.torque"]:
         return float(INFINITE)
-    most = max(most, -v["max_torque"])
-    drive = v["per_torque"] * most + v["per_speed"] * way * v["velocity"]
-    return drive if v["in_amps"] else drive + v["lead"] * v["per_torque"] * (most - torque)
+    most = max(most, -v["limits.torque"])
+    drive = v["drive.per_torque"] * most + v["drive.per_speed"] * way * v["velocity"]
+    return (
+        drive
+        if v["drive.in_amps"]
+        else drive + v["motor.lead"] * v["drive.per_torque"] * (most - torque)
+    )
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -362,11 +404,11 @@ def bounded(top: float, way: float, **at: float) -> float:
         (1.2, {}),
         (0.2, {}),
         (-1.0, {}),
-        (0.2, {"heavy_inertia": 0.56}),
-        (3.0, {"in_amps": True}),
-        (0.2, {"in_amps": True, "current": -7.0, "current_before": -6.0}),
+        (0.2, {"motor.heavy_inertia": 0.56}),
+        (3.0, {"drive.in_amps": True}),
+        (0.2, {"drive.in_amps": True, "current": -7.0, "current_before": -6.0}),
         (90.0, {}),
-        (-90.0, {"heavy_inertia": 5.0}),
+        (-90.0, {"motor.heavy_inertia": 5.0}),
     ],
 )
 def test_the_drive_that_brings_a_joint_to_a_speed(
@@ -378,7 +420,7 @@ def test_the_drive_that_brings_a_joint_to_a_speed(
 
 def test_the_speed_towards_a_limit() -> None:
     """As it can be braked with 0.7 of the acceleration; from beyond it back within 0.1 s."""
-    one = joint(max_acceleration=20.0)
+    one = joint(limits__acceleration=20.0)
     assert LAWS.speed_towards(one, -0.02, 3.0) == pytest.approx(-0.2)
     assert LAWS.speed_towards(one, 5.0, 3.0) == 3.0
     assert LAWS.speed_towards(one, 0.1, 3.0) == LAWS.brake_speed(0.1, 14.0, 0.01) < 3.0
@@ -399,12 +441,12 @@ def test_a_joint_is_on_a_limit_until_it_is_off_its_edge(
     """1° from it, or a hundredth of the range."""
     edge = math.radians(1.0)
     one = joint(
-        limit_lower=-2.0, limit_upper=2.0, limit_edge=edge, position=position, on_limit=was
+        limits__lower=-2.0, limits__upper=2.0, limits__edge=edge, position=position, on_limit=was
     )
     LAWS.note_limit(one)
     assert bool(one.on_limit) is on
     short = joint(
-        limit_lower=-0.5, limit_upper=0.5, limit_edge=edge, position=0.4901, on_limit=True
+        limits__lower=-0.5, limits__upper=0.5, limits__edge=edge, position=0.4901, on_limit=True
     )
     LAWS.note_limit(short)
     assert short.on_limit
@@ -418,9 +460,19 @@ def test_a_joint_is_on_a_limit_until_it_is_off_its_edge(
 @pytest.mark.parametrize("calibrated", [True, False])
 def test_admissible_reference_of_a_joint(law: int, settling: bool, calibrated: bool) -> None:
     """1.02 of its speed where a position law has it; else as far as limits let it."""
-    at = BOUND | {"limit_lower": -2.0, "limit_upper": 2.0, "position": 1.9, "max_velocity": 3.0}
-    at |= {"lower": -2.0, "upper": 2.0}
-    at |= {"max_drive": 500.0, "velocity": 2.5, "max_acceleration": 20.0, "max_torque": 600.0}
+    at = BOUND | {
+        "limits.lower": -2.0,
+        "limits.upper": 2.0,
+        "position": 1.9,
+        "limits.velocity": 3.0,
+    }
+    at |= {"reference.lower": -2.0, "reference.upper": 2.0}
+    at |= {
+        "drive.max": 500.0,
+        "velocity": 2.5,
+        "limits.acceleration": 20.0,
+        "limits.torque": 600.0,
+    }
     for position, limited in ((1.9, True), (-1.9, False), (0.0, False)):
         one = joint(**(at | {"position": position, "velocity": 2.5}))
         one.law, one.settling, one.calibrated, one.on_limit = law, settling, calibrated, False
@@ -446,23 +498,33 @@ def test_admissible_reference_of_a_joint(law: int, settling: bool, calibrated: b
 
 
 def handing(kind: str, law: int = POSITION, **at: float) -> Any:
-    given = {"followed": 0.5, "followed_velocity": 0.3, "position": 0.2, "velocity": 0.1}
-    given |= {"stiffness": 50.0, "damping": 3.0, "settling": False, "in_amps": False, "law": law}
+    given = {"track.position": 0.5, "track.velocity": 0.3, "position": 0.2, "velocity": 0.1}
+    given |= {
+        "stiffness": 50.0,
+        "damping": 3.0,
+        "settling": False,
+        "drive.in_amps": False,
+        "law": law,
+    }
     one = joint(**(given | at))
-    one.kind = getattr(LAWS, f"AS_{kind}")
+    one.drive.kind = getattr(LAWS, f"AS_{kind}")
     one.position_pid = pid(kp=100.0, kd=5.0, error=0.25, derivative=0.4)
     return one
 
 
 def test_a_drive_of_one_number() -> None:
-    for kind, name in (("PWM", "output"), ("CURRENT", "set_current"), ("TORQUE", "set_torque")):
+    for kind, name in (
+        ("PWM", "output"),
+        ("CURRENT", "set_point.current"),
+        ("TORQUE", "set_point.torque"),
+    ):
         one = handing(kind)
         LAWS.hand_down(one, 7.0)
-        assert getattr(one, name) == 7.0
-    one = handing("PWM", in_amps=True)
-    one.max_output = 1e9
-    alone = handing("PWM", in_amps=True)
-    alone.max_output = 1e9
+        assert read(one, name) == 7.0
+    one = handing("PWM", drive__in_amps=True)
+    one.limits.output = 1e9
+    alone = handing("PWM", drive__in_amps=True)
+    alone.limits.output = 1e9
     LAWS.hand_down(one, 7.0)
     assert one.output == LAWS.current_law(alone, 7.0)
 
@@ -483,27 +545,36 @@ def test_a_drive_that_closes_an_impedance(
     """What its own spring and damper make is taken off the torque (S1)."""
     one = handing("IMPEDANCE", law, settling=settling)
     LAWS.hand_down(one, 70.0)
-    found = one.set_position, one.set_velocity, one.set_stiffness, one.set_damping, one.set_torque
+    found = (
+        one.set_point.position,
+        one.set_point.velocity,
+        one.set_point.stiffness,
+        one.set_point.damping,
+        one.set_point.torque,
+    )
     assert found == pytest.approx(expected)
 
 
 def test_a_drive_that_closes_the_position() -> None:
     """S2: what is followed, with its torque; as a velocity with what it pursues."""
-    at = {"forward": 11.0, "viscous": 2.0, "coulomb": 0.0, "pursuit": 4.0}
+    at = {"forward": 11.0, "motor.viscous": 2.0, "motor.coulomb": 0.0, "drive.pursuit": 4.0}
     one = handing("POSITION", **at)
     one.position_pid.integral, one.position_pid.kff = 3.0, 0.5
-    LAWS.hand_down_path(one, 1.5, one.followed, one.followed_velocity)
+    LAWS.hand_down_path(one, 1.5, one.track.position, one.track.velocity)
     torque = 3.0 + 0.25 + 11.0 + 1.5 + 0.6
-    assert (one.set_position, one.set_velocity) == (0.5, 0.3)
-    assert one.set_torque == one.torque_reference == pytest.approx(torque)
+    assert (one.set_point.position, one.set_point.velocity) == (0.5, 0.3)
+    assert one.set_point.torque == one.torque_reference == pytest.approx(torque)
     one = handing("VELOCITY", **at)
-    LAWS.hand_down_path(one, 1.5, one.followed, one.followed_velocity)
-    assert (one.set_position, one.set_velocity) == (0.0, pytest.approx(0.3 + 4.0 * 0.3))
+    LAWS.hand_down_path(one, 1.5, one.track.position, one.track.velocity)
+    assert (one.set_point.position, one.set_point.velocity) == (
+        0.0,
+        pytest.approx(0.3 + 4.0 * 0.3),
+    )
     for way in (1.0, -1.0):
         one = handing("VELOCITY", **(at | {"position": 0.5 - way * 5.0, "forward": way * 500.0}))
-        LAWS.hand_down_path(one, 0.0, one.followed, one.followed_velocity)
-        assert one.set_velocity == pytest.approx(way * 3.06)
-        assert one.set_torque == way * 60.0
+        LAWS.hand_down_path(one, 0.0, one.track.position, one.track.velocity)
+        assert one.set_point.velocity == pytest.approx(way * 3.06)
+        assert one.set_point.torque == way * 60.0
 
 
 # --- the whole of a cycle's control --------------------------------------------------------------
@@ -511,16 +582,50 @@ def test_a_drive_that_closes_the_position() -> None:
 
 def controlled(law: int, kind: str = "PWM", **at: float) -> Any:
     """A joint of 1 N·m per percent, far from each bound, whose laws ask for what a test says."""
-    quiet = {"per_torque": 1.0, "per_feed": 0.5, "output_offset": 4.0, "feeds": True, "lead": 0.0}
-    quiet |= {"compensation": 0.5, "per_speed": 2.0, "velocity": 0.1, "position": 0.2, "lag": 0.0}
-    quiet |= {"followed": 0.2, "followed_velocity": 0.1, "forward": 0.0, "delay": 0.0, "lift": 0.0}
-    quiet |= {"max_output": 100.0, "max_drive": 90.0, "current": 0.0, "current_before": 0.0}
-    quiet |= {"acceleration": 0.0, "inertia_min": 1e6, "calibrated": False, "in_amps": False}
-    quiet |= {"settling": False, "holding": False, "torque": 0.0, "strain_cycles": 5, "asked": 0.0}
+    quiet = {
+        "drive.per_torque": 1.0,
+        "drive.per_feed": 0.5,
+        "output_offset": 4.0,
+        "feeds": True,
+        "motor.lead": 0.0,
+    }
+    quiet |= {
+        "drive.compensation": 0.5,
+        "drive.per_speed": 2.0,
+        "velocity": 0.1,
+        "position": 0.2,
+        "motor.lag": 0.0,
+    }
+    quiet |= {
+        "track.position": 0.2,
+        "track.velocity": 0.1,
+        "forward": 0.0,
+        "drive.delay": 0.0,
+        "lift": 0.0,
+    }
+    quiet |= {"limits.output": 100.0, "drive.max": 90.0, "current": 0.0, "current_before": 0.0}
+    quiet |= {
+        "acceleration": 0.0,
+        "motor.inertia_min": 1e6,
+        "calibrated": False,
+        "drive.in_amps": False,
+    }
+    quiet |= {
+        "settling": False,
+        "holding": False,
+        "torque": 0.0,
+        "strain_cycles": 5,
+        "set_point.request": 0.0,
+    }
     one = joint(**(quiet | at))
-    for name in ("coulomb", "coulomb_negative", "viscous", "viscous_negative"):
-        setattr(one, name, 0.0)
-    one.law, one.kind = law, getattr(LAWS, f"AS_{kind}")
+    for name in (
+        "motor.coulomb",
+        "motor.coulomb_negative",
+        "motor.viscous",
+        "motor.viscous_negative",
+    ):
+        write(one, name, 0.0)
+    one.law, one.drive.kind = law, getattr(LAWS, f"AS_{kind}")
     one.position_pid = pid(limit=1e3, integral=10.0, previous=9.0, ki_period=1e-9)
     one.torque_pid = pid(kff=1.0, limit=1e3)
     one.current_pid = pid(integral=5.0)
@@ -534,8 +639,8 @@ def test_off_gives_nothing() -> None:
 
 @pytest.mark.parametrize("kind", ["POSITION", "VELOCITY"])
 def test_drives_of_positions_are_given_the_path(kind: str) -> None:
-    one = controlled(TORQUE, kind, output=7.0, followed=0.5)
-    assert one.set_torque == pytest.approx(10.0 + 2.0)
+    one = controlled(TORQUE, kind, output=7.0, track__position=0.5)
+    assert one.set_point.torque == pytest.approx(10.0 + 2.0)
     assert one.output == 7.0
 
 
@@ -546,7 +651,7 @@ def test_an_output_is_passed_unchanged(feeds: bool) -> None:
     assert one.output == pytest.approx(30.0 + (2.0 if feeds else 0.0))
     assert one.current_pid.integral == 0.0
     for way in (1.0, -1.0):
-        most = controlled(OUTPUT, output_command=way * 300.0, max_output=70.0)
+        most = controlled(OUTPUT, output_command=way * 300.0, limits__output=70.0)
         assert most.output == way * 70.0
 
 
@@ -561,13 +666,13 @@ def test_a_current_is_passed_unchanged(settling: bool, holding: bool) -> None:
         expected = 6.0 + 0.1 + 2.0
     else:
         expected = 32.0
-    assert one.set_current == pytest.approx(expected, abs=1e-6)
+    assert one.set_point.current == pytest.approx(expected, abs=1e-6)
     for way in (1.0, -1.0):
         most = controlled(
             CURRENT, "CURRENT", **(at | {"current_command": way * 300.0, "feeds": False})
         )
         if not (settling or holding):
-            assert most.set_current == way * 90.0
+            assert most.set_point.current == way * 90.0
 
 
 def test_a_torque_becomes_a_drive() -> None:
@@ -601,9 +706,9 @@ def test_a_torque_beyond_the_limit_strains_the_joint(way: float) -> None:
 
 def test_a_saturated_drive_reduces_the_integral() -> None:
     """Of the loop that runs, where it pushes further: by the torque's limit, by the drive's."""
-    for at in ({"forward": 70.0}, {"max_drive": 5.0}):
+    for at in ({"forward": 70.0}, {"drive.max": 5.0}):
         for error, integral in ((0.1, 10.0), (-0.1, 10.0 - 1e-10)):
-            one = controlled(POSITION, followed=0.2 + error, **at)
+            one = controlled(POSITION, track__position=0.2 + error, **at)
             assert one.position_pid.previous == 10.0
             assert (one.position_pid.integral == 10.0) is (error > 0.0)
             assert one.position_pid.integral == pytest.approx(integral, abs=1e-12)

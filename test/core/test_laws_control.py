@@ -20,7 +20,7 @@ PERIOD = 0.001
 def test_the_drive_is_ahead_of_the_winding() -> None:
     """P10: with L di/dt = v − R i the current is, at the end of a cycle, what was wanted."""
     kept = math.exp(-0.4)  # a = exp(−T R/L)
-    one = started(Law.TORQUE, lead=kept / (1.0 - kept))
+    one = started(Law.TORQUE, motor__lead=kept / (1.0 - kept))
     current, random = 0.0, np.random.default_rng(1)
     for wanted in random.uniform(-8.0, 8.0, 30):
         one.joint.command_torque(wanted)
@@ -33,7 +33,11 @@ def test_the_current_loop_is_ahead_of_the_winding() -> None:
     """P10: R·(i_ref + lead·Δi_ref) brings the current there within the cycle, as for a PWM."""
     kept, ohms = math.exp(-0.6), 2.0
     one = started(
-        Law.TORQUE, in_amps=True, ohms=ohms, percent_per_volt=1.0, lead=kept / (1.0 - kept)
+        Law.TORQUE,
+        drive__in_amps=True,
+        motor__ohms=ohms,
+        motor__percent_per_volt=1.0,
+        motor__lead=kept / (1.0 - kept),
     )
     current = 0.0
     for wanted in np.random.default_rng(2).uniform(-5.0, 5.0, 30):
@@ -49,12 +53,12 @@ def test_the_current_loop_is_ahead_of_the_winding() -> None:
 
 def turned_round(known: float, rubs: float = 4.0) -> float:
     """How far the velocity of a joint that rubs overshoots when it is turned round, rad/s."""
-    one = started(Law.POSITION, coulomb=known, coulomb_negative=known)
+    one = started(Law.POSITION, motor__coulomb=known, motor__coulomb_negative=known)
     gains(one.joint.position_pid, kp=2500.0, ki_period=10.0, kd=50.0)
     body = Body(one, friction=rubs)
-    one.joint.ramp(0.5, 5.0)
+    one.joint.ramp_to(0.5, 5.0)
     body.step(600)
-    one.joint.ramp(-0.5, 5.0)
+    one.joint.ramp_to(-0.5, 5.0)
     return -0.5 - float(body.step(600)[:, 1].min())
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joint_parts import read, write
 from joints import ROWS
 from lone_joint import INFINITE, LAWS, joint
 
@@ -52,10 +53,10 @@ class Two:
 
     def set(self, name: str, *values: float) -> None:
         for one, value in zip(self.joints, values, strict=True):
-            setattr(one, name, value)
+            write(one, name, value)
 
     def get(self, name: str) -> list[float]:
-        return [getattr(one, name) for one in self.joints]
+        return [read(one, name) for one in self.joints]
 
 
 @pytest.fixture
@@ -70,8 +71,8 @@ def two(arm: LinearArm) -> Two:
     made.set("position", 0.1, 0.4)
     made.set("velocity", 0.2, 0.5)
     made.set("acceleration", 0.3, 0.6)
-    made.set("followed_velocity", 0.7, 0.8)
-    made.set("followed_acceleration", 0.9, 1.1)
+    made.set("track.velocity", 0.7, 0.8)
+    made.set("track.acceleration", 0.9, 1.1)
     return made
 
 
@@ -114,8 +115,8 @@ def test_else_each_joint_accelerates_its_own_inertia(arm: LinearArm, why: str) -
     two = Two(None if why == "no arm" else arm, feeds_arm=why != "not in all laws")
     two.set("calibrated", True, why != "an unknown angle")
     two.set("position", 0.1, NAN if why == "no reading" else 0.4)
-    two.set("inertia", 2.0, 3.0)
-    two.set("followed_acceleration", 0.5, -0.25)
+    two.set("motor.inertia", 2.0, 3.0)
+    two.set("track.acceleration", 0.5, -0.25)
     two.laws.feed_forward()
     assert two.get("forward") == [1.0, -0.75]
     assert arm.asked == []
@@ -247,25 +248,30 @@ def motion(base: Any, t: float) -> tuple[float, float, float]:
 
 def pursued(j: Any) -> tuple[dict[str, float], str]:
     """What a cycle gives by the docstring of ``follow_stream``, and on which branch of it."""
-    stream, period, most = j.stream, j.period, j.max_acceleration
+    stream, period, most = j.direct.stream, j.clock.period, j.limits.acceleration
     base = stream.grid if stream.on_grid else stream.sent
-    age = (j.direct_age - 1.0) * period + (stream.late if stream.on_grid else 0.0)
+    age = (j.direct.age - 1.0) * period + (stream.late if stream.on_grid else 0.0)
     quick = min(
         LAWS.FREQUENCY_INTERVAL / max(stream.interval, LAWS.MIN_STREAM_INTERVAL),
         LAWS.MAX_FREQUENCY,
         0.2 / period,
     )
     goal, speed, rate = motion(base, age)
-    speed, rate = clip(speed, j.max_velocity), clip(rate, most)
+    speed, rate = clip(speed, j.limits.velocity), clip(rate, most)
     where = "free"
-    if (goal >= j.upper and speed > 0.0) or (goal <= j.lower and speed < 0.0):
-        goal, speed, rate, where = min(max(goal, j.lower), j.upper), 0.0, 0.0, "limit"
-    filtered = j.stream_acceleration
+    if (goal >= j.reference.upper and speed > 0.0) or (goal <= j.reference.lower and speed < 0.0):
+        goal, speed, rate, where = (
+            min(max(goal, j.reference.lower), j.reference.upper),
+            0.0,
+            0.0,
+            "limit",
+        )
+    filtered = j.direct.acceleration
     filtered += (rate - filtered) * min(3.0 * quick * period, 1.0)
-    peak = max(j.stream_peak * (1.0 - period), abs(filtered))
+    peak = max(j.direct.peak_acceleration * (1.0 - period), abs(filtered))
     mean = speed - 0.5 * filtered * period
-    error = goal - j.followed - mean * period
-    off = j.followed_velocity - mean + filtered * period
+    error = goal - j.track.position - mean * period
+    off = j.track.velocity - mean + filtered * period
     brake = max(0.8 * (most - peak), 0.03 * most)
     slope = 0.5 * quick
     near = brake / slope**2
@@ -274,12 +280,12 @@ def pursued(j: Any) -> tuple[dict[str, float], str]:
         wanted = math.copysign(math.sqrt(2.0 * brake * (abs(error) - 0.5 * near)), error)
         ahead = -math.copysign(min(brake * abs(off / wanted), brake), error)
         where += ", far"
-    given = j.followed_velocity + (filtered + ahead + 4.0 * slope * (wanted - off)) * period
+    given = j.track.velocity + (filtered + ahead + 4.0 * slope * (wanted - off)) * period
     exact = mean + error / period
     if abs(exact - given) <= 0.01 * most * period:
         given, where = exact, where + ", there"
-    found = {"reference_velocity": speed, "direct_velocity": speed, "given": given}
-    return found | {"stream_acceleration": filtered, "stream_peak": peak}, where
+    found = {"reference.velocity": speed, "direct.velocity": speed, "given": given}
+    return found | {"direct.acceleration": filtered, "direct.peak_acceleration": peak}, where
 
 
 def clip(value: float, most: float) -> float:
@@ -291,28 +297,37 @@ def test_a_stream_is_approached_and_followed_by_the_formula() -> None:
     random = np.random.default_rng(3)
     ways = set[str]()
     for _ in range(400):
-        one = joint(period=float(random.choice([0.001, 0.01, 0.1])), lower=-1.0, upper=1.0)
-        one.stream.on_grid = bool(random.integers(2))
-        one.stream.interval = float(random.choice([0.001, 0.01, 0.05]))
-        one.stream.late = float(random.uniform(0.0, 0.02))
-        for base in (one.stream.grid, one.stream.sent):
+        one = joint(
+            clock__period=float(random.choice([0.001, 0.01, 0.1])),
+            reference__lower=-1.0,
+            reference__upper=1.0,
+        )
+        one.direct.stream.on_grid = bool(random.integers(2))
+        one.direct.stream.interval = float(random.choice([0.001, 0.01, 0.05]))
+        one.direct.stream.late = float(random.uniform(0.0, 0.02))
+        for base in (one.direct.stream.grid, one.direct.stream.sent):
             base.x, base.v, base.a = map(float, random.uniform(-1.2, 1.2, 3) * (1.0, 4.0, 30.0))
             base.turning = float(random.choice([0.0, 9.0]))
-        one.direct_age = float(random.integers(1, 4))
-        one.stream_acceleration, one.stream_peak = map(float, random.uniform(-5.0, 25.0, 2))
-        base = one.stream.grid if one.stream.on_grid else one.stream.sent
+        one.direct.age = float(random.integers(1, 4))
+        one.direct.acceleration, one.direct.peak_acceleration = map(
+            float, random.uniform(-5.0, 25.0, 2)
+        )
+        base = one.direct.stream.grid if one.direct.stream.on_grid else one.direct.stream.sent
         far = float(random.choice([0.0, 0.001, 0.3, 2.0]))
-        one.followed = base.x + far * float(random.uniform(-1.0, 1.0))
-        one.followed_velocity = base.v + far * float(random.uniform(-1.0, 1.0))
+        one.track.position = base.x + far * float(random.uniform(-1.0, 1.0))
+        one.track.velocity = base.v + far * float(random.uniform(-1.0, 1.0))
         if random.integers(3) == 0:  # already on its way along it
-            base.a, one.stream_acceleration, one.stream_peak = 0.0, 0.0, 0.0
+            base.a, one.direct.acceleration, one.direct.peak_acceleration = 0.0, 0.0, 0.0
             base.turning, base.v = 0.0, float(random.uniform(-0.5, 0.5))
-            age = (one.direct_age - 1.0) * one.period
-            age += one.stream.late if one.stream.on_grid else 0.0
-            one.followed, one.followed_velocity = base.x + base.v * (age - one.period), base.v
+            age = (one.direct.age - 1.0) * one.clock.period
+            age += one.direct.stream.late if one.direct.stream.on_grid else 0.0
+            one.track.position, one.track.velocity = (
+                base.x + base.v * (age - one.clock.period),
+                base.v,
+            )
         expected, way = pursued(one)
         given = LAWS.follow_stream(one)
-        found = {name: getattr(one, name) for name in expected if name != "given"}
+        found = {name: read(one, name) for name in expected if name != "given"}
         assert found | {"given": given} == pytest.approx(expected, rel=1e-6, abs=1e-6), way
         ways.add(way)
     assert ways >= {"free", "free, far", "free, there", "limit", "limit, far"}, ways
@@ -323,13 +338,23 @@ def test_a_stream_is_approached_and_followed_by_the_formula() -> None:
 
 def led(**given: Any) -> Any:
     """A joint at its reference, 0.2 rad, at rest and without direct position unless given."""
-    usual = {"lower": -1.0, "upper": 1.0, "reference": 0.2, "reference_velocity": 0.0}
-    usual |= {"followed": 0.2, "followed_velocity": 0.0, "followed_acceleration": 0.0}
-    usual |= {"active": True, "moving": False, "ramp_target": 0.0, "ramp_velocity": 0.0}
-    usual |= {"stopping": False}
-    usual |= {"direct_age": INFINITE, "direct_velocity": 0.0}
+    usual = {
+        "reference.lower": -1.0,
+        "reference.upper": 1.0,
+        "reference.position": 0.2,
+        "reference.velocity": 0.0,
+    }
+    usual |= {"track.position": 0.2, "track.velocity": 0.0, "track.acceleration": 0.0}
+    usual |= {
+        "reference.active": True,
+        "trajectory.moving": False,
+        "ramp.target": 0.0,
+        "ramp.velocity": 0.0,
+    }
+    usual |= {"stop.active": False}
+    usual |= {"direct.age": INFINITE, "direct.velocity": 0.0}
     one = joint(**(usual | given))
-    one.stream.flows = False
+    one.direct.stream.flows = False
     return one
 
 
@@ -341,68 +366,79 @@ def test_a_reference_is_approached_as_fast_as_it_can_be_braked() -> None:
         reference, speed = map(float, random.uniform(-1.0, 1.0, 2))
         goal_speed = float(random.choice([0.0, 0.5, -0.5]))
         one = led(
-            reference=reference,
-            reference_velocity=goal_speed,
-            followed=float(random.choice([reference, random.uniform(-1.0, 1.0), -0.999, 0.999])),
-            followed_velocity=float(random.choice([0.0, 0.5, -0.5, 3.0 * speed])),
+            reference__position=reference,
+            reference__velocity=goal_speed,
+            track__position=float(
+                random.choice([reference, random.uniform(-1.0, 1.0), -0.999, 0.999])
+            ),
+            track__velocity=float(random.choice([0.0, 0.5, -0.5, 3.0 * speed])),
         )
         brake = lambda way: LAWS.brake_speed(way, 20.0, 0.01)  # noqa: E731
-        rest = reference - one.followed - goal_speed * 0.01
+        rest = reference - one.track.position - goal_speed * 0.01
         wanted = goal_speed + math.copysign(brake(abs(rest)), rest)
-        low, high = -min(brake(one.followed + 1.0), 3.0), min(brake(1.0 - one.followed), 3.0)
+        low, high = (
+            -min(brake(one.track.position + 1.0), 3.0),
+            min(brake(1.0 - one.track.position), 3.0),
+        )
         inside = min(max(wanted, low), high)
-        before = one.followed, one.followed_velocity
+        before = one.track.position, one.track.velocity
         velocity = min(max(inside, before[1] - 0.2), before[1] + 0.2)
         bounds |= (
             {"limit"} if inside != wanted else {"acceleration"} if velocity != inside else {""}
         )
         LAWS.follow(one)
-        if one.active:
-            assert one.followed_velocity == pytest.approx(velocity, abs=1e-12)
-            assert one.followed_acceleration == pytest.approx((velocity - before[1]) / 0.01)
-        assert one.followed == pytest.approx(before[0] + velocity * 0.01, abs=1e-12)
+        if one.reference.active:
+            assert one.track.velocity == pytest.approx(velocity, abs=1e-12)
+            assert one.track.acceleration == pytest.approx((velocity - before[1]) / 0.01)
+        assert one.track.position == pytest.approx(before[0] + velocity * 0.01, abs=1e-12)
     assert bounds == {"limit", "acceleration", ""}
 
 
 def test_a_planned_stop_is_followed_as_it_was_predicted() -> None:
     """M9: held back to the limit acceleration, 20, a joint would return to it afterwards."""
-    one = led(stopping=True, moved=0.2, moved_velocity=1.0, followed_velocity=1.0, velocity=1.0)
+    one = led(
+        stop__active=True,
+        trajectory__position=0.2,
+        trajectory__velocity=1.0,
+        track__velocity=1.0,
+        velocity=1.0,
+    )
     one.brake_by(memoryview(array("d", [-50.0, -30.0])), 2, 0.01)
     for speed in (0.5, 0.2):
         LAWS.advance(one)
-        assert one.followed_velocity == pytest.approx(speed, abs=1e-9)
-    assert one.followed == pytest.approx(0.207, abs=1e-9)
+        assert one.track.velocity == pytest.approx(speed, abs=1e-9)
+    assert one.track.position == pytest.approx(0.207, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     "goes_on",
     [
         {},
-        {"moving": True},
-        {"stopping": True},
-        {"ramp_target": 0.1},
-        {"ramp_velocity": 0.1},
-        {"direct_age": 2.0},  # a sample may follow
-        {"followed": 0.201},
-        {"direct_velocity": 0.1, "direct_age": INFINITE},
+        {"trajectory.moving": True},
+        {"stop.active": True},
+        {"ramp.target": 0.1},
+        {"ramp.velocity": 0.1},
+        {"direct.age": 2.0},  # a sample may follow
+        {"track.position": 0.201},
+        {"direct.velocity": 0.1, "direct.age": INFINITE},
     ],
 )
 def test_what_has_arrived_is_done(goes_on: dict[str, Any]) -> None:
     """It is not computed again until the next reference; nothing else moves it."""
     one = led(**goes_on)
     LAWS.follow(one)
-    assert bool(one.active) is (goes_on != {})
+    assert bool(one.reference.active) is (goes_on != {})
     if not goes_on:
-        assert (one.followed, one.followed_velocity, one.followed_acceleration) == (0.2, 0.0, 0.0)
+        assert (one.track.position, one.track.velocity, one.track.acceleration) == (0.2, 0.0, 0.0)
 
 
 def test_the_last_rounding_error_ends_at_the_reference() -> None:
-    one = led(followed=0.2 - 1e-13, moving=True)
+    one = led(track__position=0.2 - 1e-13, trajectory__moving=True)
     LAWS.follow(one)
-    assert one.followed == 0.2
-    one = led(followed=0.2 - 1e-13, moving=True, reference_velocity=0.5)
+    assert one.track.position == 0.2
+    one = led(track__position=0.2 - 1e-13, trajectory__moving=True, reference__velocity=0.5)
     LAWS.follow(one)
-    assert one.followed != 0.2
+    assert one.track.position != 0.2
 
 
 @pytest.mark.parametrize("late", [False, True])
@@ -410,16 +446,24 @@ def test_a_stream_ends_when_no_sample_comes(late: bool, monkeypatch: pytest.Monk
     """P4: after its patience, by whole cycles since the last one."""
     monkeypatch.setattr(LAWS.advancing, "follow_stream", lambda _: 0.0)
     one = led(
-        direct_velocity=0.3, reference_velocity=0.3, stream_acceleration=4.0, stream_peak=5.0
+        direct__velocity=0.3,
+        reference__velocity=0.3,
+        direct__acceleration=4.0,
+        direct__peak_acceleration=5.0,
     )
-    one.stream.flows, one.stream.interval = True, 0.02
-    cycles = one.stream.patience() / one.period
-    one.direct_age = 1.0 + cycles + (0.5 if late else -0.5)
+    one.direct.stream.flows, one.direct.stream.interval = True, 0.02
+    cycles = one.direct.stream.patience() / one.clock.period
+    one.direct.age = 1.0 + cycles + (0.5 if late else -0.5)
     LAWS.follow(one)
-    assert bool(one.stream.flows) is not late
+    assert bool(one.direct.stream.flows) is not late
     expected = (0.0, 0.0, 0.0, 0.0) if late else (0.3, 0.3, 4.0, 5.0)
-    names = ("direct_velocity", "reference_velocity", "stream_acceleration", "stream_peak")
-    assert tuple(getattr(one, name) for name in names) == expected
+    names = (
+        "direct.velocity",
+        "reference.velocity",
+        "direct.acceleration",
+        "direct.peak_acceleration",
+    )
+    assert tuple(read(one, name) for name in names) == expected
 
 
 # --- loads ---------------------------------------------------------------------------------------
@@ -453,8 +497,8 @@ def test_no_load_is_captured_before_all_are_at_rest(
     )
     two.set("settling", *map(bool, settling))
     two.set("awaited", *map(bool, awaited))
-    two.set("active", *map(bool, active))
-    cycles = math.ceil(LAWS.REST_TIME / two.first.period)
+    two.set("reference.active", *map(bool, active))
+    cycles = math.ceil(LAWS.REST_TIME / two.first.clock.period)
     two.set("rest_cycles", *(cycles if one else cycles - 1 for one in rested))
     two.laws.settle_joints()
     assert [j for j, _, _ in told] == [one for one in two.joints if one.settling]
@@ -490,7 +534,7 @@ def test_a_contact_is_news_when_it_begins_and_ends() -> None:
     """X2: once each."""
     one = joint(strain_cycles=0, strained=False, on_limit=False, was_on_limit=False)
     for contact in (True, False):
-        one.contact = contact
+        one.external.contact = contact
         assert LAWS.has_news(one)
         assert not LAWS.has_news(one)
 
@@ -500,11 +544,11 @@ def test_a_contact_is_news_when_it_begins_and_ends() -> None:
 )
 def test_a_set_point_is_finite_where_all_its_values_are(value: str) -> None:
     names = ("current", "torque", "velocity", "position", "stiffness", "damping")
-    one = joint(**{f"set_{name}": 2.0**k for k, name in enumerate(names)})
-    assert LAWS.set_point_sum(one) == 63.0
+    one = joint(**{f"set_point.{name}": 2.0**k for k, name in enumerate(names)})
+    assert one.set_point.total() == 63.0
     for wrong in (NAN, math.inf, -math.inf):
-        setattr(one, f"set_{value}", wrong)
-        assert not LAWS.is_number(LAWS.set_point_sum(one))
+        setattr(one.set_point, value, wrong)
+        assert not LAWS.is_number(one.set_point.total())
 
 
 class Noted(LAWS.Laws):  # type: ignore[misc,name-defined]
@@ -550,18 +594,18 @@ def test_the_steps_of_a_cycle(
             lambda j, *_, name=name: laws.steps.append(f"{name} {two.joints.index(j)}"),
         )
     two.set("settling", *settling)
-    two.set("active", *map(bool, active))
+    two.set("reference.active", *map(bool, active))
     two.set("braked", *map(bool, braked))
     two.set("output", 12.0, 13.0)
-    two.set("kind", LAWS.AS_PWM, LAWS.AS_PWM)
+    two.set("drive.kind", LAWS.AS_PWM, LAWS.AS_PWM)
     two.set("on_limit", False, False)
     two.set("was_on_limit", False, False)
     two.set("strained", False, False)
     two.set("strain_cycles", 0, 0)
-    two.set("reference", 0.5, 0.6)
-    two.set("reference_velocity", 0.7, 0.8)
+    two.set("reference.position", 0.5, 0.6)
+    two.set("reference.velocity", 0.7, 0.8)
     two.set("torque_reference", 0.9, 1.1)
-    two.set("moving", True, False)
+    two.set("trajectory.moving", True, False)
     assert not laws.step()
     settles = any(settling)
     advanced = [k for k in range(2) if active[k] and not braked[k]]
@@ -580,35 +624,35 @@ def test_the_steps_of_a_cycle(
     ]
     for k, one in enumerate(two.joints):
         moved = k in advanced
-        assert two.rows["position_reference"][k] == (one.reference if moved else 0.0)
-        assert two.rows["velocity_reference"][k] == (one.reference_velocity if moved else 0.0)
-        assert two.done[k] == (not one.moving if moved else 5)
+        assert two.rows["position_reference"][k] == (one.reference.position if moved else 0.0)
+        assert two.rows["velocity_reference"][k] == (one.reference.velocity if moved else 0.0)
+        assert two.done[k] == (not one.trajectory.moving if moved else 5)
         assert two.rows["torque_reference"][k] == one.torque_reference
         assert two.rows["output"][k] == one.output
 
 
-@pytest.mark.parametrize("wrong", [{"output": NAN}, {"output": 1e9}, {"set_torque": NAN}])
+@pytest.mark.parametrize("wrong", [{"output": NAN}, {"output": 1e9}, {"set_point.torque": NAN}])
 def test_an_output_that_is_not_finite_is_never_written(
     two: Two, monkeypatch: pytest.MonkeyPatch, wrong: dict[str, float]
 ) -> None:
     """F1: the joint gives up at its reference, at rest, and that is news."""
     laws = Noted(two.joints, list(two.rows.values()), two.done, two.arm)
     laws.steps = []
-    two.set("kind", LAWS.AS_PWM, LAWS.AS_PWM)
+    two.set("drive.kind", LAWS.AS_PWM, LAWS.AS_PWM)
 
     def control(j: Any) -> None:
         for name, value in ({"output": 1.0} | (wrong if j is two.second else {})).items():
-            setattr(j, name, value)
+            write(j, name, value)
 
     monkeypatch.setattr(LAWS.laws, "control", control)
     monkeypatch.setattr(LAWS.laws, "has_news", lambda _: False)
-    two.set("active", False, False)
+    two.set("reference.active", False, False)
     for name in ("current", "torque", "velocity", "position", "stiffness", "damping"):
-        two.set(f"set_{name}", 0.0, 0.0)
+        two.set(f"set_point.{name}", 0.0, 0.0)
     two.rows["velocity_reference"][1] = 9.0
     assert laws.step()
     assert two.rows["output"][0] == 1.0
     assert math.isfinite(two.rows["output"][1])
     assert two.rows["output"][1] == 0.0
-    assert two.rows["position_reference"][1] == two.second.reference
+    assert two.rows["position_reference"][1] == two.second.reference.position
     assert two.rows["velocity_reference"][1] == 0.0

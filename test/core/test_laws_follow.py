@@ -16,7 +16,7 @@ from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.modes import Law
 
 PERIOD, SPEED, ACCELERATION = 0.001, 3.0, 20.0
-FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
+FOLLOWED = ("track.position", "track.velocity", "track.acceleration")
 
 
 def standing(position: float = 0.0, **constants: float) -> OneJoint:
@@ -32,7 +32,7 @@ def standing(position: float = 0.0, **constants: float) -> OneJoint:
 def keeps_its_limits(one: OneJoint, rows: np.ndarray, lower: float, upper: float) -> None:
     """P14: speed and acceleration; P9: bounds; and what is fed forward is what happens."""
     position, velocity, acceleration = rows.T
-    period = one.joint.period
+    period = one.joint.clock.period
     assert np.abs(velocity).max() <= SPEED + 1e-9
     # A joint counts as at rest from a millionth of the speed that a cycle can change: its speed
     # reads zero in the cycle that goes this last part of the way.
@@ -69,7 +69,7 @@ def test_a_step_is_the_fastest_way_there(target: float, period: float) -> None:
 
     T = 2√(d/a) while 2√(d·a)/2 ≤ v, else d/v + v/a
     """
-    one = standing(period=period)
+    one = standing(clock__period=period)
     one.joint.step_to(target)
     way = abs(target)
     least = 2.0 * math.sqrt(way / ACCELERATION)
@@ -80,13 +80,13 @@ def test_a_step_is_the_fastest_way_there(target: float, period: float) -> None:
     arrived = int(np.argmax(rows[:, 0] == target)) + 1
     assert rows[-1].tolist() == [target, 0.0, 0.0]
     assert arrived * period <= 1.02 * least + 4 * period
-    assert one.joint.reference == target
-    assert not one.joint.active
+    assert one.joint.reference.position == target
+    assert not one.joint.reference.active
 
 
 COMMANDS = st.lists(
     st.tuples(
-        st.sampled_from(["step_to", "step_with", "ramp", "move"]),
+        st.sampled_from(["step_to", "step_with", "ramp_to", "move"]),
         st.floats(-2.5, 2.5),
         st.floats(-4.0, 4.0),
         st.integers(1, 300),
@@ -99,13 +99,13 @@ COMMANDS = st.lists(
 def send(one: OneJoint, kind: str, position: float, velocity: float) -> None:
     """Give a joint a reference, bounded as the board bounds it."""
     joint = one.joint
-    position = min(max(position, joint.lower), joint.upper)
+    position = min(max(position, joint.reference.lower), joint.reference.upper)
     if kind == "step_to":
         joint.step_to(position)
     elif kind == "step_with":
         joint.step_with(position, velocity)
-    elif kind == "ramp":
-        joint.ramp(min(max(velocity, -SPEED), SPEED), 1.0 + abs(position) * 5.0)
+    elif kind == "ramp_to":
+        joint.ramp_to(min(max(velocity, -SPEED), SPEED), 1.0 + abs(position) * 5.0)
     else:
         joint.move(position, abs(velocity), 0.0)
 
@@ -116,15 +116,15 @@ def test_no_sequence_of_references_passes_a_limit(
     commands: list[tuple[str, float, float, int]], period: float
 ) -> None:
     """P9, P14: any kinds in any order, with any moves, velocities and feed-forwards."""
-    one = standing(period=period)
+    one = standing(clock__period=period)
     rows = []
     for kind, position, velocity, cycles in commands:
         send(one, kind, position, velocity)
         rows.append(one.record(cycles, *FOLLOWED))
-    one.joint.step_to(one.joint.reference)
+    one.joint.step_to(one.joint.reference.position)
     rows.append(one.record(round(3.0 / period), *FOLLOWED))
     keeps_its_limits(one, np.concatenate(rows), -2.0, 2.0)
-    assert rows[-1][-1].tolist() == [one.joint.reference, 0.0, 0.0]
+    assert rows[-1][-1].tolist() == [one.joint.reference.position, 0.0, 0.0]
 
 
 @given(
@@ -153,10 +153,10 @@ def test_a_new_step_starts_from_the_present_speed(step: float, later: float, whe
 
 def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
     """K7, P9: no limit is known that could close behind it."""
-    one = standing(2.3, upper=math.inf, calibrated=False)
+    one = standing(2.3, reference__upper=math.inf, calibrated=False)
     one.joint.step_to(1.0)
     one.step(1000)
-    assert one.joint.upper == math.inf
+    assert one.joint.reference.upper == math.inf
 
 
 # --- a joint that cannot follow --------------------------------------------------------------
@@ -167,15 +167,15 @@ def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> Non
     one = standing()
     gains(one.joint.position_pid, kp=200.0)
     one.joint.step_to(1.8)
-    blocked = one.record(1000, "followed", "output")
+    blocked = one.record(1000, "track.position", "output")
     assert blocked[:, 0].max() == pytest.approx(60.0 / 200.0, abs=SPEED * PERIOD)
     assert np.abs(blocked[:, 1]).max() <= 60.0
-    assert one.joint.reference == 1.8
+    assert one.joint.reference.position == 1.8
     rows = [blocked[-1, 0]]
     for _ in range(2000):
-        one.set(position=one.joint.followed)
+        one.set(position=one.joint.track.position)
         one.step()
-        rows.append(one.joint.followed)
+        rows.append(one.joint.track.position)
     velocity = np.diff(rows) / PERIOD
     assert np.abs(velocity).max() <= SPEED + 1e-9
     assert np.abs(np.diff(velocity)).max() <= ACCELERATION * PERIOD + 1e-6
@@ -186,7 +186,7 @@ def test_a_blocked_joint_is_led_by_its_torque_limit_and_released_gently() -> Non
 @pytest.mark.parametrize("gaps", [1, 4])
 def test_a_set_point_stands_in_a_gap_between_cycles(kind: SetPoint, gaps: int) -> None:
     """B6, B7: an old reading is continued by what the reference has accelerated, no more."""
-    one = OneJoint(kind=int(kind), period=PERIOD)
+    one = OneJoint(drive__kind=int(kind), clock__period=PERIOD)
     one.joint.start(Law.POSITION)
     one.rows["age"][0] = PERIOD
     one.step(100)
@@ -197,5 +197,5 @@ def test_a_set_point_stands_in_a_gap_between_cycles(kind: SetPoint, gaps: int) -
             one.set(position=0.0, velocity=0.0, age=gap or PERIOD)
             one._laws.step(gap)
             assert abs(one.joint.velocity) <= max(speeds) - min(speeds) + 1e-9
-            speeds.append(one.joint.followed_velocity)
+            speeds.append(one.joint.track.velocity)
     assert max(speeds) > 0.0

@@ -25,8 +25,13 @@ def commanded(torque: float, **constants: float) -> OneJoint:
 # --- strong and slow -------------------------------------------------------------------------
 
 
-STRONG = {"max_velocity": 0.07, "inertia_min": 1.0, "inertia": 1.2, "limit_lower": -9.0}
-STRONG |= {"limit_upper": 9.0, "lower": -9.0, "upper": 9.0}
+STRONG = {
+    "limits.velocity": 0.07,
+    "motor.inertia_min": 1.0,
+    "motor.inertia": 1.2,
+    "limits.lower": -9.0,
+}
+STRONG |= {"limits.upper": 9.0, "reference.lower": -9.0, "reference.upper": 9.0}
 WINDING = 1.5e-3  # s
 
 
@@ -35,7 +40,9 @@ def strong(law: Law, period: float, **constants: float) -> tuple[OneJoint, Windi
     kept = math.exp(-period / WINDING)
     lead = min(kept / (1.0 - kept), 3.0)
     lag = WINDING / period - kept / (1.0 - kept)
-    one = started(law, period=period, lead=lead, lag=lag, **(STRONG | constants))
+    one = started(
+        law, clock__period=period, motor__lead=lead, motor__lag=lag, **(STRONG | constants)
+    )
     return one, Winding(one, WINDING)
 
 
@@ -60,7 +67,7 @@ def test_a_strong_slow_joint_is_caught_when_it_is_freed(period: float, inertia: 
     one, body = strong(Law.POSITION, period)
     stiff = min(600.0, 0.6 / period)
     gains(one.joint.position_pid, kp=stiff**2 / 8.0, kd=stiff, ki_period=stiff**3 / 160.0 * period)
-    one.joint.ramp(0.035, 1.0)
+    one.joint.ramp_to(0.035, 1.0)
     body.step(round(2.0 / period), inertia=inertia, blocked=True)
     felt = body.torque
     assert 6.0 * (1.0 - 1e-9) <= felt <= max(6.0, 0.7 * 0.07 / period)
@@ -78,9 +85,9 @@ def test_a_light_joint_at_its_top_speed_does_not_swing(
 
     By 2.8 times its inertia it did from 250 Hz down, and so did an arm of current drives.
     """
-    wide = {"max_velocity": 3.0, "inertia": 3.0}
+    wide = {"limits.velocity": 3.0, "motor.inertia": 3.0}
     if by_current:
-        one = started(Law.TORQUE, period=period, **(STRONG | wide))
+        one = started(Law.TORQUE, clock__period=period, **(STRONG | wide))
         body: Body | Winding = Body(one, inertia=inertia)
     else:
         one, body = strong(Law.TORQUE, period, **wide)
@@ -112,8 +119,13 @@ def test_a_push_on_a_joint_at_rest_is_held() -> None:
 @pytest.mark.parametrize("torque", [60.0, 15.0, -60.0])
 def test_no_torque_drives_a_joint_too_fast(period: float, inertia: float, torque: float) -> None:
     """P14: within 5 % of the speed limit, at the least inertia and above; and it gets there."""
-    wide = {"limit_lower": -99.0, "limit_upper": 99.0, "lower": -99.0, "upper": 99.0}
-    one = commanded(torque, period=period, **wide)
+    wide = {
+        "limits.lower": -99.0,
+        "limits.upper": 99.0,
+        "reference.lower": -99.0,
+        "reference.upper": 99.0,
+    }
+    one = commanded(torque, clock__period=period, **wide)
     speeds = Body(one, inertia=inertia).step(round(1.5 / period))[:, 1]
     assert np.abs(speeds).max() <= 1.05 * SPEED
     assert speeds[-1] == pytest.approx(np.sign(torque) * SPEED, rel=0.01)
@@ -128,7 +140,7 @@ def test_no_law_drives_a_joint_over_a_limit(
     law: Law, sign: float, load: float, inertia: float, period: float
 ) -> None:
     """P9, P14: it brakes ahead, arrives at rest, and is held there against any load."""
-    one = started(law, period=period)
+    one = started(law, clock__period=period)
     one.joint.command_torque(sign * 50.0)
     one.joint.output_command = sign * 50.0
     one.joint.offer_torque(sign * 50.0)
@@ -156,7 +168,7 @@ def test_a_joint_that_gets_beyond_a_limit_comes_back(sign: float) -> None:
 @pytest.mark.parametrize("load", [0.0, 3.0, -3.0])
 def test_a_joint_found_beyond_a_limit_goes_no_further(sign: float, load: float) -> None:
     """P16: it stays where it was found, or came in to, whatever pushes outwards."""
-    found = {"upper": 2.1} if sign > 0.0 else {"lower": -2.1}
+    found = {"reference.upper": 2.1} if sign > 0.0 else {"reference.lower": -2.1}
     one = commanded(sign * 5.0, **found)
     body = Body(one, load=load)
     body.position = sign * 2.1
@@ -174,14 +186,16 @@ def test_a_joint_found_beyond_a_limit_goes_no_further(sign: float, load: float) 
 @pytest.mark.parametrize("every", [1, 10])
 def test_the_torque_from_outside_takes_its_time_whatever_the_rate_of_readings(every: int) -> None:
     """X1, X2, B7: bandwidth and time of a contact are in time that passed, not in readings."""
-    one = joint(external_share=0.01, contact_threshold=1.0, contact_time=0.5, torque=0.0)
-    one.external = one.unobserved = one.contact_lasted = 0.0
-    one.has_torque_sensor, one.contact = True, False
+    one = joint(
+        external__share=0.01, external__threshold=1.0, external__min_duration=0.5, torque=0.0
+    )
+    one.external.torque = one.external.interval = one.external.duration = 0.0
+    one.motor.has_torque_sensor, one.external.contact = True, False
     above, contact = 0, 0
     for cycle in range(1, 401):
-        one.missed = 0.0 if cycle % every == 0 else 0.01
+        one.wire.silence = 0.0 if cycle % every == 0 else 0.01
         LAWS.observe_external(one, 2.0)
-        above = above or cycle * (one.external > 1.0)
-        contact = contact or cycle * bool(one.contact)
+        above = above or cycle * (one.external.torque > 1.0)
+        contact = contact or cycle * bool(one.external.contact)
     assert above == pytest.approx(69, abs=every)  # 2 (1 - 0.99^k) = 1
     assert contact - above == pytest.approx(49, abs=every)

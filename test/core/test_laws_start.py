@@ -68,7 +68,7 @@ def test_a_joint_in_motion_comes_to_rest_and_stays(law: Law, load: float, fricti
     one.step(2)
     one.joint.start(Law.POSITION)
     body.step(500)
-    one.joint.ramp(0.6, 10.0)
+    one.joint.ramp_to(0.6, 10.0)
     body.step(300)
     assert body.velocity == pytest.approx(0.6, abs=0.01)
     one.joint.hold(body.position)

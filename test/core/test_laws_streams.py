@@ -23,7 +23,7 @@ EVEN = {
     "50 Hz": np.arange(0, CYCLES, 20),
     "100 Hz, 2 ms": np.arange(10, CYCLES, 10) + _RANDOM.integers(-1, 2, CYCLES // 10 - 1),
 }
-ROWS = ("followed", "followed_velocity", "followed_acceleration")
+ROWS = ("track.position", "track.velocity", "track.acceleration")
 
 
 def fed(path: Callable[[float], float], due: Iterable[int], cycles: int = CYCLES) -> np.ndarray:
@@ -83,7 +83,7 @@ def test_a_single_step_is_followed_until_it_can_be_no_stream() -> None:
     active = []
     for _ in range(300):
         one.step()
-        active.append(bool(one.joint.active))
+        active.append(bool(one.joint.reference.active))
     last = max(k for k, followed in enumerate(active) if followed)
     assert active[: last + 1] == [True] * (last + 1)
     assert 0.249 <= (last + 1) * PERIOD <= 0.252

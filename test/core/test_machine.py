@@ -188,4 +188,4 @@ def test_a_closer_limit_bounds_the_followed_position(board: Board) -> None:
     board.reconfigure(
         board_config(replace(board.config.joints[0], limits=near.limits), CONFIG.joints[1])
     )
-    assert (laws.lower, laws.upper) == (-0.3, 0.4)
+    assert (laws.reference.lower, laws.reference.upper) == (-0.3, 0.4)

@@ -46,9 +46,12 @@ def test_a_reset_holds_where_the_joint_is(made: Made) -> None:
     assert made.state.position_reference.tolist() == [0.3, -1.5]
     assert made.state.velocity_reference.tolist() == [0.0, 0.0]
     assert made.state.done.all()
-    assert [(j.lower, j.upper) for j in made.laws] == [(-2.0, 2.0), (-1.5, 2.0)]
+    assert [(j.reference.lower, j.reference.upper) for j in made.laws] == [
+        (-2.0, 2.0),
+        (-1.5, 2.0),
+    ]
     made.references.reset(range(2), bounded=False)
-    assert all(math.isinf(j.lower) and math.isinf(j.upper) for j in made.laws)
+    assert all(math.isinf(j.reference.lower) and math.isinf(j.reference.upper) for j in made.laws)
 
 
 def test_a_move_takes_its_time(made: Made) -> None:
@@ -70,7 +73,7 @@ def test_a_ramp_and_its_halt(made: Made) -> None:
     made.references.halt(chosen)
     assert not made.references.is_ramping(1)
     limit = made.limits.acceleration[1]
-    assert made.laws[1].ramp_step == pytest.approx(limit * CONFIG.period)
+    assert made.laws[1].ramp.step == pytest.approx(limit * CONFIG.period)
 
 
 def test_a_reference_of_zero_brakes_as_a_timeout_does(made: Made) -> None:
@@ -78,8 +81,8 @@ def test_a_reference_of_zero_brakes_as_a_timeout_does(made: Made) -> None:
     chosen = np.array([0, 1])
     made.references.ramp(chosen, np.array([0.0, 0.4]), np.array([2.0, 2.0]))
     limit = made.limits.acceleration[0]
-    assert made.laws[0].ramp_step == pytest.approx(limit * CONFIG.period)
-    assert made.laws[1].ramp_step == pytest.approx(2.0 * CONFIG.period)
+    assert made.laws[0].ramp.step == pytest.approx(limit * CONFIG.period)
+    assert made.laws[1].ramp.step == pytest.approx(2.0 * CONFIG.period)
 
 
 def test_torques_and_outputs_go_to_their_joints(made: Made) -> None:

@@ -30,8 +30,14 @@ class Servo(OneJoint):
     """
 
     def __init__(self, load: float = LOAD, *, senses: bool = True, **constants: float) -> None:
-        own = {"period": PERIOD, "kind": int(SetPoint.POSITION), "max_torque": LIMIT}
-        super().__init__(**(own | {"has_torque_sensor": False, "inertia_min": 0.02} | constants))
+        own = {
+            "clock.period": PERIOD,
+            "drive.kind": int(SetPoint.POSITION),
+            "limits.torque": LIMIT,
+        }
+        super().__init__(
+            **(own | {"motor.has_torque_sensor": False, "motor.inertia_min": 0.02} | constants)
+        )
         gains(self.joint.position_pid, kp=KP)
         self.load, self.wall, self.place, self.senses = load, math.inf, 0.0, senses
         self.lag = 0.0
@@ -40,7 +46,7 @@ class Servo(OneJoint):
 
     @property
     def goal(self) -> float:
-        return float(self.joint.set_position)
+        return float(self.joint.set_point.position)
 
     def run(self, cycles: int = GUARD) -> None:
         for _ in range(cycles):
@@ -72,7 +78,7 @@ def test_it_does_not_sink(senses: bool, way: float) -> None:
 @pytest.mark.parametrize("target", [0.8, -0.8])
 def test_its_moves_arrive(target: float, inertia: float) -> None:
     """A light one, too, which pushes gently where it is blocked; with a load taken up at rest."""
-    servo = Servo(inertia_min=inertia)
+    servo = Servo(motor__inertia_min=inertia)
     for load, place in ((LOAD, target), (-0.5 * LOAD, 0.0), (LOAD, target)):
         servo.load = load
         servo.run(100)
@@ -122,7 +128,7 @@ def test_a_change_of_mode_leaves_its_set_point(way: float) -> None:
         changed(servo)
         servo.run(50)
         assert servo.goal == before
-        assert servo.joint.reference == servo.place == before - servo.load / STIFFNESS
+        assert servo.joint.reference.position == servo.place == before - servo.load / STIFFNESS
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -135,14 +141,14 @@ def test_the_reference_is_where_it_creeps_and_swings(way: float) -> None:
     for _ in range(400):
         servo.load += way * 5e-4
         servo.run(1)
-    assert joint.reference == pytest.approx(before - servo.load / STIFFNESS, abs=2.5e-3)
+    assert joint.reference.position == pytest.approx(before - servo.load / STIFFNESS, abs=2.5e-3)
     middle, turning = servo.place - way * 0.03, 8.0
     for k in range(200):
         angle = turning * k * PERIOD
         swing, speed = 2.5e-3 * math.cos(angle), -2.5e-3 * turning * math.sin(angle)
         servo.set(position=middle + swing, velocity=speed, current=LOAD)
         servo.step()
-    assert joint.reference == pytest.approx(middle, abs=2.5e-3)
+    assert joint.reference.position == pytest.approx(middle, abs=2.5e-3)
     assert servo.goal == pytest.approx(before, abs=1e-12)
 
 
@@ -154,22 +160,22 @@ def test_it_stops_from_where_its_set_point_is(cycles: int, way: float) -> None:
     servo.lag = LAG
     changed(servo)
     servo.run(100)
-    servo.joint.move(servo.joint.reference + way * 0.2, 0.2 / SPEED, 0.0)
+    servo.joint.move(servo.joint.reference.position + way * 0.2, 0.2 / SPEED, 0.0)
     servo.run(cycles)
-    speed, goals = servo.joint.followed_velocity, [servo.goal]
+    speed, goals = servo.joint.track.velocity, [servo.goal]
     changed(servo)
-    speeds = [servo.joint.reference_velocity]
+    speeds = [servo.joint.reference.velocity]
     for _ in range(200):
         servo.run(1)
         goals.append(servo.goal)
-        speeds.append(servo.joint.reference_velocity)
+        speeds.append(servo.joint.reference.velocity)
     ways = [way * (b - a) for a, b in pairwise(goals)]
     assert min(ways) >= -1e-12
     assert max(ways) <= abs(speed) * PERIOD + 1e-12
     assert max(way * (b - a) for a, b in pairwise(speeds)) <= 1e-12
-    most = speed**2 / (2.0 * servo.joint.max_acceleration) + abs(speed) * PERIOD
+    most = speed**2 / (2.0 * servo.joint.limits.acceleration) + abs(speed) * PERIOD
     assert abs(goals[-1] - goals[0]) <= most
-    assert servo.joint.reference == pytest.approx(servo.place, abs=1e-4)
+    assert servo.joint.reference.position == pytest.approx(servo.place, abs=1e-4)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -178,18 +184,25 @@ def test_its_set_point_does_not_trail(way: float) -> None:
     servo = Servo(LOAD)
     servo.lag = LAG
     changed(servo)
-    servo.joint.move(servo.joint.reference + way * 0.3, 1.0, 0.0)
+    servo.joint.move(servo.joint.reference.position + way * 0.3, 1.0, 0.0)
     lags = []
     for _ in range(300):
         servo.run(1)
-        lags.append(abs(servo.joint.reference - servo.place))
-        assert servo.goal == pytest.approx(servo.joint.reference + LOAD / STIFFNESS, abs=1e-4)
+        lags.append(abs(servo.joint.reference.position - servo.place))
+        assert servo.goal == pytest.approx(
+            servo.joint.reference.position + LOAD / STIFFNESS, abs=1e-4
+        )
     assert max(lags) > LIMIT / KP
 
 
 @pytest.mark.parametrize(
     ("command", "arguments"),
-    [("move", (0.5, 1.0, 0.0)), ("ramp", (0.1, 1.0)), ("drive_at", (0.1,)), ("step_to", (0.1,))],
+    [
+        ("move", (0.5, 1.0, 0.0)),
+        ("ramp_to", (0.1, 1.0)),
+        ("drive_at", (0.1,)),
+        ("step_to", (0.1,)),
+    ],
 )
 def test_a_reference_is_not_moved_to_where_it_rests(
     command: str, arguments: tuple[float, ...]
@@ -197,9 +210,9 @@ def test_a_reference_is_not_moved_to_where_it_rests(
     """Only a joint that was stopped takes its place over; then it has a reference of the user."""
     servo = Servo(LOAD)
     changed(servo)
-    assert servo.joint.comes_to_rest
+    assert servo.joint.reference.comes_to_rest
     getattr(servo.joint, command)(*arguments)
-    assert not servo.joint.comes_to_rest
+    assert not servo.joint.reference.comes_to_rest
 
 
 def test_a_drive_that_held_nothing_begins_where_the_joint_is() -> None:
@@ -210,9 +223,9 @@ def test_a_drive_that_held_nothing_begins_where_the_joint_is() -> None:
     servo.set(position=0.3, velocity=0.0)
     servo.step()
     servo.joint.hold(0.3)
-    assert servo.joint.reference == servo.joint.followed == 0.3
-    servo.joint.sag, servo.joint.set_position = 0.0, 0.3
+    assert servo.joint.reference.position == servo.joint.track.position == 0.3
+    servo.joint.set_point.sag, servo.joint.set_point.position = 0.0, 0.3
     servo.joint.start(Law.POSITION)
     servo.run(100)
     assert servo.goal == 0.3
-    assert servo.joint.reference == servo.place == pytest.approx(0.3 - LOAD / STIFFNESS)
+    assert servo.joint.reference.position == servo.place == pytest.approx(0.3 - LOAD / STIFFNESS)

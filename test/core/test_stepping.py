@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from joint_parts import stand_in, write
 from joints import gains, started
 from pure import load_python
 
@@ -33,14 +33,18 @@ FRICTION = 0.5
 
 def joint(followed: float, reference: float, torque: float = 30.0, **changes: Any) -> Any:
     """What the planner reads of a joint, and what it orders."""
-    made = SimpleNamespace(
-        followed=followed, reference=reference, followed_velocity=0.0, period=1e-3,
-        max_acceleration=20.0, max_velocity=3.0, max_torque=torque, coulomb=FRICTION,
-        coulomb_negative=FRICTION, viscous=0.0, viscous_negative=0.0, torque_per_ampere=1.0,
-        ohms=1.0, max_output=100.0, percent_per_volt=0.5, emf=1.0, plan=None, step=0.0,
+    made = stand_in(
+        track__position=followed, reference__position=reference, track__velocity=0.0,
+        clock__period=1e-3,
+        limits__acceleration=20.0, limits__velocity=3.0, limits__torque=torque,
+        motor__coulomb=FRICTION,
+        motor__coulomb_negative=FRICTION, motor__viscous=0.0, motor__viscous_negative=0.0,
+        motor__torque_per_ampere=1.0,
+        motor__ohms=1.0, limits__output=100.0, motor__percent_per_volt=0.5, motor__emf=1.0,
+        plan=None, step=0.0,
     )  # fmt: skip
     for name, value in changes.items():
-        setattr(made, name, value)
+        write(made, name, value)
 
     def step_by(plan: Any, steps: int, step: float) -> None:
         made.plan, made.step = np.array(plan)[:steps], step
@@ -52,7 +56,7 @@ def joint(followed: float, reference: float, torque: float = 30.0, **changes: An
 def ways(one: Any) -> tuple[np.ndarray, np.ndarray]:
     """Positions and speeds at the ends of the steps of a plan."""
     speed = np.concatenate([[0.0], np.cumsum(one.plan * one.step)])
-    return one.followed + np.cumsum(0.5 * one.step * (speed[1:] + speed[:-1])), speed[1:]
+    return one.track.position + np.cumsum(0.5 * one.step * (speed[1:] + speed[:-1])), speed[1:]
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -101,9 +105,9 @@ def test_the_second_joint_alone_holds_the_first() -> None:
 
 
 def test_from_motion_no_line_leads_there() -> None:
-    pair = joint(0.1, 1.6), joint(-0.3, -2.3, followed_velocity=0.4)
+    pair = joint(0.1, 1.6), joint(-0.3, -2.3, track__velocity=0.4)
     assert not compiled.Steps(list(pair), ARM.arm()).plan([0, 1])
-    strong = joint(0.1, 1.6, 900.0), joint(-0.3, -2.3, 900.0, followed_velocity=0.4)
+    strong = joint(0.1, 1.6, 900.0), joint(-0.3, -2.3, 900.0, track__velocity=0.4)
     assert compiled.Steps(list(strong), ARM.arm()).plan([0, 1])
 
 
@@ -119,8 +123,8 @@ def test_a_motor_has_less_torque_at_speed() -> None:
     times = []
     for emf in (0.0, 6.0, 9.0):
         pair = (
-            joint(0.0, 1.5, emf=emf, max_output=16.0),
-            joint(0.0, -2.0, emf=emf, max_output=16.0),
+            joint(0.0, 1.5, motor__emf=emf, limits__output=16.0),
+            joint(0.0, -2.0, motor__emf=emf, limits__output=16.0),
         )
         steps = compiled.Steps(list(pair), ARM.arm())
         assert steps.plan([0, 1])
@@ -142,8 +146,14 @@ def test_plain_python_plans_the_same() -> None:
 
 def stepped(target: float = 0.5) -> Any:
     """A joint that follows a plan of 100 ms to 0.5 rad: 200 rad/s² there, and back."""
-    one = started(Law.POSITION, period=0.001, lower=-9.0, upper=9.0, max_acceleration=200.0)
-    one.joint.max_velocity = 20.0
+    one = started(
+        Law.POSITION,
+        clock__period=0.001,
+        reference__lower=-9.0,
+        reference__upper=9.0,
+        limits__acceleration=200.0,
+    )
+    one.joint.limits.velocity = 20.0
     gains(one.joint.position_pid, kp=0.0)
     one.joint.step_to(target)
     one.joint.step_by(memoryview(np.array([200.0, -200.0])), 2, 0.05)
@@ -155,12 +165,12 @@ def test_the_reference_follows_a_plan_to_its_end() -> None:
     places = []
     for _ in range(100):
         one.step()
-        places.append((one.joint.followed, one.joint.followed_velocity))
+        places.append((one.joint.track.position, one.joint.track.velocity))
     assert places[49][1] == pytest.approx(10.0)
     assert places[99] == (pytest.approx(0.5), pytest.approx(0.0, abs=1e-9))
     one.step(2)
-    assert not one.joint.stepping
-    assert one.joint.followed == 0.5
+    assert not one.joint.direct.stepping
+    assert one.joint.track.position == 0.5
 
 
 def test_the_same_position_again_is_no_new_step() -> None:
@@ -168,9 +178,9 @@ def test_the_same_position_again_is_no_new_step() -> None:
     one = stepped()
     one.step(30)
     one.joint.step_to(0.5)
-    assert one.joint.stepping
+    assert one.joint.direct.stepping
     one.joint.step_to(0.4)
-    assert not one.joint.stepping
+    assert not one.joint.direct.stepping
 
 
 @pytest.mark.parametrize("order", ["hold", "move"])
@@ -181,7 +191,7 @@ def test_other_orders_end_a_plan(order: str) -> None:
         one.joint.hold(0.1)
     else:
         one.joint.move(0.3, 1.0, 0.1)
-    assert not one.joint.stepping
+    assert not one.joint.direct.stepping
 
 
 # --- on an arm --------------------------------------------------------------------------------

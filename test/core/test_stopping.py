@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from joint_parts import stand_in, write
 from pure import load_python
 
 from control_board_ros.core.laws import stopping as compiled
@@ -29,22 +29,25 @@ ARM = ArmModel(links=LINKS, gravity=(0.0, 0.0, -9.81))
 
 def joint(velocity: float, acceleration: float = 10.0, **changes: Any) -> Any:
     """What the planner reads of a joint, and what it orders."""
-    made = SimpleNamespace(
-        position=0.2, followed=0.2, followed_velocity=velocity, active=True, period=1e-3,
-        stop_due=True, stopping=True, max_acceleration=acceleration, max_velocity=5.0,
-        max_jerk=0.0, moved_acceleration=0.0,
-        torque=0.0, lead=0.0, lag=0.0,
-        max_torque=100.0, coulomb=0.0, coulomb_negative=0.0, viscous=0.0, viscous_negative=0.0,
-        lower=-math.inf, upper=math.inf, rate=None, plan=None, step=0.0,
+    made = stand_in(
+        position=0.2, track__position=0.2, track__velocity=velocity, reference__active=True,
+        clock__period=1e-3,
+        stop__due=True, stop__active=True, limits__acceleration=acceleration, limits__velocity=5.0,
+        limits__jerk=0.0, trajectory__acceleration=0.0,
+        torque=0.0, motor__lead=0.0, motor__lag=0.0,
+        limits__torque=100.0, motor__coulomb=0.0, motor__coulomb_negative=0.0,
+        motor__viscous=0.0, motor__viscous_negative=0.0,
+        reference__lower=-math.inf, reference__upper=math.inf, rate=None,
+        plan__accelerations=None, step=0.0,
     )  # fmt: skip
     for name, value in changes.items():
-        setattr(made, name, value)
+        write(made, name, value)
 
     def brake(rate: float) -> None:
         made.rate = rate
 
     def brake_by(plan: Any, steps: int, step: float) -> None:
-        made.plan, made.step = np.array(plan)[:steps], step
+        made.plan.accelerations, made.step = np.array(plan)[:steps], step
 
     made.brake, made.brake_by = brake, brake_by
     return made
@@ -61,8 +64,8 @@ def test_joints_come_to_rest_together_on_their_path() -> None:
     slow, quick = joint(1.0, 5.0), joint(-0.2, 8.0)
     planned(slow, quick)
     assert (slow.rate, quick.rate) == (5.0, pytest.approx(0.2 / 0.2))
-    assert not slow.stop_due
-    assert not quick.stop_due
+    assert not slow.stop.due
+    assert not quick.stop.due
 
 
 @pytest.mark.parametrize("velocity", [3.0, -3.0])
@@ -77,22 +80,22 @@ def test_the_path_costs_no_joint_more_than_30_mrad(velocity: float) -> None:
 @pytest.mark.parametrize("velocity", [2.0, -2.0])
 def test_a_joint_stops_before_its_limit(velocity: float) -> None:
     """P9, P14: also where its path would end beyond; never harder than it may."""
-    places = {"lower": -0.01, "upper": 0.41}
+    places = {"reference.lower": -0.01, "reference.upper": 0.41}
     slow, quick = joint(1.0, 2.5), joint(velocity, 10.0, **places)
     planned(slow, quick)
     assert 2.0 / quick.rate == pytest.approx(0.21)
-    late = joint(velocity, 10.0, lower=0.19, upper=0.21)
+    late = joint(velocity, 10.0, reference__lower=0.19, reference__upper=0.21)
     planned(joint(1.0, 2.5), late)
     assert late.rate == 10.0
 
 
 def test_a_joint_alone_brakes_at_its_limit() -> None:
     """P3: what does not stop has no say, as long as there is the torque."""
-    one, other = joint(1.0, 5.0), joint(-3.0, 2.0, stop_due=False, stopping=False)
+    one, other = joint(1.0, 5.0), joint(-3.0, 2.0, stop__due=False, stop__active=False)
     for model in (None, ARM):
         planned(one, other, model=model)
         assert (one.rate, other.rate) == (5.0, None)
-        one.stop_due = True
+        one.stop.due = True
 
 
 @pytest.mark.parametrize("module", [compiled, PLAIN], ids=["compiled", "plain"])
@@ -107,11 +110,11 @@ def run(joints: list[Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions and speeds after each step of the plans, and the torque that they take."""
     arm = ARM.arm()
     q, v, a, torque = (np.asarray(row) for row in arm.rows)
-    q[:] = [one.followed for one in joints]
-    v[:] = [one.followed_velocity for one in joints]
+    q[:] = [one.track.position for one in joints]
+    v[:] = [one.track.velocity for one in joints]
     places, speeds, torques = [q.copy()], [v.copy()], []
     step = joints[0].step
-    for rates in np.array([one.plan for one in joints]).T:
+    for rates in np.array([one.plan.accelerations for one in joints]).T:
         a[:] = rates
         arm.inverse(1.0)
         torques.append(torque.copy())
@@ -123,19 +126,19 @@ def run(joints: list[Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 #: The elbow has a fifth of the torque that braking both at their limits takes.
-WEAK = {"max_torque": 14.0}
+WEAK = {"limits.torque": 14.0}
 
 
 def test_where_torque_does_not_suffice_no_motor_is_asked_for_more() -> None:
     """M9: they come to rest within torque, acceleration and speed of each."""
-    joints = [joint(3.0, 20.0, max_torque=200.0), joint(3.0, 20.0, **WEAK)]
+    joints = [joint(3.0, 20.0, limits__torque=200.0), joint(3.0, 20.0, **WEAK)]
     stops = planned(*joints, model=ARM)
     assert stops.rounds > 1
     places, speeds, torques = run(joints)
     assert (np.abs(torques) <= 0.985 * np.array([200.0, 14.0])).all()
     assert np.abs(speeds[-1]).max() < 1e-9
     assert np.abs(speeds).max() <= 5.0
-    assert max(np.abs(one.plan).max() for one in joints) <= 2.0 * 20.0
+    assert max(np.abs(one.plan.accelerations).max() for one in joints) <= 2.0 * 20.0
     beyond = places.max(axis=0) - 0.2 - 4.5 / 20.0
     assert stops.furthest == pytest.approx(beyond.max())
     assert stops.back == pytest.approx((places.max(axis=0) - places[-1]).max(), abs=1e-12)
@@ -150,8 +153,8 @@ def test_a_joint_rests_where_it_came_to_rest(
     """M9: none turns round to help another, which would bring it back by 45 to 300 mrad."""
     for other in (-3.0, -1.0):
         joints = [
-            joint(3.0 * way, 20.0, max_torque=shoulder),
-            joint(other * way, 20.0, max_torque=elbow),
+            joint(3.0 * way, 20.0, limits__torque=shoulder),
+            joint(other * way, 20.0, limits__torque=elbow),
         ]
         stops = planned(*joints, model=ARM, module=module)
         if stops.rounds == 0:
@@ -176,8 +179,8 @@ def test_a_stop_leaves_the_torque_that_its_motor_takes_to_turn_round(
     way: float, torque: float, share: float, module: Any
 ) -> None:
     """M9: L/R is 2 ms; the most that the weak elbow is planned with, of its torque limit."""
-    weak = joint(3.0 * way, 20.0, torque=torque, lead=1.5, lag=0.5, **WEAK)
-    joints = [joint(3.0 * way, 20.0, max_torque=200.0), weak]
+    weak = joint(3.0 * way, 20.0, torque=torque, motor__lead=1.5, motor__lag=0.5, **WEAK)
+    joints = [joint(3.0 * way, 20.0, limits__torque=200.0), weak]
     assert planned(*joints, model=ARM, module=module).rounds > 1
     _, _, torques = run(joints)
     assert np.abs(torques[:, 1]).max() / 14.0 == pytest.approx(share, abs=2e-3)
@@ -188,7 +191,7 @@ def test_the_best_of_some_predictions_is_taken(monkeypatch: pytest.MonkeyPatch) 
     found = []
     for rounds in (1, 2, 4, 6):
         monkeypatch.setattr(PLAIN, "ROUNDS", rounds)
-        joints = [joint(3.0, 20.0, max_torque=200.0), joint(3.0, 20.0, **WEAK)]
+        joints = [joint(3.0, 20.0, limits__torque=200.0), joint(3.0, 20.0, **WEAK)]
         found.append(planned(*joints, model=ARM, module=PLAIN).furthest)
     assert found == sorted(found, reverse=True)
     assert found[-1] < 0.95 * found[0]
@@ -197,15 +200,20 @@ def test_the_best_of_some_predictions_is_taken(monkeypatch: pytest.MonkeyPatch) 
 def test_compiled_and_plain_python_plan_the_same_bits() -> None:
     both = []
     for module in (compiled, PLAIN):
-        joints = [joint(3.0, 20.0, max_torque=200.0, coulomb=1.0), joint(-3.0, 20.0, **WEAK)]
+        joints = [
+            joint(3.0, 20.0, limits__torque=200.0, motor__coulomb=1.0),
+            joint(-3.0, 20.0, **WEAK),
+        ]
         planned(*joints, model=ARM, module=module)
-        both.append([one.plan.tolist() for one in joints])
+        both.append([one.plan.accelerations.tolist() for one in joints])
     assert both[0] == both[1]
 
 
 def test_a_joint_that_has_just_come_to_rest_is_where_it_is_measured() -> None:
     """The others stop as if it stayed there."""
-    rest = joint(4.0, stop_due=False, stopping=False, active=False, followed=9.0)
+    rest = joint(
+        4.0, stop__due=False, stop__active=False, reference__active=False, track__position=9.0
+    )
     one = joint(1.0, 5.0)
     planned(one, rest, model=ARM)
     assert one.rate == 5.0

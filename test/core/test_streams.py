@@ -52,7 +52,7 @@ def fed(
     speed: float = 1.5 * AMPLITUDE * OMEGA,
 ) -> np.ndarray:
     """What is followed of a path whose samples come when they are due, shape (cycles, 3)."""
-    one = OneJoint(max_acceleration=acceleration, max_velocity=speed)
+    one = OneJoint(limits__acceleration=acceleration, limits__velocity=speed)
     one.set(position=where(0.0))
     one.step(2)
     one.joint.hold(where(0.0))
@@ -64,7 +64,7 @@ def fed(
                 one.joint.step_to(where(time))
             else:
                 one.joint.step_with(where(time), velocity(time))
-        rows.append(one.record(1, "followed", "followed_velocity", "followed_acceleration")[0])
+        rows.append(one.record(1, "track.position", "track.velocity", "track.acceleration")[0])
     found = np.array(rows)
     assert np.abs(found[:, 1]).max() <= speed + 1e-9
     assert np.abs(np.diff(found[:, 1])).max() <= acceleration * PERIOD * (1.0 + 1e-6) + 1e-9
@@ -271,6 +271,6 @@ def test_compiled_and_plain_streams_are_the_same_bits() -> None:
                 for time in due.get(k, ()):
                     one.joint.step_to(path(time))
                 one.step()
-                rows.append((one.joint.followed, one.joint.direct_velocity))
+                rows.append((one.joint.track.position, one.joint.direct.velocity))
             forms.append(rows)
         assert forms[0] == forms[1]

@@ -26,13 +26,13 @@ VELOCITY, ACCELERATION = 6.0, 50.0
 POSITIONS = st.floats(-3.0, 3.0)
 SPEEDS = st.floats(0.05, 3.0)
 WIDE = {
-    "period": PERIOD,
-    "max_velocity": VELOCITY,
-    "max_acceleration": ACCELERATION,
-    "limit_lower": -99.0,
-    "limit_upper": 99.0,
-    "lower": -99.0,
-    "upper": 99.0,
+    "clock.period": PERIOD,
+    "limits.velocity": VELOCITY,
+    "limits.acceleration": ACCELERATION,
+    "limits.lower": -99.0,
+    "limits.upper": 99.0,
+    "reference.lower": -99.0,
+    "reference.upper": 99.0,
 }
 
 
@@ -48,7 +48,7 @@ def go(one: OneJoint, target: float, speed: float) -> tuple[float, float]:
     """Start a move as the board does; its durations."""
     joint = one.joint
     times = durations(
-        target - joint.reference, speed, joint.moved_velocity, VELOCITY, ACCELERATION
+        target - joint.reference.position, speed, joint.trajectory.velocity, VELOCITY, ACCELERATION
     )
     joint.move(target, *times)
     return times
@@ -62,10 +62,10 @@ def test_no_move_passes_speed_or_acceleration(
     one = at(start)
     time = max(go(one, first, speed)[0], PERIOD)
     one.step(int(when * time / PERIOD))
-    before = one.joint.reference, one.joint.reference_velocity
+    before = one.joint.reference.position, one.joint.reference.velocity
     time, brake = go(one, second, other)
     cycles = math.ceil(max(time, brake, PERIOD) / PERIOD - 1e-9)
-    position, velocity = one.record(cycles, "reference", "reference_velocity").T
+    position, velocity = one.record(cycles, "reference.position", "reference.velocity").T
     if cycles > 1:  # of one cycle no curve can be seen
         hardest = ACCELERATION * 1.02 * PERIOD + 1e-9
         assert np.abs(np.diff(velocity, prepend=before[1])).max() <= hardest
@@ -74,7 +74,7 @@ def test_no_move_passes_speed_or_acceleration(
         assert abs(position[0] - before[0] - before[1] * PERIOD) <= slack
     assert position[-1] == second
     assert velocity[-1] == 0.0
-    assert not one.joint.moving
+    assert not one.joint.trajectory.moving
 
 
 def test_duration_of_a_move_from_rest() -> None:
@@ -181,9 +181,9 @@ def test_a_move_of_no_distance_ends_in_one_cycle() -> None:
     """P3: it is under way in the cycle that accepts it."""
     one = at(0.5)
     go(one, 0.5, 1.0)
-    assert one.joint.moving
+    assert one.joint.trajectory.moving
     one.step()
-    assert not one.joint.moving
+    assert not one.joint.trajectory.moving
     assert one.done[0] == 1
     assert one.get("position_reference") == 0.5
 
@@ -238,18 +238,28 @@ def test_a_move_turned_back_before_a_limit_brakes_within_the_acceleration(
     start: float, end: float, share: float
 ) -> None:
     """P1, P14: the reference keeps its acceleration limit, and the range."""
-    one = OneJoint(max_velocity=4.0, max_acceleration=30.0, lower=-0.5, upper=0.8)
-    one.joint.lower = min(-0.5, start)
+    one = OneJoint(
+        limits__velocity=4.0,
+        limits__acceleration=30.0,
+        reference__lower=-0.5,
+        reference__upper=0.8,
+    )
+    one.joint.reference.lower = min(-0.5, start)
     one.set(position=start)
     one.joint.hold(start)
     limits = 4.0, 30.0
     first = durations(end - start, 9.0, 0.0, *limits)
     one.joint.move(end, *first)
-    rows = [one.record(1, "reference")[0, 0] for _ in range(round(share * max(first) / 0.001))]
+    rows = [
+        one.record(1, "reference.position")[0, 0] for _ in range(round(share * max(first) / 0.001))
+    ]
     joint = one.joint
-    joint.move(start, *durations(start - joint.reference, 9.0, joint.moved_velocity, *limits))
-    cycles = math.ceil(max(joint.move_time, joint.brake_time) / 0.001) + 2
-    rows += [one.record(1, "reference")[0, 0] for _ in range(cycles)]
-    assert one.joint.moving is False or one.joint.moving == 0
+    joint.move(
+        start,
+        *durations(start - joint.reference.position, 9.0, joint.trajectory.velocity, *limits),
+    )
+    cycles = math.ceil(max(joint.trajectory.time, joint.trajectory.brake_time) / 0.001) + 2
+    rows += [one.record(1, "reference.position")[0, 0] for _ in range(cycles)]
+    assert one.joint.trajectory.moving is False or one.joint.trajectory.moving == 0
     assert rows[-1] == pytest.approx(start)
     assert max(abs(np.diff(rows, 2))) / 0.001**2 < 1.02 * 30.0

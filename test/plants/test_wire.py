@@ -122,10 +122,10 @@ def test_a_joint_is_taken_over_where_it_is_not_where_it_was_read(row: str, then:
     move(bench, ways)
     bench.run(300)
     joints = bench.board.engine.controller.joints
-    before = np.array([joint.followed for joint in joints])
+    before = np.array([joint.track.position for joint in joints])
     assert bench.board.stop() if then == "stop" else bench.board.set_control_mode(None, then)
     bench.run(1)
-    passed = (np.array([joint.followed for joint in joints]) - before) * ways
+    passed = (np.array([joint.track.position for joint in joints]) - before) * ways
     assert np.abs(passed / (bench.limit * bench.period)).max() < 1.5
 
 
@@ -150,7 +150,7 @@ def test_a_velocity_that_ends_turns_no_joint_round(row: str) -> None:
     bench.run(100)
     bench.enter("vel")
     joints = bench.board.engine.controller.joints
-    rates = [joint.max_acceleration for joint in joints]
+    rates = [joint.limits.acceleration for joint in joints]
     rng = random.Random(row)
     for _ in range(8):
         way = -1.0 if bench.position.mean() > 0.0 else 1.0
@@ -191,7 +191,7 @@ def test_a_push_behind_late_answers_is_held_as_stiffly_as_they_allow(row: str) -
     bench.run(100)
     bench.enter("pos")
     place, joint = bench.position[0], bench.board.engine.controller.joints[0]
-    bench.plant.push(0, 0.05 * joint.max_torque)
+    bench.plant.push(0, 0.05 * joint.limits.torque)
     away = []
     for _ in range(150):
         bench.run(10)
@@ -265,11 +265,11 @@ def test_a_loop_that_stood_still_is_not_caught_up(row: str, cycles: int) -> None
     move(bench, ways)
     bench.run(350)
     joints = bench.board.engine.controller.joints
-    before = np.array([joint.followed for joint in joints])
+    before = np.array([joint.track.position for joint in joints])
     bench.stall(cycles)
     passed = cycles * bench.period
     for _ in range(100):
-        after = np.array([joint.followed for joint in joints])
+        after = np.array([joint.track.position for joint in joints])
         assert (np.abs(after - before) <= 1.001 * bench.limit * passed).all()
         before, passed = after, bench.period
         bench.run(1)

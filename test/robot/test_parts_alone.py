@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from joint_parts import numbers
 from rig import board_config, joint, plain
 from robots import RobotRig, calibrated, shown
 
@@ -163,11 +164,8 @@ def inside(board: Board, j: int) -> dict[str, Any]:
         board.engine.references,
     )
     found: dict[str, Any] = {}
-    for one in (law, law.position_pid, law.torque_pid, law.current_pid, law.stream, watch):
-        for name in dir(one):
-            value = getattr(one, name)
-            if isinstance(value, float | int | bool):
-                found[f"{type(one).__name__}.{name} {id(one) == id(law.torque_pid)}"] = value
+    for one in (law, watch):
+        found |= {f"{type(one).__name__}.{path}": value for path, value in numbers(one).items()}
     state = board.state
     found |= {
         "last": references.last[:, j].tolist(),

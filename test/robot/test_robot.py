@@ -182,7 +182,7 @@ def test_joints_of_a_part_have_the_friction_of_its_model() -> None:
         model = part.config.model
         assert model is not None
         laws = [robot.engine.controller.joints[j] for j in part.joints]
-        assert [(one.coulomb, one.viscous) for one in laws] == [
+        assert [(one.motor.coulomb, one.motor.viscous) for one in laws] == [
             (link.coulomb, link.viscous) for link in model.links
         ]
         assert all(link.coulomb > 0.0 for link in model.links)

@@ -114,15 +114,15 @@ def test_laws_drive_by_the_constants_that_are_set(output: str) -> None:
     made.tick(2)
     assert made.board.get_motors().torque_constants.tolist() == [0.2, 0.1]
     assert made.board.get_motors().back_emf_constants.tolist() == [0.05, 0.1]
-    assert laws[0].per_torque == pytest.approx(0.5 * laws[1].per_torque)
-    assert laws[0].emf == pytest.approx(0.5 * laws[1].emf)
+    assert laws[0].drive.per_torque == pytest.approx(0.5 * laws[1].drive.per_torque)
+    assert laws[0].motor.emf == pytest.approx(0.5 * laws[1].motor.emf)
     if output == "pwm":
-        assert laws[0].per_speed == pytest.approx(100.0 / 48.0 * 0.05 * MOTOR.gear_ratio)
+        assert laws[0].drive.per_speed == pytest.approx(100.0 / 48.0 * 0.05 * MOTOR.gear_ratio)
     made.board.reconfigure(config)  # of other parameters: what was set stays
-    assert laws[0].torque_per_ampere == pytest.approx(2.0 * laws[1].torque_per_ampere)
+    assert laws[0].motor.torque_per_ampere == pytest.approx(2.0 * laws[1].motor.torque_per_ampere)
     made.board.power_cycle()
     assert made.board.get_motors().torque_constants.tolist() == [0.1, 0.1]
-    assert made.board.engine.controller.joints[0].per_torque == laws[1].per_torque
+    assert made.board.engine.controller.joints[0].drive.per_torque == laws[1].drive.per_torque
 
 
 @pytest.mark.parametrize(("speed", "friction"), [(0.5, 3.0 + 2.0 * 0.5), (-0.5, -5.0)])
@@ -145,7 +145,7 @@ def test_friction_that_is_set_is_fed_forward(speed: float, friction: float) -> N
         assert getattr(found, name)[0] == value
     made.board.velocity_move(None, speed, 20.0)
     left, right = made.tick(16).output.tolist()
-    per_torque = made.board.engine.controller.joints[1].per_torque
+    per_torque = made.board.engine.controller.joints[1].drive.per_torque
     assert (left - right) / per_torque == pytest.approx(friction)
 
 
@@ -265,7 +265,9 @@ def test_an_angle_is_set_from_the_encoder_not_from_the_last_angle(rig: Rig) -> N
         assert shown.position[0] == pytest.approx(angle, abs=1e-3)
         assert shown.position_reference[0] == pytest.approx(angle, abs=1e-3)
     laws = rig.board.engine.controller.joints[0]
-    assert laws.upper == pytest.approx(2.1, abs=1e-3)  # beyond its limit of 2, no further out
+    assert laws.reference.upper == pytest.approx(
+        2.1, abs=1e-3
+    )  # beyond its limit of 2, no further out
 
 
 def test_a_loop_in_a_calibration_is_its_calibrator_s() -> None:

@@ -53,10 +53,10 @@ def test_a_reconfiguration_leaves_a_calibrator_its_range() -> None:
     """P9: an angle that is not known has no limits."""
     rig = in_status(M.CALIBRATING)
     laws = rig.board.engine.controller.joints[0]
-    assert math.isinf(laws.upper)
+    assert math.isinf(laws.reference.upper)
     rig.change("left", reference_speed=0.3)
-    assert math.isinf(laws.upper)
-    assert math.isinf(laws.lower)
+    assert math.isinf(laws.reference.upper)
+    assert math.isinf(laws.reference.lower)
 
 
 BRAKED = joint("a", brake=Brake(present=True, release_time=0.03), calibration=None)
@@ -81,7 +81,7 @@ def test_a_joint_is_held_where_it_is_when_its_brake_has_opened() -> None:
     assert rig.modes()[0] is M.POSITION
     assert shown.position_reference[0] == pytest.approx(2.05)
     laws = rig.board.engine.controller.joints[0]
-    assert (laws.lower, laws.upper) == (-2.0, pytest.approx(2.05))
+    assert (laws.reference.lower, laws.reference.upper) == (-2.0, pytest.approx(2.05))
     assert rig.board.engine.monitor.joints[0].fed == 1.0  # it heats its winding from now on
 
 
@@ -92,7 +92,7 @@ def test_a_calibrator_s_joint_has_no_limits_behind_its_brake_either() -> None:
     assert rig.board.calibrate("a")
     rig.tick(40)
     assert rig.modes()[0] is M.CALIBRATING
-    assert math.isinf(rig.board.engine.controller.joints[0].upper)
+    assert math.isinf(rig.board.engine.controller.joints[0].reference.upper)
 
 
 def test_clearing_a_fault_changes_the_version() -> None:
@@ -122,7 +122,7 @@ def test_after_a_stop_no_reference_expires() -> None:
     rig.board.velocity_move(None, 0.2)
     rig.tick(5)
     assert rig.board.stop("a")
-    rig.board.engine.controller.joints[0].ramp(0.2, 1.0)
+    rig.board.engine.controller.joints[0].ramp_to(0.2, 1.0)
     rig.tick(50)
     assert events(rig, "velocity timeout") == ["b"]
 
@@ -257,7 +257,9 @@ def test_no_feed_forward_comes_before_the_configuration() -> None:
 def test_the_warning_at_a_limit_of_a_slide_ends_within_millimetres() -> None:
     """P9: its hysteresis is one of length, not of angle."""
     slide = joint("a", kind="prismatic", limits={"lower": -2.0, "upper": 2.0})
-    edges = [held(one).board.engine.controller.joints[0].limit_edge for one in (slide, joint("a"))]
+    edges = [
+        held(one).board.engine.controller.joints[0].limits.edge for one in (slide, joint("a"))
+    ]
     assert edges[0] < 2.5e-3 < edges[1]
 
 

@@ -10,6 +10,7 @@ from array import array
 from typing import Any
 
 import numpy as np
+from joint_parts import read, write
 from pure import INSTALLED
 
 from control_board_ros.core.laws.control import set_protection
@@ -28,25 +29,25 @@ ROWS = (
 
 #: A joint of 1 kg·m² whose drive is its torque, in percent.
 CONSTANTS = {
-    "period": 0.001,
-    "limit_lower": -2.0,
-    "limit_upper": 2.0,
-    "max_velocity": 3.0,
-    "max_acceleration": 20.0,
-    "max_torque": 60.0,
-    "max_output": 100.0,
-    "max_drive": 100.0,
-    "inertia_min": 1.0,
-    "inertia": 1.0,
-    "torque_per_ampere": 1.0,
-    "has_torque_sensor": True,
-    "per_torque": 1.0,
-    "per_feed": 1.0,
+    "clock.period": 0.001,
+    "limits.lower": -2.0,
+    "limits.upper": 2.0,
+    "limits.velocity": 3.0,
+    "limits.acceleration": 20.0,
+    "limits.torque": 60.0,
+    "limits.output": 100.0,
+    "drive.max": 100.0,
+    "motor.inertia_min": 1.0,
+    "motor.inertia": 1.0,
+    "motor.torque_per_ampere": 1.0,
+    "motor.has_torque_sensor": True,
+    "drive.per_torque": 1.0,
+    "drive.per_feed": 1.0,
     "calibrated": True,
     "feeds": True,
-    "lower": -2.0,
-    "upper": 2.0,
-    "slip": 0.03,
+    "reference.lower": -2.0,
+    "reference.upper": 2.0,
+    "motor.slip": 0.03,
 }
 
 
@@ -56,8 +57,8 @@ class OneJoint:
     def __init__(self, module: Any = INSTALLED, **constants: Any) -> None:
         self.joint = module.Joint()
         for name, value in (CONSTANTS | constants).items():
-            setattr(self.joint, name, value)
-        set_protection(self.joint)
+            write(self.joint, name, value)
+        set_protection(self.joint.motor)
         self.rows = {name: array("d", [0.0]) for name in ROWS}
         self.done = array("B", [1])
         views = [memoryview(row) for row in self.rows.values()]
@@ -66,7 +67,9 @@ class OneJoint:
     def set(self, **measured: float) -> None:
         """What is measured from now on; without friction the current is that of the torque."""
         if "torque" in measured:
-            measured = {"current": measured["torque"] / self.joint.torque_per_ampere} | measured
+            measured = {
+                "current": measured["torque"] / self.joint.motor.torque_per_ampere
+            } | measured
         for name, value in measured.items():
             self.rows[name][0] = value
 
@@ -84,7 +87,7 @@ class OneJoint:
         rows = []
         for _ in range(cycles):
             self.step()
-            rows.append([getattr(self.joint, name) for name in attributes])
+            rows.append([read(self.joint, name) for name in attributes])
         return np.array(rows, dtype=float)
 
 
@@ -133,7 +136,7 @@ class Body:
 
     def step(self, cycles: int = 1) -> np.ndarray:
         """Some cycles of joint and mass; position, velocity, torque of each, shape (cycles, 3)."""
-        period, rows = self.one.joint.period, []
+        period, rows = self.one.joint.clock.period, []
         for _ in range(cycles):
             torque = self.one.get("output")
             self.one.set(
@@ -167,7 +170,7 @@ class Winding:
         self, cycles: int, *, inertia: float, load: float = 0.0, blocked: bool = False
     ) -> np.ndarray:
         """Some cycles of joint, winding and mass; the velocity after each, shape (cycles,)."""
-        period, rows = self.one.joint.period, []
+        period, rows = self.one.joint.clock.period, []
         parts = max(5, round(period / 5e-5))
         part = period / parts
         for _ in range(cycles):

@@ -60,10 +60,10 @@ def one_for_all(old: Any, self: Any, selection: Any, wanted: Any) -> Any:
 def position_when_a_velocity_expires(old: Any, self: Any) -> None:
     accepts = self.state.accepts[K.VELOCITY].copy()
     ramping = [self.references.is_ramping(j) for j in range(self.state.n)]
-    targets = [joint.ramp_target for joint in self.controller.joints]
+    targets = [joint.ramp.target for joint in self.controller.joints]
     old(self)
     for j, joint in enumerate(self.controller.joints):
-        if accepts[j] and ramping[j] and targets[j] != 0.0 and joint.ramp_target == 0.0:
+        if accepts[j] and ramping[j] and targets[j] != 0.0 and joint.ramp.target == 0.0:
             self.enter([j], M.POSITION)
 
 

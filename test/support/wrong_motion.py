@@ -122,7 +122,7 @@ def a_new_target_starts_from_rest(
     old: Any, self: Any, joints: Any, *args: Any, **more: Any
 ) -> Any:
     for j in joints[~self._repeated(joints, *args)].tolist():
-        self._joints[j].moved_velocity = 0.0
+        self._joints[j].trajectory.velocity = 0.0
     return old(self, joints, *args)
 
 
@@ -132,8 +132,8 @@ def a_new_target_starts_where_the_last_move_began(
 ) -> Any:
     new = joints[~self._repeated(joints, *args)]
     for joint in (self._joints[j] for j in new.tolist()):
-        if joint.moving:
-            joint.reference = joint.move_start
+        if joint.trajectory.moving:
+            joint.reference.position = joint.trajectory.start
     return old(self, joints, *args)
 
 
@@ -176,7 +176,7 @@ def stop_leads_to_idle() -> None:
 @replaces("P3", "core.machine.requests:Requests._hold")
 def stop_holds_where_the_move_began(old: Any, self: Any, chosen: Any) -> None:
     joints = [self._machine.controller.joints[j] for j in chosen]
-    began = [joint.move_start if joint.moving else None for joint in joints]
+    began = [joint.trajectory.start if joint.trajectory.moving else None for joint in joints]
     old(self, chosen)
     for j, start in zip(chosen, began, strict=True):
         if start is not None:
@@ -196,7 +196,7 @@ def a_new_move_drops_the_velocity(
 ) -> Any:
     times = old(self, joints, *args)
     for j in joints.tolist():
-        self._joints[j].ramp_target = self._joints[j].ramp_velocity = 0.0
+        self._joints[j].ramp.target = self._joints[j].ramp.velocity = 0.0
     return times
 
 
@@ -205,7 +205,7 @@ def a_new_move_drops_what_the_velocity_added(
     old: Any, self: Any, joints: Any, *args: Any, **more: Any
 ) -> Any:
     for j in joints.tolist():
-        self._joints[j].reference -= self._joints[j].ramped
+        self._joints[j].reference.position -= self._joints[j].ramp.way
     return old(self, joints, *args)
 
 

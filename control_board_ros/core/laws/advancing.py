@@ -10,18 +10,11 @@ from math import fabs, sqrt
 
 from ... import nocython as cython
 from .formulas import INFINITE, brake_speed, clamp, speed_ahead
-from .joint import (
-    AS_POSITION,
-    AS_VELOCITY,
-    GAP,
-    REST_SPEED,
-    REST_TIME,
-    Joint,
-    come_in,
-    cross_gap,
-    go_on_stopping,
-    run_move,
-)
+from .joint import REST_SPEED, REST_TIME, Joint, cross_gap, go_on_stopping
+from .joint_constants import Limits
+from .joint_drive import AS_POSITION, AS_VELOCITY
+from .joint_reference import Trajectory
+from .joint_timing import GAP, Clock
 from .stream import MIN_STREAM_INTERVAL, STREAM_END_AGE, Stream, TimeBase, sine, versine
 
 #: Natural frequency of the tracking of a stream: maximum, rad/s; its product with the interval.
@@ -46,34 +39,37 @@ YIELD_TIME = cython.declare(cython.double, 0.015)
 @cython.cfunc
 def advance(j: Joint) -> cython.void:
     """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
-    periods = j.elapsed / j.period
-    j.sample_age += periods
-    if j.gap:
+    periods = j.clock.elapsed / j.clock.period
+    j.direct.sample_age += periods
+    if j.clock.gap:
         cross_gap(j)
-    if j.driven:
-        j.moved, j.ramped, j.reference = j.followed, 0.0, j.followed
-    if j.moving:
-        advance_move(j)
-    elif j.stopping:
+    if j.ramp.is_step:
+        j.trajectory.position, j.ramp.way = j.track.position, 0.0
+        j.reference.position = j.track.position
+    if j.trajectory.moving:
+        advance_move(j.trajectory, j.clock, j.limits)
+    elif j.stop.active:
         advance_stop(j)
-    velocity = j.moved_velocity
-    if j.ramp_target != 0.0 or j.ramp_velocity != 0.0:
+    velocity = j.trajectory.velocity
+    if j.ramp.target != 0.0 or j.ramp.velocity != 0.0:
         advance_ramp(j)
-        velocity += j.ramp_velocity
-    if j.direct_age < INFINITE:
-        j.direct_age += periods
+        velocity += j.ramp.velocity
+    if j.direct.age < INFINITE:
+        j.direct.age += periods
     else:
-        j.reference_velocity = velocity
-    j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
-    if j.gap:
-        j.elapsed = j.span = j.period
-    elif j.kind == AS_POSITION and j.hold_time < j.elapsed:  # a set-point is a step
-        j.elapsed, j.span = j.hold_time, min(j.span, j.hold_time)
+        j.reference.velocity = velocity
+    place = j.trajectory.position + j.ramp.way
+    j.reference.position = clamp(place, j.reference.lower, j.reference.upper)
+    if j.clock.gap:
+        j.clock.elapsed = j.clock.span = j.clock.period
+    elif j.drive.kind == AS_POSITION and j.clock.hold_time < j.clock.elapsed:
+        # a set-point is a step
+        j.clock.elapsed, j.clock.span = j.clock.hold_time, min(j.clock.span, j.clock.hold_time)
     follow(j)
-    if j.driven:
-        j.reference = j.followed
+    if j.ramp.is_step:
+        j.reference.position = j.track.position
     if j.calibrated:
-        come_in(j, j.followed)
+        j.reference.come_in(j.track.position, j.limits)
 
 
 @cython.cfunc
@@ -84,73 +80,81 @@ def rest_in_place(j: Joint) -> cython.void:
     second, and the resolution of its velocity hides when that ends: the reference follows, as
     soon as a swing is small, until there is another one.
     """
-    if not j.comes_to_rest or j.kind != AS_POSITION or j.active or j.braked:
+    if not j.reference.comes_to_rest or j.drive.kind != AS_POSITION:
         return
-    off = fabs(j.position - j.followed)
+    if j.reference.active or j.braked:
+        return
+    off = fabs(j.position - j.track.position)
     swings: cython.bint = (
-        off > SWING * j.limit_edge
-        and fabs(j.velocity) <= SWING_SPEED * j.max_velocity
-        and fabs(j.inertia * j.acceleration) <= SWING_TORQUE * j.max_torque
+        off > SWING * j.limits.edge
+        and fabs(j.velocity) <= SWING_SPEED * j.limits.velocity
+        and fabs(j.motor.inertia * j.acceleration) <= SWING_TORQUE * j.limits.torque
     )
-    if j.holds_place() and (swings or (off > 0.0 and j.rest_cycles * j.period >= REST_TIME)):
-        j.sag, j.trail = j.set_position - j.position, 0.0
-        j.moved = j.reference = j.followed = j.position
-        j.ramped, j.active = 0.0, True
+    rests: cython.bint = off > 0.0 and j.rest_cycles * j.clock.period >= REST_TIME
+    if j.holds_place() and (swings or rests):
+        j.set_point.sag, j.set_point.trail = j.set_point.position - j.position, 0.0
+        j.trajectory.position = j.reference.position = j.track.position = j.position
+        j.ramp.way, j.reference.active = 0.0, True
 
 
 @cython.cfunc
-def advance_move(j: Joint) -> cython.void:
+def advance_move(trajectory: Trajectory, clock: Clock, limits: Limits) -> cython.void:
     """One cycle of a move (P1)."""
-    time = j.move_time
-    j.move_cycles += j.elapsed / j.period
-    elapsed = j.move_cycles * j.period
-    if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
-        j.moving = False
-        j.moved, j.moved_velocity, j.moved_acceleration = j.move_target, 0.0, 0.0
-        return
-    run_move(j, elapsed)
+    trajectory.cycles += clock.elapsed / clock.period
+    elapsed = trajectory.cycles * clock.period
+    if elapsed >= max(trajectory.brake_time, trajectory.time) - 1e-9 * clock.period:
+        trajectory.moving = False
+        trajectory.arrive()
+    else:
+        trajectory.run(elapsed, limits.jerk > 0.0)
 
 
 @cython.cfunc
 def advance_stop(j: Joint) -> cython.void:
     """Brake as planned (``stopping``), to hold where the joint comes to rest (M9, P3)."""
-    step = j.plan_steps
-    elapsed = min(j.elapsed, GAP * j.period) if j.gap else j.elapsed
-    span = min(j.span, GAP * j.period) if j.gap else j.span
-    rate = fading(j, j.moved_velocity)
-    change = min(j.stop_rate, rate) * span
-    over = j.velocity - j.ramp_velocity
+    step = j.plan.steps
+    elapsed = min(j.clock.elapsed, GAP * j.clock.period) if j.clock.gap else j.clock.elapsed
+    span = min(j.clock.span, GAP * j.clock.period) if j.clock.gap else j.clock.span
+    rate = fading(j, j.trajectory.velocity)
+    change = min(j.stop.rate, rate) * span
+    over = j.velocity - j.ramp.velocity
     if step > 0:
-        step = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
-    if j.smooth:
-        stop_smoothly(j, elapsed)
-    elif step < j.plan_steps:
-        j.plan_time += elapsed
-        if j.plan[step] * j.moved_velocity >= 0.0:
+        step = j.plan.place()
+    if j.stop.smooth:
+        stop_smoothly(j.trajectory, elapsed, j.clock.period, j.limits)
+    elif step < j.plan.steps:
+        j.plan.time += elapsed
+        if j.plan.accelerations[step] * j.trajectory.velocity >= 0.0:
             rate = INFINITE
-        j.moved_velocity += clamp(j.plan[step], -rate, rate) * span
+        j.trajectory.velocity += clamp(j.plan.accelerations[step], -rate, rate) * span
     else:
-        j.plan_steps = 0
-        j.moved_velocity = clamp(0.0, j.moved_velocity - change, j.moved_velocity + change)
-    if not j.smooth:
-        j.moved += j.moved_velocity * elapsed + yielded(j)
-    place = clamp(j.moved, j.lower - j.ramped, j.upper - j.ramped)
-    if place != j.moved:  # too fast to stop before a limit
-        j.moved, j.moved_velocity, j.plan_steps = place, 0.0, 0
-        j.stopping = j.smooth = False
+        j.plan.steps = 0
+        j.trajectory.velocity = clamp(
+            0.0, j.trajectory.velocity - change, j.trajectory.velocity + change
+        )
+    if not j.stop.smooth:
+        j.trajectory.position += j.trajectory.velocity * elapsed + yielded(j)
+    place = clamp(
+        j.trajectory.position, j.reference.lower - j.ramp.way, j.reference.upper - j.ramp.way
+    )
+    if place != j.trajectory.position:  # too fast to stop before a limit
+        j.trajectory.position, j.trajectory.velocity, j.plan.steps = place, 0.0, 0
+        j.stop.active = j.stop.smooth = False
         return
-    if j.smooth:
-        j.stopping = j.smooth = j.move_cycles * j.period < j.brake_time
+    if j.stop.smooth:
+        j.stop.active = j.stop.smooth = (
+            j.trajectory.cycles * j.clock.period < j.trajectory.brake_time
+        )
     else:
-        j.stopping = j.moved_velocity != 0.0 or j.plan_steps > 0
-    late = max(j.wire, j.outage)  # set-points, by as much (B7)
-    known_to = REST_SPEED * j.max_velocity + j.max_acceleration * late
-    if not j.stopping and fabs(over) > known_to and j.kind != AS_POSITION:
-        ahead = j.position - j.moved - j.ramped
+        j.stop.active = j.trajectory.velocity != 0.0 or j.plan.steps > 0
+    late = max(j.wire.max_age, j.wire.outage)  # set-points, by as much (B7)
+    known_to = REST_SPEED * j.limits.velocity + j.limits.acceleration * late
+    if not j.stop.active and fabs(over) > known_to and j.drive.kind != AS_POSITION:
+        ahead = j.position - j.trajectory.position - j.ramp.way
         # it runs past the end, for want of torque; one that creeps at one speed does not want it
-        slower: cython.bint = fabs(over) <= RENEWAL_SHARE * j.renewal_speed
+        slower: cython.bint = fabs(over) <= RENEWAL_SHARE * j.stop.renewal_speed
         if slower and ahead * over > 0.0 and ahead * j.velocity > 0.0:
-            j.renewal_speed = fabs(over)
+            j.stop.renewal_speed = fabs(over)
             go_on_stopping(j, j.position)
 
 
@@ -161,12 +165,12 @@ def fading(j: Joint, velocity: cython.double) -> cython.double:
 
     A set-point that comes Δ late at its end then leaves a speed of a Δ²/2t backwards, not a Δ.
     """
-    time = min(FADE_TIME_AGES * max(j.wire, j.outage), MAX_FADE_TIME)
+    time = min(FADE_TIME_AGES * max(j.wire.max_age, j.wire.outage), MAX_FADE_TIME)
     if time <= 0.0:
         return INFINITE
-    if j.kind >= AS_VELOCITY:
+    if j.drive.kind >= AS_VELOCITY:
         time *= DRIVE_FADE_SHARE
-    return sqrt(2.0 * j.max_acceleration * fabs(velocity) / time)
+    return sqrt(2.0 * j.limits.acceleration * fabs(velocity) / time)
 
 
 @cython.cfunc
@@ -177,22 +181,26 @@ def yielded(j: Joint) -> cython.double:
     Set-points that come late brake late: what the joint runs on by is not driven back (M9). A
     drive that closes a loop of its own has a reference that does not jump.
     """
-    ahead = clamp(j.position, j.lower, j.upper) - j.followed
-    if j.wire == 0.0 or j.blind or j.kind >= AS_VELOCITY or ahead * j.followed_velocity <= 0.0:
+    ahead = clamp(j.position, j.reference.lower, j.reference.upper) - j.track.position
+    if j.wire.max_age == 0.0 or j.wire.blind or j.drive.kind >= AS_VELOCITY:
         return 0.0
-    ahead *= min(j.elapsed / YIELD_TIME, 1.0)
-    j.followed += ahead
+    if ahead * j.track.velocity <= 0.0:
+        return 0.0
+    ahead *= min(j.clock.elapsed / YIELD_TIME, 1.0)
+    j.track.position += ahead
     return ahead
 
 
 @cython.cfunc
-def stop_smoothly(j: Joint, elapsed: cython.double) -> cython.void:
+def stop_smoothly(
+    trajectory: Trajectory, elapsed: cython.double, period: cython.double, limits: Limits
+) -> cython.void:
     """One cycle of a stop within the jerk limit; at its end the joint is at rest."""
-    j.move_cycles += elapsed / j.period
-    if j.move_cycles * j.period < j.brake_time:
-        run_move(j, j.move_cycles * j.period)
+    trajectory.cycles += elapsed / period
+    if trajectory.cycles * period < trajectory.brake_time:
+        trajectory.run(trajectory.cycles * period, limits.jerk > 0.0)
     else:
-        j.moved, j.moved_velocity, j.moved_acceleration = j.move_target, 0.0, 0.0
+        trajectory.arrive()
 
 
 @cython.cfunc
@@ -201,31 +209,33 @@ def advance_ramp(j: Joint) -> cython.void:
 
     The speed limit applies to the sum with a move's velocity.
     """
-    step = j.ramp_step * (j.elapsed / j.period)
-    if j.ramp_target == 0.0 and not j.driven:
-        step = min(step, fading(j, j.ramp_velocity) * j.elapsed)
-    v = clamp(j.ramp_target, j.ramp_velocity - step, j.ramp_velocity + step)
-    top = j.steady * j.max_velocity
-    up = speed_ahead(j.upper - j.reference, j.max_acceleration, j.elapsed, top)
-    down = speed_ahead(j.reference - j.lower, j.max_acceleration, j.elapsed, top)
-    total = clamp(j.moved_velocity + v, -down, up)
-    j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
-    j.ramped += j.ramp_velocity * j.elapsed
-    if j.ramp_target == 0.0:
-        j.ramped += yielded(j)
+    elapsed = j.clock.elapsed
+    step = j.ramp.step * (elapsed / j.clock.period)
+    if j.ramp.target == 0.0 and not j.ramp.is_step:
+        step = min(step, fading(j, j.ramp.velocity) * elapsed)
+    v = clamp(j.ramp.target, j.ramp.velocity - step, j.ramp.velocity + step)
+    top = j.wire.speed_share * j.limits.velocity
+    above = j.reference.upper - j.reference.position
+    below = j.reference.position - j.reference.lower
+    up = speed_ahead(above, j.limits.acceleration, elapsed, top)
+    down = speed_ahead(below, j.limits.acceleration, elapsed, top)
+    moved = j.trajectory.velocity
+    total = clamp(moved + v, -down, up)
+    j.ramp.velocity = total - moved if total != moved + v else v
+    j.ramp.way += j.ramp.velocity * elapsed
+    if j.ramp.target == 0.0:
+        j.ramp.way += yielded(j)
 
 
 @cython.cfunc
 @cython.inline
 def top_speed(j: Joint) -> cython.double:
     """Of the followed reference, rad/s: a direct position comes in from outside limits (P16)."""
-    if (
-        j.direct_age < INFINITE
-        and j.calibrated
-        and (j.followed > j.limit_upper or j.followed < j.limit_lower)
-    ):
-        return j.entry_speed
-    return j.steady * j.max_velocity
+    place = j.track.position
+    outside: cython.bint = place > j.limits.upper or place < j.limits.lower
+    if outside and j.calibrated and j.direct.age < INFINITE:
+        return j.reference.entry_speed
+    return j.wire.speed_share * j.limits.velocity
 
 
 @cython.cfunc
@@ -237,54 +247,62 @@ def follow(j: Joint) -> cython.void:
     fitted to the samples (``follow_stream``). Joints that lack the torque to step together have a
     plan (``stepping``).
     """
-    goal = j.reference
+    max_acceleration = j.limits.acceleration
+    goal = j.reference.position
     top = top_speed(j)
-    goal_velocity = j.reference_velocity
-    step = j.max_acceleration * j.span
-    if j.direct_age < INFINITE:
+    goal_velocity = j.reference.velocity
+    step = max_acceleration * j.clock.span
+    if j.direct.age < INFINITE:
         goal_velocity = 0.0
-        if j.stream.flows and (j.direct_age - 1.0) * j.period > j.stream.patience():
-            j.stream.flows = False  # it has ended
-        if not j.stream.flows:
-            j.reference_velocity = j.direct_velocity = 0.0
-    if j.stepping and (j.coasts or j.plan_time >= j.plan_steps * j.plan_step - 1e-9):
-        j.stepping = False
-    if j.stepping:
-        k = cython.cast(cython.int, j.plan_time / j.plan_step + 1e-9)
-        velocity = j.followed_velocity + j.plan[k] * j.span
-        j.plan_time += j.elapsed
-    elif j.direct_age < INFINITE and j.stream.flows:
+        if (
+            j.direct.stream.flows
+            and (j.direct.age - 1.0) * j.clock.period > j.direct.stream.patience()
+        ):
+            j.direct.stream.flows = False  # it has ended
+        if not j.direct.stream.flows:
+            j.reference.velocity = j.direct.velocity = 0.0
+    if j.direct.stepping and (j.wire.coasts or j.plan.time >= j.plan.steps * j.plan.step - 1e-9):
+        j.direct.stepping = False
+    if j.direct.stepping:
+        velocity = j.track.velocity + j.plan.accelerations[j.plan.place()] * j.clock.span
+        j.plan.time += j.clock.elapsed
+    elif j.direct.age < INFINITE and j.direct.stream.flows:
         velocity = follow_stream(j)
-        goal_velocity = j.reference_velocity
+        goal_velocity = j.reference.velocity
     else:
-        j.stream_acceleration = j.stream_peak = 0.0
-        rest = goal - j.followed - goal_velocity * j.elapsed
+        j.direct.acceleration = j.direct.peak_acceleration = 0.0
+        rest = goal - j.track.position - goal_velocity * j.clock.elapsed
         if rest >= 0.0:
-            velocity = goal_velocity + brake_speed(rest, j.max_acceleration, j.elapsed)
+            velocity = goal_velocity + brake_speed(rest, max_acceleration, j.clock.elapsed)
         else:
-            velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.elapsed)
-    up = speed_ahead(j.upper - j.followed, j.max_acceleration, j.elapsed, top)
-    down = speed_ahead(j.followed - j.lower, j.max_acceleration, j.elapsed, top)
+            velocity = goal_velocity - brake_speed(-rest, max_acceleration, j.clock.elapsed)
+    up = speed_ahead(j.reference.upper - j.track.position, max_acceleration, j.clock.elapsed, top)
+    down = speed_ahead(
+        j.track.position - j.reference.lower, max_acceleration, j.clock.elapsed, top
+    )
     velocity = clamp(velocity, -down, up)
-    change = INFINITE if j.stopping and j.plan_steps > 0 else step  # a plan has what torque allows
-    velocity = clamp(velocity, j.followed_velocity - change, j.followed_velocity + change)
-    if j.coasts:  # slower at most (B7)
-        up, down = max(j.followed_velocity, 0.0), max(-j.followed_velocity, 0.0)
+    change = (
+        INFINITE if j.stop.active and j.plan.steps > 0 else step
+    )  # a plan has what torque allows
+    velocity = clamp(velocity, j.track.velocity - change, j.track.velocity + change)
+    if j.wire.coasts:  # slower at most (B7)
+        up, down = max(j.track.velocity, 0.0), max(-j.track.velocity, 0.0)
         velocity = clamp(velocity, -down, up)
-    j.followed_acceleration = (velocity - j.followed_velocity) / j.span
-    j.followed_velocity = velocity
-    j.followed += velocity * j.elapsed
-    if fabs(goal - j.followed) <= 1e-12 and goal_velocity == 0.0:
-        j.followed = goal
+    j.track.acceleration = (velocity - j.track.velocity) / j.clock.span
+    j.track.velocity = velocity
+    j.track.position += velocity * j.clock.elapsed
+    if fabs(goal - j.track.position) <= 1e-12 and goal_velocity == 0.0:
+        j.track.position = goal
     if (
-        j.followed == goal
+        j.track.position == goal
         and fabs(velocity) <= step * 1e-6
-        and not (j.moving or j.stopping or j.ramp_target != 0.0 or j.ramp_velocity != 0.0)
-        and j.direct_velocity == 0.0
-        and (j.direct_age == INFINITE or j.direct_age * j.period > STREAM_END_AGE)
+        and not (j.trajectory.moving or j.stop.active or j.ramp.target != 0.0)
+        and j.ramp.velocity == 0.0
+        and j.direct.velocity == 0.0
+        and (j.direct.age == INFINITE or j.direct.age * j.clock.period > STREAM_END_AGE)
     ):
-        j.active, j.sample_age = False, INFINITE
-        j.followed_velocity = j.followed_acceleration = 0.0
+        j.reference.active, j.direct.sample_age = False, INFINITE
+        j.track.velocity = j.track.acceleration = 0.0
 
 
 @cython.cfunc
@@ -295,36 +313,36 @@ def follow_stream(j: Joint) -> cython.double:
     √(2b(|e| − 2b/ω²)) far away, b = 0.8 (a_max − peak |a_r|), which leaves the acceleration of the
     motion itself. a_r is low-passed; ω is inverse to the stream's interval.
     """
-    s: Stream = j.stream
+    s: Stream = j.direct.stream
     base: TimeBase = s.grid if s.on_grid else s.sent
-    age = (j.direct_age - 1.0) * j.period
+    age = (j.direct.age - 1.0) * j.clock.period
     interval = s.interval if s.interval > MIN_STREAM_INTERVAL else MIN_STREAM_INTERVAL
     quick = FREQUENCY_INTERVAL / interval
     if s.on_grid:
         age += s.late
     quick = min(quick, MAX_FREQUENCY)
-    quick = min(quick, 0.2 / j.period)
+    quick = min(quick, 0.2 / j.clock.period)
     turned = versine(base.turning, age)
     cosine = 1.0 - base.turning * turned
     run = sine(base.turning, age)
     goal = base.x + base.v * run + base.a * turned
     speed = base.v * cosine + base.a * run
-    speed = clamp(speed, -j.max_velocity, j.max_velocity)
+    speed = clamp(speed, -j.limits.velocity, j.limits.velocity)
     rate = base.a * cosine - base.turning * base.v * run
-    rate = clamp(rate, -j.max_acceleration, j.max_acceleration)
-    if (goal >= j.upper and speed > 0.0) or (goal <= j.lower and speed < 0.0):
-        goal, speed, rate = clamp(goal, j.lower, j.upper), 0.0, 0.0
-    j.reference_velocity = j.direct_velocity = speed
-    share = 3.0 * quick * j.elapsed
-    j.stream_acceleration += (rate - j.stream_acceleration) * (share if share < 1.0 else 1.0)
-    rate = j.stream_acceleration
-    j.stream_peak *= 1.0 - j.elapsed
-    j.stream_peak = max(j.stream_peak, fabs(rate))
-    speed -= 0.5 * rate * j.elapsed  # the mean over this cycle
-    error = goal - j.followed - speed * j.elapsed
-    off = j.followed_velocity - speed + rate * j.span
-    brake = 0.8 * (j.max_acceleration - j.stream_peak)
-    brake = max(brake, 0.03 * j.max_acceleration)
+    rate = clamp(rate, -j.limits.acceleration, j.limits.acceleration)
+    if (goal >= j.reference.upper and speed > 0.0) or (goal <= j.reference.lower and speed < 0.0):
+        goal, speed, rate = clamp(goal, j.reference.lower, j.reference.upper), 0.0, 0.0
+    j.reference.velocity = j.direct.velocity = speed
+    share = 3.0 * quick * j.clock.elapsed
+    j.direct.acceleration += (rate - j.direct.acceleration) * (share if share < 1.0 else 1.0)
+    rate = j.direct.acceleration
+    j.direct.peak_acceleration *= 1.0 - j.clock.elapsed
+    j.direct.peak_acceleration = max(j.direct.peak_acceleration, fabs(rate))
+    speed -= 0.5 * rate * j.clock.elapsed  # the mean over this cycle
+    error = goal - j.track.position - speed * j.clock.elapsed
+    off = j.track.velocity - speed + rate * j.clock.span
+    brake = 0.8 * (j.limits.acceleration - j.direct.peak_acceleration)
+    brake = max(brake, 0.03 * j.limits.acceleration)
     slope = 0.5 * quick
     near = brake / (slope * slope)
     wanted = slope * error
@@ -337,8 +355,8 @@ def follow_stream(j: Joint) -> cython.double:
             wanted = -wanted
         else:
             ahead = -ahead
-    change = (rate + ahead + 4.0 * slope * (wanted - off)) * j.span
-    wanted = speed + error / j.elapsed
-    if fabs(wanted - j.followed_velocity - change) <= 0.01 * j.max_acceleration * j.span:
+    change = (rate + ahead + 4.0 * slope * (wanted - off)) * j.clock.span
+    wanted = speed + error / j.clock.elapsed
+    if fabs(wanted - j.track.velocity - change) <= 0.01 * j.limits.acceleration * j.clock.span:
         return wanted
-    return j.followed_velocity + change
+    return j.track.velocity + change

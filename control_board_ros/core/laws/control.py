@@ -22,6 +22,8 @@ from ..terms.measurement import Array
 from ..terms.modes import Law
 from ..terms.motors import Term
 from .joint import Joint
+from .joint_constants import Limits, Motor
+from .joint_contact import Admittance, ExternalTorque
 from .laws import Laws
 from .pid import Pid as Loop
 from .trajectory import Effort
@@ -249,8 +251,8 @@ class Controller:
         self.caps[:, j] = current, output
         set_constants(joint, config, self._config.period, self.terms_in_force(j))
         if current < limits.peak_current:
-            joint.max_torque = min(joint.max_torque, current * joint.torque_per_ampere)
-        joint.max_output = output
+            joint.limits.torque = min(joint.limits.torque, current * joint.motor.torque_per_ampere)
+        joint.limits.output = output
         self._set_drive(j, self._armed[j][0])
 
     def arm(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool) -> None:
@@ -266,19 +268,20 @@ class Controller:
         resting = {part: self._laws[part].prepare() for part in {self._laws_of[j] for j in joints}}
         for j in joints:
             joint = self.joints[j]
-            held = joint.law in HOLDS_PLACE and joint.kind == SetPoint.POSITION
+            held = joint.law in HOLDS_PLACE and joint.drive.kind == SetPoint.POSITION
             held = held and joint.feeds == feeds
             joint.feeds = feeds
             joint.calibrated = bool(state.calibrated[j])
             joint.torque = joint_torque(joint, float(state.torque[j]), float(state.current[j]))
-            if joint.braked and not joint.has_torque_sensor:
+            if joint.braked and not joint.motor.has_torque_sensor:
                 joint.torque = joint.load = joint.gravity  # what its brake has carried
             self._armed[j] = law, direct
             self._set_law(j, law, direct)
-            held = held and joint.kind == SetPoint.POSITION
-            if not held:
-                joint.sag = joint.trail = 0.0  # its drive did not hold this place
-                joint.set_position = joint.followed if math.isfinite(joint.followed) else 0.0
+            held = held and joint.drive.kind == SetPoint.POSITION
+            if not held:  # its drive did not hold this place
+                set_point, place = joint.set_point, joint.track.position
+                set_point.sag = set_point.trail = 0.0
+                set_point.position = place if math.isfinite(place) else 0.0
             joint.start(int(law), resting[self._laws_of[j]], held)
             state.torque_reference[j] = joint.torque_reference
             state.powered[j] = float(law is not Law.OFF)
@@ -322,11 +325,11 @@ class Controller:
         set_drive(joint, config, kind, in_amps=in_amps)
         current, output = self.caps[:, j].tolist()
         if kind > SetPoint.CURRENT:
-            cap = current * joint.torque_per_ampere
+            cap = current * joint.motor.torque_per_ampere
         else:
-            cap = current if joint.in_amps else output
+            cap = current if joint.drive.in_amps else output
         if current < config.limits.peak_current or output < config.limits.output:
-            joint.max_drive = min(joint.max_drive, cap)
+            joint.drive.max = min(joint.drive.max, cap)
 
 
 def in_between(before: Payload, after: Payload, share: float) -> Payload:
@@ -372,7 +375,7 @@ def check_weights(
 
 def joint_torque(joint: Joint, measured: float, current: float) -> float:
     """The measured torque; without a sensor that of the motor's current."""
-    return measured if joint.has_torque_sensor else current * joint.torque_per_ampere
+    return measured if joint.motor.has_torque_sensor else current * joint.motor.torque_per_ampere
 
 
 def usual_terms(config: JointConfig, link: Link | None = None) -> list[float]:
@@ -386,33 +389,52 @@ def set_constants(
     joint: Joint, config: JointConfig, period: float, terms: Sequence[float] | None = None
 ) -> None:
     """The constants of the laws from a joint's configuration, and by Term of its motor."""
-    limits, motor = config.limits, config.motor
-    terms = terms or usual_terms(config)
-    joint.inertia_min, joint.inertia = config.inertia_min, config.inertia_mean
-    joint.period, joint.delay = period, config.drive_delay
-    joint.elapsed = joint.span = period
-    joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
-    joint.limit_edge = config.kind.choose(EDGE_ANGLE, EDGE_DISTANCE)
-    joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
-    joint.max_jerk = limits.jerk
-    joint.max_torque, joint.max_output = limits.torque, limits.output
-    motor = replace(motor, torque_constant=terms[Term.TORQUE_CONSTANT])
-    joint.torque_per_ampere = motor.torque_per_ampere
-    joint.viscous, joint.viscous_negative = terms[Term.VISCOUS_POSITIVE : Term.COULOMB_POSITIVE]
-    joint.coulomb, joint.coulomb_negative, joint.slip = terms[Term.COULOMB_POSITIVE :]
-    joint.has_torque_sensor = config.torque_sensor
-    joint.compensation = config.back_emf_compensation
+    joint.clock.period = joint.clock.elapsed = joint.clock.span = period
+    joint.drive.delay, joint.drive.compensation = config.drive_delay, config.back_emf_compensation
     joint.compensates = config.gravity_compensation
-    joint.external_share = -math.expm1(-2.0 * math.pi * config.contact.bandwidth * period)
-    joint.contact_threshold, joint.contact_time = config.contact.threshold, config.contact.time
-    joint.dead_band = config.admittance.dead_band if config.yields else 0.0
-    joint.load_share = config.admittance.load_share
-    turning = 2.0 * math.pi * config.admittance.bandwidth
-    joint.felt_share = -math.expm1(-turning * period)
-    joint.felt_time = FELT_TIME_CONSTANTS / turning
-    joint.min_damping = max(config.position_pid.kp / turning, MIN_DAMPING)
-    joint.ohms, joint.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
-    joint.percent_per_volt = 100.0 / motor.supply_voltage
+    set_limits(joint.limits, config)
+    set_motor(joint.motor, config, terms or usual_terms(config))
+    set_contact(joint.external, config, period)
+    set_admittance(joint.admittance, config, period)
+
+
+def set_limits(limits: Limits, config: JointConfig) -> None:
+    """The limits of a joint's configuration."""
+    own = config.limits
+    limits.lower, limits.upper = own.lower, own.upper
+    limits.edge = config.kind.choose(EDGE_ANGLE, EDGE_DISTANCE)
+    limits.velocity, limits.acceleration, limits.jerk = own.velocity, own.acceleration, own.jerk
+    limits.torque, limits.output = own.torque, own.output
+
+
+def set_motor(model: Motor, config: JointConfig, terms: Sequence[float]) -> None:
+    """The model of a joint's motor, by Term."""
+    motor = replace(config.motor, torque_constant=terms[Term.TORQUE_CONSTANT])
+    model.inertia_min, model.inertia = config.inertia_min, config.inertia_mean
+    model.torque_per_ampere = motor.torque_per_ampere
+    model.viscous, model.viscous_negative = terms[Term.VISCOUS_POSITIVE : Term.COULOMB_POSITIVE]
+    model.coulomb, model.coulomb_negative, model.slip = terms[Term.COULOMB_POSITIVE :]
+    model.has_torque_sensor = config.torque_sensor
+    model.ohms, model.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
+    model.percent_per_volt = 100.0 / motor.supply_voltage
+
+
+def set_contact(external: ExternalTorque, config: JointConfig, period: float) -> None:
+    """How the torque from outside is observed, and what of it is a contact (X1)."""
+    contact = config.contact
+    external.share = -math.expm1(-2.0 * math.pi * contact.bandwidth * period)
+    external.threshold, external.min_duration = contact.threshold, contact.time
+
+
+def set_admittance(admittance: Admittance, config: JointConfig, period: float) -> None:
+    """How a goal gives way in COMPLIANT (I5)."""
+    own = config.admittance
+    admittance.dead_band = own.dead_band if config.yields else 0.0
+    admittance.load_share = own.load_share
+    turning = 2.0 * math.pi * own.bandwidth
+    admittance.share = -math.expm1(-turning * period)
+    admittance.entry_time = FELT_TIME_CONSTANTS / turning
+    admittance.min_damping = max(config.position_pid.kp / turning, MIN_DAMPING)
 
 
 def set_drive(joint: Joint, config: JointConfig, kind: SetPoint, *, in_amps: bool) -> None:
@@ -426,44 +448,47 @@ def set_drive(joint: Joint, config: JointConfig, kind: SetPoint, *, in_amps: boo
         kind: what its drive follows.
         in_amps: whether a PWM comes of a current loop of the board's own (P10).
     """
-    motor, limits = config.motor, config.limits
+    motor, limits, drive = config.motor, config.limits, joint.drive
+    torque_per_ampere = joint.motor.torque_per_ampere
     per_volt = 100.0 / motor.supply_voltage
-    joint.kind = int(kind)
-    joint.in_amps = in_amps or kind is not SetPoint.PWM
-    joint.pursuit = PURSUIT_SHARE / (joint.period + joint.delay)
+    drive.kind = int(kind)
+    drive.in_amps = in_amps or kind is not SetPoint.PWM
+    drive.pursuit = PURSUIT_SHARE / (joint.clock.period + drive.delay)
     if config.position_pid.kd > 0.0:
-        joint.pursuit = min(joint.pursuit, config.position_pid.kp / config.position_pid.kd)
+        drive.pursuit = min(drive.pursuit, config.position_pid.kp / config.position_pid.kd)
     if kind > SetPoint.CURRENT:
-        joint.per_torque, joint.per_speed = 1.0, 0.0
-        joint.per_feed = 0.01 * limits.peak_current * joint.torque_per_ampere
-        joint.max_drive = limits.torque
-    elif joint.in_amps:
-        joint.per_torque, joint.per_speed = 1.0 / joint.torque_per_ampere, 0.0
-        joint.per_feed = 0.01 * limits.peak_current
-        joint.max_drive = PEAK_SHARE * limits.peak_current
+        drive.per_torque, drive.per_speed = 1.0, 0.0
+        drive.per_feed = 0.01 * limits.peak_current * torque_per_ampere
+        drive.max = limits.torque
+    elif drive.in_amps:
+        drive.per_torque, drive.per_speed = 1.0 / torque_per_ampere, 0.0
+        drive.per_feed = 0.01 * limits.peak_current
+        drive.max = PEAK_SHARE * limits.peak_current
     else:
-        joint.per_torque = per_volt * motor.resistance / joint.torque_per_ampere
-        joint.per_speed, joint.per_feed = per_volt * joint.emf, 1.0
-        joint.max_drive = limits.output
-    set_winding(joint, motor.inductance / motor.resistance if kind is SetPoint.PWM else 0.0)
-    set_protection(joint)
+        drive.per_torque = per_volt * motor.resistance / torque_per_ampere
+        drive.per_speed, drive.per_feed = per_volt * joint.motor.emf, 1.0
+        drive.max = limits.output
+    winding = motor.inductance / motor.resistance if kind is SetPoint.PWM else 0.0
+    set_winding(joint.motor, winding, joint.clock.period)
+    set_protection(joint.motor)
 
 
-def set_winding(joint: Joint, time: float) -> None:
+def set_winding(motor: Motor, time: float, period: float) -> None:
     """How late torque follows within a control period.
 
     Args:
-        joint: Whose period is known.
-        time: L/R of the motor's winding, s; 0: the drive makes its current, within the period.
+        motor: Whose lead and lag are set.
+        time: L/R of its winding, s; 0: the drive makes its current, within the period.
+        period: Of control, s.
     """
-    joint.lead = joint.lag = 0.0
+    motor.lead = motor.lag = 0.0
     if time > 0.0:
-        kept = math.exp(-joint.period / time)
-        joint.lead = min(kept / (1.0 - kept), MAX_LEAD)
-        joint.lag = time / joint.period - kept / (1.0 - kept)
+        kept = math.exp(-period / time)
+        motor.lead = min(kept / (1.0 - kept), MAX_LEAD)
+        motor.lag = time / period - kept / (1.0 - kept)
 
 
-def set_protection(joint: Joint) -> None:
+def set_protection(motor: Motor) -> None:
     """The inertia by which the speed bound makes speed, and reduces it (P9, P14).
 
     A heavy joint needs a large one to slow down. A light one swings from J = ρ J_light on, its
@@ -472,14 +497,14 @@ def set_protection(joint: Joint) -> None:
         ρ = (2 − 2 g l)/((1 − 2 l)(g + 1/6)),   g = 1 + l/3
 
     Args:
-        joint: Whose inertia and lag, l in periods, are known.
+        motor: Whose inertia and lag, l in periods, are known.
     """
-    gain = 1.0 + joint.lag / 3.0
-    swinging = (2.0 - 2.0 * gain * joint.lag) / (gain + 1.0 / 6.0)
-    swinging /= max(1.0 - 2.0 * joint.lag, 1e-6)
-    light = LIGHT_FACTOR * joint.inertia_min
-    joint.light_inertia = light
-    joint.heavy_inertia = min(HEAVY_FACTOR * joint.inertia, min(swinging, WIDE_FACTOR) * light)
+    gain = 1.0 + motor.lag / 3.0
+    swinging = (2.0 - 2.0 * gain * motor.lag) / (gain + 1.0 / 6.0)
+    swinging /= max(1.0 - 2.0 * motor.lag, 1e-6)
+    light = LIGHT_FACTOR * motor.inertia_min
+    motor.light_inertia = light
+    motor.heavy_inertia = min(HEAVY_FACTOR * motor.inertia, min(swinging, WIDE_FACTOR) * light)
 
 
 def set_gains(loop: Loop, pid: Pid, period: float) -> None:

@@ -11,12 +11,6 @@ from math import fabs
 from ... import nocython as cython
 from .formulas import INFINITE, brake_speed, clamp, is_number
 from .joint import (
-    AS_CURRENT,
-    AS_IMPEDANCE,
-    AS_POSITION,
-    AS_PWM,
-    AS_TORQUE,
-    AS_VELOCITY,
     CURRENT,
     HOLD_FILTER,
     IMPEDANCE,
@@ -27,10 +21,15 @@ from .joint import (
     STARVED_PERIODS,
     WIRE_PHASE,
     Joint,
-    come_in,
-    friction,
     go_on_stopping,
-    place_of,
+)
+from .joint_drive import (
+    AS_CURRENT,
+    AS_IMPEDANCE,
+    AS_POSITION,
+    AS_PWM,
+    AS_TORQUE,
+    AS_VELOCITY,
 )
 from .pid import Pid, pid_step, unwind
 
@@ -71,50 +70,53 @@ def position_law(j: Joint) -> cython.double:
     """
     p: Pid = j.position_pid
     keep_near(j)
-    late = j.followed - j.delay * j.followed_velocity  # what the drive has by now
-    if j.coasts:
-        torque = p.kff * j.followed + p.integral + j.feedback
-    elif j.blind:  # the drive has the same spring, with the present error
+    late = j.track.position - j.drive.delay * j.track.velocity  # what the drive has by now
+    if j.wire.coasts:
+        torque = p.kff * j.track.position + p.integral + j.feedback
+    elif j.wire.blind:  # the drive has the same spring, with the present error
         torque = p.feed() + p.integral
     else:
-        torque = pid_step(p, j.followed, late - j.position, j.followed_velocity - j.velocity)
-        if j.calm < 1.0:
+        torque = pid_step(p, j.track.position, late - j.position, j.track.velocity - j.velocity)
+        if j.wire.bandwidth_share < 1.0:
             torque = soften(j)
         keep_feedback(j)
-    return torque + j.forward + friction(j, j.followed_velocity)
+    return torque + j.forward + j.motor.friction(j.track.velocity)
 
 
 @cython.cfunc
 def keep_feedback(j: Joint) -> cython.void:
     """Filter the feedback: what a joint that coasts keeps of it is its load (B7)."""
     p: Pid = j.position_pid
-    feedback = p.kp * p.error * j.spring + p.kd * p.derivative * j.calm
-    j.feedback += j.period / (j.period + HOLD_FILTER) * (feedback - j.feedback)
+    feedback = (
+        p.kp * p.error * j.wire.stiffness_share + p.kd * p.derivative * j.wire.bandwidth_share
+    )
+    j.feedback += j.clock.period / (j.clock.period + HOLD_FILTER) * (feedback - j.feedback)
 
 
 @cython.cfunc
 def soften(j: Joint) -> cython.double:
-    """The torque of the position PID for a loop slower by ``calm``."""
+    """The torque of the position PID for a loop slower by ``bandwidth_share``."""
     p: Pid = j.position_pid
-    p.integral -= (1.0 - j.spring * j.calm) * (p.integral - p.previous)
-    return (
-        p.kff * p.reference + p.kp * p.error * j.spring + p.integral + p.kd * p.derivative * j.calm
+    p.integral -= (1.0 - j.wire.stiffness_share * j.wire.bandwidth_share) * (
+        p.integral - p.previous
     )
+    torque = p.kff * p.reference + p.kp * p.error * j.wire.stiffness_share
+    return torque + p.integral + p.kd * p.derivative * j.wire.bandwidth_share
 
 
 @cython.cfunc
 def keep_near(j: Joint) -> cython.void:
     """Bound the lead of the followed reference by the torque and speed limits (P14)."""
     p: Pid = j.position_pid
-    if p.kp > 0.0 and not j.blind:
-        late = j.delay + 2.0 * j.wire + max(j.hold_time - j.period, 0.0)
-        lead = late * fabs(j.followed_velocity)  # either way
-        lead += LEAD * j.max_torque / (p.kp * j.calm)
-        if fabs(j.followed - j.position) > lead:
-            if j.kind == AS_POSITION:
+    if p.kp > 0.0 and not j.wire.blind:
+        late = j.drive.delay + 2.0 * j.wire.max_age + max(j.clock.hold_time - j.clock.period, 0.0)
+        lead = late * fabs(j.track.velocity)  # either way
+        lead += LEAD * j.limits.torque / (p.kp * j.wire.bandwidth_share)
+        if fabs(j.track.position - j.position) > lead:
+            if j.drive.kind == AS_POSITION:
                 keep_near_drive(j, lead)
             else:
-                stay(j, clamp(j.followed, j.position - lead, j.position + lead))
+                stay(j, clamp(j.track.position, j.position - lead, j.position + lead))
         hold_back(j)
 
 
@@ -126,22 +128,22 @@ def keep_near_drive(j: Joint, lead: cython.double) -> cython.void:
     it. At the torque limit, by its current, the reference yields, so that it is that limit. Below,
     it goes on, up to DRIVE_LEADS leads. Beyond, and where no current is known, it waits.
     """
-    error = j.followed - j.position
+    error = j.track.position - j.position
     torque = j.torque if error > 0.0 else -j.torque
-    if torque > j.max_torque:
-        stay(j, j.position + error * j.max_torque / torque)
+    if torque > j.limits.torque:
+        stay(j, j.position + error * j.limits.torque / torque)
     elif not (fabs(torque) > 0.0 and fabs(error) <= DRIVE_LEADS * lead):
-        wait_for_drive(j, clamp(j.followed, j.position - lead, j.position + lead))
+        wait_for_drive(j, clamp(j.track.position, j.position - lead, j.position + lead))
 
 
 @cython.cfunc
 def wait_for_drive(j: Joint, place: cython.double) -> cython.void:
     """Stop the followed reference at a place that it has not passed, else where it was."""
-    before = j.set_position - j.sag - j.trail
-    low = min(j.followed, place)
-    high = max(j.followed, place)
+    before = j.set_point.position - j.set_point.sag - j.set_point.trail
+    low = min(j.track.position, place)
+    high = max(j.track.position, place)
     place = clamp(before, low, high)
-    if place != j.followed:
+    if place != j.track.position:
         stay(j, place)
 
 
@@ -151,12 +153,12 @@ def stay(j: Joint, place: cython.double) -> cython.void:
 
     Of a joint that brakes with less torque than that takes, it goes on with the joint's speed.
     """
-    j.forward -= j.inertia * j.followed_acceleration
-    j.followed = place
-    j.followed_velocity = j.followed_acceleration = 0.0
-    if j.stopping:
+    j.forward -= j.motor.inertia * j.track.acceleration
+    j.track.position = place
+    j.track.velocity = j.track.acceleration = 0.0
+    if j.stop.active:
         go_on_stopping(j, place)
-    j.active = True
+    j.reference.active = True
 
 
 @cython.cfunc
@@ -171,28 +173,32 @@ def hold_back(j: Joint) -> cython.void:
     current, where known, and I_free what it gave.
     """
     p: Pid = j.position_pid
-    push = p.kp * (j.followed - j.position) + p.integral
-    if j.kind == AS_POSITION and is_number(j.torque) and j.torque != 0.0:
+    push = p.kp * (j.track.position - j.position) + p.integral
+    if j.drive.kind == AS_POSITION and is_number(j.torque) and j.torque != 0.0:
         push = j.torque
-    max_excess = j.light_inertia * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
-    if max_excess >= j.max_torque:
+    max_excess = (
+        j.motor.light_inertia
+        * j.limits.velocity
+        / (j.clock.period * (1.0 + 0.5 * j.motor.lead) + j.drive.delay)
+    )
+    if max_excess >= j.limits.torque:
         return
-    max_excess = max(max_excess, HOLD_SHARE * j.max_torque)
-    if fabs(j.velocity) > REST_SPEED * j.max_velocity:
+    max_excess = max(max_excess, HOLD_SHARE * j.limits.torque)
+    if fabs(j.velocity) > REST_SPEED * j.limits.velocity:
         j.blocked = False
-    elif j.followed_velocity != 0.0:
+    elif j.track.velocity != 0.0:
         j.blocked = True
-    elif j.kind == AS_POSITION and j.followed == j.reference:
+    elif j.drive.kind == AS_POSITION and j.track.position == j.reference.position:
         j.blocked = False  # it holds what it bears
     if not j.blocked:
-        j.carried = push if j.kind == AS_POSITION else p.integral
+        j.carried = push if j.drive.kind == AS_POSITION else p.integral
         return
     excess = push - j.carried
     if fabs(excess) > max_excess:
-        back = j.followed - (excess - clamp(excess, -max_excess, max_excess)) / p.kp
+        back = j.track.position - (excess - clamp(excess, -max_excess, max_excess)) / p.kp
         # not beyond where the joint is
-        back = clamp(back, min(j.followed, j.position), max(j.followed, j.position))
-        if j.kind == AS_POSITION:
+        back = clamp(back, min(j.track.position, j.position), max(j.track.position, j.position))
+        if j.drive.kind == AS_POSITION:
             wait_for_drive(j, back)
         else:
             stay(j, back)
@@ -210,7 +216,7 @@ def impedance(j: Joint) -> cython.double:
         j.torque_offset
         + j.load_taken
         + j.lift
-        + j.stiffness * (j.followed - j.position)
+        + j.stiffness * (j.track.position - j.position)
         - j.damping * j.velocity
     )
     return torque + hold_torque(j, REST_SHARE) if j.lifts and j.stiffness == 0.0 else torque
@@ -227,26 +233,29 @@ def give_way(j: Joint) -> cython.void:
     limit and braking ahead of software limits bound ġ (P9, P14); where τ is not known, or old
     (B7), it is zero.
     """
-    time = j.period if j.gap else j.elapsed
-    least = j.dead_band + j.load_share * j.borne
+    time = j.clock.period if j.clock.gap else j.clock.elapsed
+    least = j.admittance.dead_band + j.admittance.load_share * j.admittance.load
     speed = 0.0
-    up = brake_speed(j.upper - j.goal, j.max_acceleration, time)
-    down = brake_speed(j.goal - j.lower, j.max_acceleration, time)
-    if j.felt_left > 0.0:  # it follows what the braking has left in the low pass
-        j.felt_left -= time
-        j.felt_taken = j.felt
-    push = j.felt - j.felt_taken
+    up = brake_speed(j.reference.upper - j.admittance.position, j.limits.acceleration, time)
+    down = brake_speed(j.admittance.position - j.reference.lower, j.limits.acceleration, time)
+    if j.admittance.entry_left > 0.0:  # it follows what the braking has left in the low pass
+        j.admittance.entry_left -= time
+        j.admittance.entry_torque = j.admittance.torque
+    push = j.admittance.torque - j.admittance.entry_torque
     push -= clamp(push, -least, least)
-    if j.feels and not j.blind:
-        speed = push + j.torque_offset - j.offset_taken + j.stiffness * (j.followed - j.goal)
-        speed /= max(j.damping, j.min_damping) + j.stiffness * time
-    speed = clamp(speed, -min(down, j.max_velocity), min(up, j.max_velocity))
+    if j.admittance.known and not j.wire.blind:
+        speed = push + j.torque_offset - j.admittance.entry_offset
+        speed += j.stiffness * (j.track.position - j.admittance.position)
+        speed /= max(j.damping, j.admittance.min_damping) + j.stiffness * time
+    speed = clamp(speed, -min(down, j.limits.velocity), min(up, j.limits.velocity))
     if push != 0.0:
-        j.felt_taken *= max(1.0 - fabs(speed) * time / (FADING * j.limit_edge), 0.0)
-    j.goal = clamp(j.goal + speed * time, j.lower, j.upper)
-    j.goal_velocity = speed
+        j.admittance.entry_torque *= max(1.0 - fabs(speed) * time / (FADING * j.limits.edge), 0.0)
+    j.admittance.position = clamp(
+        j.admittance.position + speed * time, j.reference.lower, j.reference.upper
+    )
+    j.admittance.velocity = speed
     if j.calibrated:
-        come_in(j, j.goal)
+        j.reference.come_in(j.admittance.position, j.limits)
         note_limit(j)
 
 
@@ -257,11 +266,11 @@ def hold_torque(j: Joint, share: cython.double) -> cython.double:
     Pushed harder, the joint moves, and holds where it is released.
     """
     p: Pid = j.position_pid
-    firm = share * j.max_torque
+    firm = share * j.limits.torque
     if p.kp > 0.0:
         j.hold_place = clamp(j.hold_place, j.position - firm / p.kp, j.position + firm / p.kp)
-    spring = p.kp * j.spring
-    damper = p.kd * j.calm
+    spring = p.kp * j.wire.stiffness_share
+    damper = p.kd * j.wire.bandwidth_share
     return clamp(spring * (j.hold_place - j.position) - damper * j.velocity, -firm, firm)
 
 
@@ -278,12 +287,12 @@ def torque_law(j: Joint, reference: cython.double) -> cython.double:
     A drive that closes this loop itself receives the reference.
     """
     p: Pid = j.torque_pid
-    reference = clamp(reference, -j.max_torque, j.max_torque)
+    reference = clamp(reference, -j.limits.torque, j.limits.torque)
     j.torque_reference = reference
-    if j.kind >= AS_TORQUE:
+    if j.drive.kind >= AS_TORQUE:
         return reference
     error = reference - j.torque
-    return pid_step(p, reference, error, (error - p.error) / j.period)
+    return pid_step(p, reference, error, (error - p.error) / j.clock.period)
 
 
 @cython.cfunc
@@ -305,16 +314,16 @@ def control(j: Joint) -> cython.void:
     if j.law == OFF:
         j.output = 0.0
         return
-    feed = j.output_offset * j.per_feed if j.feeds else 0.0
-    if j.kind in (AS_POSITION, AS_VELOCITY):
+    feed = j.output_offset * j.drive.per_feed if j.feeds else 0.0
+    if j.drive.kind in (AS_POSITION, AS_VELOCITY):
         lead_drive(j, feed)
         return
-    if j.coasts and j.law != POSITION and not j.settling:
+    if j.wire.coasts and j.law != POSITION and not j.settling:
         coast(j)
         return
     if (
-        j.kind == AS_IMPEDANCE
-        and (j.wire > 0.0 or j.hold_time > STARVED_PERIODS * j.period)
+        j.drive.kind == AS_IMPEDANCE
+        and (j.wire.max_age > 0.0 or j.clock.hold_time > STARVED_PERIODS * j.clock.period)
         and (j.law == POSITION or j.settling)
     ):
         hand_down_spring(j, feed)
@@ -323,22 +332,22 @@ def control(j: Joint) -> cython.void:
         output_law(j, j.output_command + feed)
         return
     if j.law == CURRENT and not (j.settling or j.holding):
-        drive = clamp(j.current_command + feed, -j.max_drive, j.max_drive)
+        drive = clamp(j.current_command + feed, -j.drive.max, j.drive.max)
         hand_down(j, protect(j, drive))
         return
     if j.law == POSITION or j.settling:
         loop = j.position_pid
     torque = law_torque(j)
-    drive = clamp(torque, -j.max_torque, j.max_torque)
+    drive = clamp(torque, -j.limits.torque, j.limits.torque)
     if drive != torque:
         unwind(loop, torque - drive)
     if drive == torque or j.law != POSITION:
         j.strain_cycles = 0
     elif j.strain_cycles < 1000000:
         j.strain_cycles += 1
-    drive = ahead_of_winding(j, drive * j.per_torque)
-    drive += j.compensation * j.per_speed * j.velocity + feed
-    bounded = protect(j, clamp(drive, -j.max_drive, j.max_drive))
+    drive = ahead_of_winding(j, drive * j.drive.per_torque)
+    drive += j.drive.compensation * j.drive.per_speed * j.velocity + feed
+    bounded = protect(j, clamp(drive, -j.drive.max, j.drive.max))
     if bounded != drive:
         unwind(loop, drive - bounded)
     hand_down(j, bounded)
@@ -349,20 +358,20 @@ def lead_drive(j: Joint, feed: cython.double) -> cython.void:
     """The set-point of a drive that closes the loop: of the reference, or of a goal (I5, S2)."""
     if j.law == IMPEDANCE and not j.settling:
         give_way(j)
-        hand_down_path(j, feed, j.goal, j.goal_velocity)
+        hand_down_path(j, feed, j.admittance.position, j.admittance.velocity)
     else:
         keep_near(j)
-        hand_down_path(j, feed, j.followed, j.followed_velocity)
+        hand_down_path(j, feed, j.track.position, j.track.velocity)
 
 
 @cython.cfunc
 def coast(j: Joint) -> cython.void:
     """Drive what the joint bears without its acceleration: it goes on as it moves (B7)."""
-    drive: cython.double = clamp(j.load, -j.max_torque, j.max_torque) * j.per_torque
-    drive = clamp(drive + j.per_speed * j.velocity, -j.max_drive, j.max_drive)
-    j.asked = drive
+    drive: cython.double = clamp(j.load, -j.limits.torque, j.limits.torque) * j.drive.per_torque
+    drive = clamp(drive + j.drive.per_speed * j.velocity, -j.drive.max, j.drive.max)
+    j.set_point.request = drive
     if j.law == OUTPUT:
-        j.output = clamp(drive, -j.max_output, j.max_output)
+        j.output = clamp(drive, -j.limits.output, j.limits.output)
     else:
         hand_down(j, drive)
 
@@ -373,11 +382,11 @@ def output_law(j: Joint, output: cython.double) -> cython.void:
 
     i = (V_s u/100 − Ke q̇)/R
     """
-    if j.kind == AS_CURRENT:
-        output = (output / j.percent_per_volt - j.emf * j.velocity) / j.ohms
-        j.set_current = protect(j, clamp(output, -j.max_drive, j.max_drive))
+    if j.drive.kind == AS_CURRENT:
+        output = (output / j.motor.percent_per_volt - j.motor.emf * j.velocity) / j.motor.ohms
+        j.set_point.current = protect(j, clamp(output, -j.drive.max, j.drive.max))
         return
-    j.output = clamp(protect(j, output), -j.max_output, j.max_output)
+    j.output = clamp(protect(j, output), -j.limits.output, j.limits.output)
     j.current_pid.integral = 0.0
 
 
@@ -389,9 +398,9 @@ def ahead_of_winding(j: Joint, wanted: cython.double) -> cython.double:
     where i is the current that the last cycle wanted.
     """
     drive: cython.double = wanted
-    if not j.in_amps and j.wire == 0.0:  # late, it would only add noise
-        drive += j.lead * (wanted - j.asked)
-    j.asked = wanted
+    if not j.drive.in_amps and j.wire.max_age == 0.0:  # late, it would only add noise
+        drive += j.motor.lead * (wanted - j.set_point.request)
+    j.set_point.request = wanted
     return drive
 
 
@@ -407,13 +416,15 @@ def current_law(j: Joint, reference: cython.double) -> cython.double:
     reached = before if j.law == CURRENT else reference
     feedback = (
         late_feedback(j, reference)
-        if j.wire > 0.0
+        if j.wire.max_age > 0.0
         else pid_step(p, reference, reached - j.current, 0.0)
     )
-    wanted = j.percent_per_volt * (
-        feedback + j.ohms * (reference + j.lead * (reference - before)) + j.emf * j.velocity
+    wanted = j.motor.percent_per_volt * (
+        feedback
+        + j.motor.ohms * (reference + j.motor.lead * (reference - before))
+        + j.motor.emf * j.velocity
     )
-    bounded = clamp(wanted, -j.max_output, j.max_output)
+    bounded = clamp(wanted, -j.limits.output, j.limits.output)
     if bounded != wanted:
         unwind(p, wanted - bounded)
     return bounded
@@ -428,15 +439,15 @@ def late_feedback(j: Joint, reference: cython.double) -> cython.double:
     """
     p: Pid = j.current_pid
     error = 0.0
-    gain = p.kp + p.ki_period / j.period * j.wire
-    calm = 1.0
-    if j.missed == 0.0:
-        error = j.drawn[place_of(j, j.age)] - j.current
-    if gain > WIRE_PHASE * j.ohms:
-        calm = WIRE_PHASE * j.ohms / gain
+    gain = p.kp + p.ki_period / j.clock.period * j.wire.max_age
+    share = 1.0
+    if j.wire.silence == 0.0:
+        error = j.history.current_at(j.wire.age, j.clock.period) - j.current
+    if gain > WIRE_PHASE * j.motor.ohms:
+        share = WIRE_PHASE * j.motor.ohms / gain
     pid_step(p, reference, error, 0.0)
-    p.integral -= (1.0 - calm) * (p.integral - p.previous)
-    return p.kp * calm * error + p.integral
+    p.integral -= (1.0 - share) * (p.integral - p.previous)
+    return p.kp * share * error + p.integral
 
 
 # --- 4. protect -----------------------------------------------------------------------------
@@ -450,19 +461,19 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
     braking distance, and from beyond one it is driven back: to where it was found, where that is
     outside (P16).
     """
-    top = PURSUIT * j.max_velocity
+    top = PURSUIT * j.limits.velocity
     bottom = -top
     free: cython.bint = j.law != POSITION and not j.settling
     if free:
-        top, bottom = j.max_velocity, -j.max_velocity
+        top, bottom = j.limits.velocity, -j.limits.velocity
         if j.calibrated:
-            come_in(j, j.position)
-            top = speed_towards(j, j.upper - j.position, top)
-            bottom = -speed_towards(j, j.position - j.lower, -bottom)
+            j.reference.come_in(j.position, j.limits)
+            top = speed_towards(j, j.reference.upper - j.position, top)
+            bottom = -speed_towards(j, j.position - j.reference.lower, -bottom)
             note_limit(j)
     drive = min(drive, speed_bound(j, top, 1.0))
     drive = max(drive, -speed_bound(j, -bottom, -1.0))
-    return clamp(drive, -j.max_drive, j.max_drive)
+    return clamp(drive, -j.drive.max, j.drive.max)
 
 
 @cython.cfunc
@@ -478,28 +489,29 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
     lag·Δτ is the torque at the end of the cycle beyond its mean. Torque grows as for a light
     joint, and is reduced as for a heavy one, by no more than a light one bears without swinging.
     """
-    span = SPAN * (j.period + j.delay + j.wire)
+    span = SPAN * (j.clock.period + j.drive.delay + j.wire.max_age)
     speed = way * j.velocity
-    torque = way * j.current * j.torque_per_ampere
-    grown = torque - way * j.current_before * j.torque_per_ampere
-    gain = 1.0 + j.lag * j.period / span
+    torque = way * j.current * j.motor.torque_per_ampere
+    grown = torque - way * j.current_before * j.motor.torque_per_ampere
+    gain = 1.0 + j.motor.lag * j.clock.period / span
     gained = way * j.acceleration
-    if j.wire > 0.0:  # more than the motor gives is an impact, which does not last
-        gained = clamp(gained, -j.max_torque / j.inertia_min, j.max_torque / j.inertia_min)
+    if j.wire.max_age > 0.0:  # more than the motor gives is an impact, which does not last
+        most = j.limits.torque / j.motor.inertia_min
+        gained = clamp(gained, -most, most)
         if j.law != POSITION and not j.settling:
-            speed += gained * (j.age - j.missed)
+            speed += gained * (j.wire.age - j.wire.silence)
     spare = (top - speed) / span - gain * gained
-    inertia = j.light_inertia
+    inertia = j.motor.light_inertia
     if spare < 0.0:
-        inertia = j.heavy_inertia
-    bound = torque - gain * j.lag * grown + inertia * spare
-    if bound >= j.max_torque:
+        inertia = j.motor.heavy_inertia
+    bound = torque - gain * j.motor.lag * grown + inertia * spare
+    if bound >= j.limits.torque:
         return INFINITE
-    bound = max(bound, -j.max_torque)
-    drive = j.per_torque * bound + j.per_speed * way * j.velocity
-    if j.in_amps or j.wire > 0.0:
-        return drive
-    return drive + j.lead * j.per_torque * (bound - torque)
+    bound = max(bound, -j.limits.torque)
+    value = j.drive.per_torque * bound + j.drive.per_speed * way * j.velocity
+    if j.drive.in_amps or j.wire.max_age > 0.0:
+        return value
+    return value + j.motor.lead * j.drive.per_torque * (bound - torque)
 
 
 @cython.cfunc
@@ -507,18 +519,18 @@ def speed_towards(j: Joint, room: cython.double, top: cython.double) -> cython.d
     """The speed allowed towards a limit at distance ``room``; negative beyond it."""
     if room < 0.0:
         return room / RETURN
-    speed = brake_speed(room, BRAKING * j.max_acceleration, j.period)
+    speed = brake_speed(room, BRAKING * j.limits.acceleration, j.clock.period)
     return speed if speed < top else top
 
 
 @cython.cfunc
 def note_limit(j: Joint) -> cython.void:
     """Whether the joint is beyond a limit, with a hysteresis (P9)."""
-    room = j.limit_upper - j.position
-    below = j.position - j.limit_lower
+    room = j.limits.upper - j.position
+    below = j.position - j.limits.lower
     room = min(room, below)
-    edge = 0.01 * (j.limit_upper - j.limit_lower)
-    edge = min(edge, j.limit_edge)
+    edge = 0.01 * (j.limits.upper - j.limits.lower)
+    edge = min(edge, j.limits.edge)
     j.on_limit = room < 0.0 or (j.on_limit and room < edge)
 
 
@@ -533,24 +545,25 @@ def hand_down(j: Joint, drive: cython.double) -> cython.void:
     damping it subtracts the filtered rate that the law used: the raw one would return delayed.
     """
     p: Pid = j.position_pid
+    kind = j.drive.kind
     spring = 0.0
-    if j.kind == AS_PWM:
-        j.output = current_law(j, drive) if j.in_amps else drive
-    elif j.kind == AS_CURRENT:
-        j.set_current = drive
-    elif j.kind == AS_TORQUE:
-        j.set_torque = drive
+    if kind == AS_PWM:
+        j.output = current_law(j, drive) if j.drive.in_amps else drive
+    elif kind == AS_CURRENT:
+        j.set_point.current = drive
+    elif kind == AS_TORQUE:
+        j.set_point.torque = drive
     else:
-        j.set_position, j.set_velocity = j.followed, 0.0
-        j.set_stiffness = j.set_damping = 0.0
+        j.set_point.position, j.set_point.velocity = j.track.position, 0.0
+        j.set_point.stiffness = j.set_point.damping = 0.0
         if j.law == POSITION or j.settling:
-            j.set_velocity = j.followed_velocity
-            j.set_stiffness, j.set_damping = p.kp, p.kd
+            j.set_point.velocity = j.track.velocity
+            j.set_point.stiffness, j.set_point.damping = p.kp, p.kd
             spring = p.kp * p.error + p.kd * p.derivative
         elif j.law == IMPEDANCE:
-            j.set_stiffness, j.set_damping = j.stiffness, j.damping
-            spring = j.stiffness * (j.followed - j.position) - j.damping * j.velocity
-        j.set_torque = drive - spring
+            j.set_point.stiffness, j.set_point.damping = j.stiffness, j.damping
+            spring = j.stiffness * (j.track.position - j.position) - j.damping * j.velocity
+        j.set_point.torque = drive - spring
 
 
 @cython.cfunc
@@ -565,19 +578,21 @@ def hand_down_path(
     """
     p: Pid = j.position_pid
     torque = p.integral + p.kff * place + j.forward + feed
-    torque += friction(j, velocity)
-    j.set_torque = clamp(torque, -j.max_torque, j.max_torque)
-    j.set_position, j.set_velocity = place, velocity
-    if not j.comes_to_rest:
-        j.trail -= j.trail * min(j.elapsed / TRAIL_FADING, 1.0)
-    if j.sag + j.trail != 0.0:
-        j.set_position = clamp(place + j.sag + j.trail, j.lower, j.upper)
-    if j.kind == AS_VELOCITY:
-        j.set_position = 0.0
-        if not j.blind:
-            j.set_velocity += j.calm * j.pursuit * (place - j.position)
-        j.set_velocity = clamp(j.set_velocity, -PURSUIT * j.max_velocity, PURSUIT * j.max_velocity)
-    j.torque_reference = j.set_torque
+    torque += j.motor.friction(velocity)
+    j.set_point.torque = clamp(torque, -j.limits.torque, j.limits.torque)
+    j.set_point.position, j.set_point.velocity = place, velocity
+    if not j.reference.comes_to_rest:
+        j.set_point.trail -= j.set_point.trail * min(j.clock.elapsed / TRAIL_FADING, 1.0)
+    if j.set_point.sag + j.set_point.trail != 0.0:
+        place_beyond = place + j.set_point.sag + j.set_point.trail
+        j.set_point.position = clamp(place_beyond, j.reference.lower, j.reference.upper)
+    if j.drive.kind == AS_VELOCITY:
+        j.set_point.position = 0.0
+        if not j.wire.blind:
+            j.set_point.velocity += j.wire.bandwidth_share * j.drive.pursuit * (place - j.position)
+        top = PURSUIT * j.limits.velocity
+        j.set_point.velocity = clamp(j.set_point.velocity, -top, top)
+    j.torque_reference = j.set_point.torque
 
 
 @cython.cfunc
@@ -589,8 +604,9 @@ def hand_down_spring(j: Joint, feed: cython.double) -> cython.void:
     """
     p: Pid = j.position_pid
     keep_near(j)
-    if not j.blind:
-        pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
+    if not j.wire.blind:
+        pid_step(p, j.track.position, j.track.position - j.position, j.track.velocity - j.velocity)
         soften(j)
-    hand_down_path(j, feed, j.followed, j.followed_velocity)
-    j.set_stiffness, j.set_damping = p.kp * j.spring, p.kd * j.calm
+    hand_down_path(j, feed, j.track.position, j.track.velocity)
+    j.set_point.stiffness = p.kp * j.wire.stiffness_share
+    j.set_point.damping = p.kd * j.wire.bandwidth_share

@@ -26,8 +26,9 @@ from ..model.dynamics import Arm
 from .advancing import advance, rest_in_place
 from .controlling import control
 from .formulas import NAN, is_number
-from .joint import AS_PWM, IMPEDANCE, OFF, POSITION, REST_TIME, Joint
-from .observing import observe, observe_external, pass_time, settle, weigh
+from .joint import IMPEDANCE, OFF, POSITION, REST_TIME, Joint
+from .joint_drive import AS_PWM
+from .observing import observe, observe_external, settle, weigh
 from .stopping import Stops
 
 #: Time beyond the torque limit in a position mode after which the log reports it, s.
@@ -118,11 +119,11 @@ class Laws:
             j = self.joints[k]
             j.current_before = j.current
             j.torque, j.current = self.torque[k], self.current[k]
-            pass_time(j, elapsed)
+            j.clock.advance(elapsed)
             observe(j, self.position[k], self.velocity[k], self.age[k])
             settling = settling or j.settling
-            due = due or j.stop_due
-            yields = yields or j.dead_band > 0.0
+            due = due or j.stop.due
+            yields = yields or j.admittance.dead_band > 0.0
             known = known and j.calibrated
         if due:
             self.stops.plan(self.modelled)
@@ -136,22 +137,22 @@ class Laws:
         self.sense_external(yields and known)
         for k in range(len(self.joints)):
             j = self.joints[k]
-            if j.active and not j.braked:
+            if j.reference.active and not j.braked:
                 advance(j)
-                self.position_reference[k] = j.reference
-                self.velocity_reference[k] = j.reference_velocity
-                self.done[k] = not j.moving
+                self.position_reference[k] = j.reference.position
+                self.velocity_reference[k] = j.reference.velocity
+                self.done[k] = not j.trajectory.moving
         self.feed_forward()
         self.compensate()
         for k in range(len(self.joints)):
             j = self.joints[k]
             control(j)
-            if not fabs(j.output) <= DIVERGED_OUTPUT or not is_number(set_point_sum(j)):
+            if not fabs(j.output) <= DIVERGED_OUTPUT or not is_number(j.set_point.total()):
                 j.give_up()
-                self.position_reference[k], self.velocity_reference[k] = j.reference, 0.0
+                self.position_reference[k], self.velocity_reference[k] = j.reference.position, 0.0
                 changed = True
             self.torque_reference[k] = j.torque_reference
-            if j.kind == AS_PWM or j.law == OFF:
+            if j.drive.kind == AS_PWM or j.law == OFF:
                 self.output[k] = j.output
             else:
                 self.output[k] = 0.0
@@ -177,9 +178,9 @@ class Laws:
     @cython.cfunc
     def hand_over(self, k: cython.Py_ssize_t, j: Joint) -> cython.void:
         """Write the set-point of a joint into the rows of its drive."""
-        self.set_current[k], self.set_torque[k] = j.set_current, j.set_torque
-        self.set_velocity[k], self.set_position[k] = j.set_velocity, j.set_position
-        self.set_stiffness[k], self.set_damping[k] = j.set_stiffness, j.set_damping
+        self.set_current[k], self.set_torque[k] = j.set_point.current, j.set_point.torque
+        self.set_velocity[k], self.set_position[k] = j.set_point.velocity, j.set_point.position
+        self.set_stiffness[k], self.set_damping[k] = j.set_point.stiffness, j.set_point.damping
 
     @cython.cfunc
     def settle_joints(self) -> cython.void:
@@ -189,8 +190,8 @@ class Laws:
         rested: cython.bint = True
         for j in self.joints:
             if j.settling and not j.awaited:
-                braking = braking or j.active
-                rested = rested and j.rest_cycles * j.period >= REST_TIME
+                braking = braking or j.reference.active
+                rested = rested and j.rest_cycles * j.clock.period >= REST_TIME
         for j in self.joints:
             if j.settling:
                 settle(j, braking, rested)
@@ -224,7 +225,7 @@ class Laws:
         if self.modelled or yields:
             for k in range(len(self.joints)):
                 j = self.joints[k]
-                wanted = wanted or j.external_share > 0.0
+                wanted = wanted or j.external.share > 0.0
                 self.arm_position[k], self.arm_velocity[k] = j.position, j.sampled
                 self.arm_acceleration[k] = j.acceleration
             if wanted:
@@ -233,16 +234,16 @@ class Laws:
             j = self.joints[k]
             if (
                 wanted
-                and j.external_share > 0.0
-                and (self.modelled or j.dead_band > 0.0)
-                and not (j.braked and not j.has_torque_sensor)
+                and j.external.share > 0.0
+                and (self.modelled or j.admittance.dead_band > 0.0)
+                and not (j.braked and not j.motor.has_torque_sensor)
                 and is_number(self.arm_torque[k])
             ):
                 self.external[k] = observe_external(j, self.arm_torque[k])
             else:
                 self.external[k] = NAN
-                j.external = j.unobserved = j.contact_lasted = 0.0
-                j.contact = j.feels = False
+                j.external.forget()
+                j.admittance.known = False
 
     @cython.cfunc
     def sense_gravity(self) -> cython.void:
@@ -260,16 +261,16 @@ class Laws:
         j: Joint
         if not self.knows_arm():
             for j in self.joints:
-                j.forward = j.inertia * j.followed_acceleration
-                if j.dead_band > 0.0 and j.law == IMPEDANCE and not j.settling:
+                j.forward = j.motor.inertia * j.track.acceleration
+                if j.admittance.dead_band > 0.0 and j.law == IMPEDANCE and not j.settling:
                     j.forward = 0.0
             return
         for k in range(len(self.joints)):
             j = self.joints[k]
             self.arm_position[k] = j.position
             if j.law == POSITION or j.settling:
-                self.arm_velocity[k] = j.followed_velocity
-                self.arm_acceleration[k] = j.followed_acceleration
+                self.arm_velocity[k] = j.track.velocity
+                self.arm_acceleration[k] = j.track.acceleration
             else:
                 self.arm_velocity[k], self.arm_acceleration[k] = j.velocity, 0.0
         self.arm.inverse(1.0)
@@ -331,23 +332,10 @@ class Laws:
 
 
 @cython.cfunc
-def set_point_sum(j: Joint) -> cython.double:
-    """Finite where all values of the set-point are."""
-    return (
-        j.set_current
-        + j.set_torque
-        + j.set_velocity
-        + j.set_position
-        + j.set_stiffness
-        + j.set_damping
-    )
-
-
-@cython.cfunc
 def has_news(j: Joint) -> cython.bint:
     """Whether a joint came to a limit or left it: of position, torque, or torque from outside."""
-    changed: cython.bint = j.on_limit != j.was_on_limit or j.contact != j.had_contact
-    strained: cython.bint = j.strain_cycles * j.period >= STRAIN_TIME
-    changed = changed or strained != j.strained
-    j.was_on_limit, j.strained, j.had_contact = j.on_limit, strained, j.contact
+    changed: cython.bint = j.on_limit != j.was_on_limit
+    strained: cython.bint = j.strain_cycles * j.clock.period >= STRAIN_TIME
+    changed = changed or strained != j.strained or j.external.contact != j.external.had_contact
+    j.was_on_limit, j.strained, j.external.had_contact = j.on_limit, strained, j.external.contact
     return changed

@@ -10,22 +10,9 @@ from math import exp, fabs, sqrt
 
 from ... import nocython as cython
 from .formulas import is_number
-from .joint import (
-    AS_IMPEDANCE,
-    AS_POSITION,
-    AS_VELOCITY,
-    FEED_CYCLES,
-    GAP,
-    HOLD_FILTER,
-    POSITION,
-    REST_TIME,
-    STARVED_PERIODS,
-    WIRE_PHASE,
-    Joint,
-    friction,
-    place_of,
-    restart_at,
-)
+from .joint import HOLD_FILTER, POSITION, REST_TIME, STARVED_PERIODS, WIRE_PHASE, Joint, restart_at
+from .joint_drive import AS_IMPEDANCE, AS_POSITION, AS_VELOCITY
+from .joint_timing import GAP, HISTORY_CYCLES
 from .pid import Pid
 
 #: Time constant of the load's filter, s.
@@ -35,8 +22,6 @@ MIN_SETTLING_TIME = cython.declare(cython.double, 0.05)
 MAX_SETTLING_TIME = cython.declare(cython.double, 0.5)
 #: Maximum time that a joint at rest waits for others that still brake, s.
 MAX_WAIT_TIME = cython.declare(cython.double, 3.0)
-#: Memory of the age of readings, s.
-WIRE_MEMORY = cython.declare(cython.double, 0.5)
 #: Speed that is added behind a drive's loop of position, over ``pursuit`` × the speed: by uneven
 #: ages, of their deviation; the most of all, in speed limits (B7).
 UNEVEN_SPEED = cython.declare(cython.double, 2.5)
@@ -45,25 +30,6 @@ MAX_UNEVEN_SPEED = cython.declare(cython.double, 1.04)
 SEPARATION = cython.declare(cython.double, 0.25)
 #: Part of the torque limit that the error of a reference may be worth after a gap.
 GAP_SHARE = cython.declare(cython.double, 0.05)
-
-
-@cython.cfunc
-@cython.inline
-def pass_time(j: Joint, elapsed: cython.double) -> cython.void:
-    """Time since the last cycle, s; 0: one control period (B6).
-
-    Where gaps repeat, on a computer without the time for each cycle, they are the loop's period.
-    """
-    before = j.elapsed if j.elapsed > 0.0 else j.period
-    j.elapsed = elapsed if elapsed > 0.0 else j.period
-    j.gap = j.elapsed > GAP * max(j.usual, j.period)
-    hold_time = min(j.elapsed, GAP * max(j.hold_time, j.period))
-    if j.usual > j.elapsed:  # a division less in simulations, where they are equal
-        fade = 1.0 - min(j.elapsed / WIRE_MEMORY, 1.0)
-        j.usual *= fade
-        j.hold_time *= fade
-    j.usual, j.hold_time = max(j.elapsed, j.usual), max(hold_time, j.hold_time)
-    j.span = 0.5 * (before + j.elapsed)
 
 
 @cython.cfunc
@@ -78,26 +44,29 @@ def observe(
         q = q(t − age) + q̇ age + ½ Δq̇ age,   q̇ = q̇(t − age) + Δq̇,   Δq̇ = ∫a_ref dt
     """
     ahead = 0.0
-    between = j.elapsed + j.age - age
+    between = j.clock.elapsed + j.wire.age - age
     if not is_number(position + velocity):  # there is no reading yet
         j.position, j.velocity, j.readings, j.rest_cycles = position, velocity, 0, 0
         j.behind = 0.0
         return
-    late: cython.bint = age > 0.0 or j.wire > 0.0 or j.missed > 0.0 or j.outage > 0.0
-    if late or j.hold_time > STARVED_PERIODS * j.period or j.calm * j.steady < 1.0:
+    late: cython.bint = (
+        age > 0.0 or j.wire.max_age > 0.0 or j.wire.silence > 0.0 or j.wire.outage > 0.0
+    )
+    slow: cython.bint = j.wire.bandwidth_share * j.wire.speed_share < 1.0
+    if late or slow or j.clock.hold_time > STARVED_PERIODS * j.clock.period:
         note_feed(j)
         heed(j, age, between)
-        ahead = fed_since(j, age)
+        ahead = j.history.speed_since(age, j.clock.period)
     if j.readings == 0:
         j.acceleration = 0.0
-    elif j.missed == 0.0 and between > 0.0:
+    elif j.wire.silence == 0.0 and between > 0.0:
         j.acceleration = (velocity - j.sampled) / between
-    j.age, j.sampled = age, velocity
+    j.wire.age, j.sampled = age, velocity
     j.behind = age * (velocity + 0.5 * ahead) if age > 0.0 else 0.0
     j.position, j.velocity = position + j.behind, velocity + ahead
-    if not j.has_torque_sensor:
-        j.torque = j.current * j.torque_per_ampere
-    j.motion = j.inertia * j.acceleration
+    if not j.motor.has_torque_sensor:
+        j.torque = j.current * j.motor.torque_per_ampere
+    j.motion = j.motor.inertia * j.acceleration
     if j.readings < 2:
         j.readings += 1
     if j.at_rest():
@@ -115,28 +84,19 @@ def note_feed(j: Joint) -> cython.void:
     A gap between two cycles has its places, too: over it a torque goes on, another set-point
     stands (B6).
     """
-    fed = j.fed[j.fed_now]
     gain = 0.0
     cycles: cython.int = 1
-    if j.active and (j.law == POSITION or j.settling):
-        gain = j.followed_acceleration * j.elapsed
-    if j.elapsed > GAP * j.period:
-        gain *= j.period / j.elapsed
-        cycles = cython.cast(cython.int, min(j.elapsed / j.period + 0.5, FEED_CYCLES - 1.0))
+    if j.reference.active and (j.law == POSITION or j.settling):
+        gain = j.track.acceleration * j.clock.elapsed
+    if j.clock.elapsed > GAP * j.clock.period:
+        gain *= j.clock.period / j.clock.elapsed
+        past = min(j.clock.elapsed / j.clock.period + 0.5, HISTORY_CYCLES - 1.0)
+        cycles = cython.cast(cython.int, past)
     while cycles > 0:
         cycles -= 1
-        fed += gain
-        if j.kind >= AS_VELOCITY:
+        j.history.note(gain, j.current_pid.reference)
+        if j.drive.kind >= AS_VELOCITY:
             gain = 0.0
-        j.fed_now = (j.fed_now + 1) & (FEED_CYCLES - 1)
-        j.fed[j.fed_now] = fed
-        j.drawn[j.fed_now] = j.current_pid.reference
-
-
-@cython.cfunc
-def fed_since(j: Joint, age: cython.double) -> cython.double:
-    """What the feed-forward has accelerated over an age, rad/s."""
-    return j.fed[j.fed_now] - j.fed[place_of(j, age)]
 
 
 @cython.cfunc
@@ -146,57 +106,38 @@ def heed(j: Joint, age: cython.double, between: cython.double) -> cython.void:
     Without a fresh reading for GAP periods more than usual a joint is blind; where the board
     closes its loop, it coasts. Late readings take phase from the loop, age·kd/J, or age·pursuit,
     and so does a set-point that is held for more than GAP periods, by half of that time;
-    within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by ``calm``,
-    with a position loop in it as fast as SEPARATION allows, if not as configured. Of uneven ages,
-    and set-points that stand, a drive that closes the loop of position makes speed, which the
-    reference leaves room for.
+    within WIRE_PHASE its gains are as configured, beyond it those of a loop slower by
+    ``bandwidth_share``, with a position loop in it as fast as SEPARATION allows, if not as
+    configured. Of uneven ages, and set-points that stand, a drive that closes the loop of position
+    makes speed, which the reference leaves room for.
     """
     p: Pid = j.position_pid
-    speed = p.kd / j.inertia_min  # of the loop, 1/s
-    if between < 0.5 * j.elapsed:  # it is the same reading
-        j.missed += j.elapsed
-    else:
-        note_age(j, age)
-        fade = 1.0 - j.elapsed / WIRE_MEMORY
-        j.wire, j.outage = max(age, j.wire * fade), max(j.missed, j.outage * fade)
-        j.missed = 0.0
-        if j.wire < 0.1 * j.period:
-            j.wire = 0.0
-        if j.outage < 0.1 * j.period:
-            j.outage = 0.0
-    if j.kind >= AS_VELOCITY:
-        speed = j.pursuit
-    late = j.wire + (0.5 * j.usual if j.usual > GAP * j.period else 0.0)
-    j.calm = j.spring = 1.0
+    kind = j.drive.kind
+    speed = j.drive.pursuit if kind >= AS_VELOCITY else p.kd / j.motor.inertia_min  # of the loop
+    j.wire.note(age, between, j.clock)
+    late = j.wire.max_age
+    late += 0.5 * j.clock.max_elapsed if j.clock.max_elapsed > GAP * j.clock.period else 0.0
+    j.wire.bandwidth_share = j.wire.stiffness_share = 1.0
     if speed * late > WIRE_PHASE:
-        j.calm = WIRE_PHASE / (speed * late)
-        j.spring = j.calm * j.calm
-        if j.kind < AS_VELOCITY and p.kp > 0.0:
-            j.spring = min(j.spring * max(SEPARATION * speed * p.kd / p.kp, 1.0), j.calm)
-    j.steady = 1.0
-    if j.kind >= AS_POSITION:
-        speed *= j.calm if j.kind == AS_IMPEDANCE else 1.0
-        x = speed * max(j.hold_time - j.period, 0.0)  # of set-points that stand: v x/(1 − e⁻ˣ)
+        share = WIRE_PHASE / (speed * late)
+        j.wire.bandwidth_share, j.wire.stiffness_share = share, share * share
+        if kind < AS_VELOCITY and p.kp > 0.0:
+            slower = j.wire.stiffness_share * max(SEPARATION * speed * p.kd / p.kp, 1.0)
+            j.wire.stiffness_share = min(slower, share)
+    j.wire.speed_share = 1.0
+    if kind >= AS_POSITION:
+        speed *= j.wire.bandwidth_share if kind == AS_IMPEDANCE else 1.0
+        # of set-points that stand: v x/(1 − e⁻ˣ)
+        x = speed * max(j.clock.hold_time - j.clock.period, 0.0)
         peak = x / (1.0 - exp(-x)) if x > 1e-6 else 1.0
-        peak += speed * UNEVEN_SPEED * sqrt(j.age_variance)
-        j.steady = min(MAX_UNEVEN_SPEED / peak, 1.0)
-    j.blind = j.missed > GAP * j.period + j.wire
-    if j.blind and j.kind < AS_VELOCITY:
-        j.coasts = True
-    elif j.coasts and not j.blind:
-        j.coasts = False
+        peak += speed * UNEVEN_SPEED * sqrt(j.wire.age_variance)
+        j.wire.speed_share = min(MAX_UNEVEN_SPEED / peak, 1.0)
+    j.wire.blind = j.wire.silence > GAP * j.clock.period + j.wire.max_age
+    if j.wire.blind and kind < AS_VELOCITY:
+        j.wire.coasts = True
+    elif j.wire.coasts and not j.wire.blind:
+        j.wire.coasts = False
         take_up(j)
-
-
-@cython.cfunc
-def note_age(j: Joint, age: cython.double) -> cython.void:
-    """Mean and variance of the ages of fresh readings, from the first late one on."""
-    off = age - j.mean_age
-    if j.wire == 0.0:
-        j.mean_age, j.age_variance = age, 0.0
-        return
-    j.mean_age += off * j.elapsed / WIRE_MEMORY
-    j.age_variance += (off * off - j.age_variance) * min(j.elapsed / WIRE_MEMORY, 1.0)
 
 
 @cython.cfunc
@@ -209,12 +150,12 @@ def take_up(j: Joint) -> cython.void:
     p: Pid = j.position_pid
     if j.law != POSITION and not j.settling:
         return
-    if p.kp * fabs(j.followed - j.position) <= GAP_SHARE * j.max_torque:
+    if p.kp * fabs(j.track.position - j.position) <= GAP_SHARE * j.limits.torque:
         return
     restart_at(j, j.position)
     p.integral += j.feedback
     p.room = max(fabs(p.integral) - p.limit, 0.0)
-    p.fall = p.room * j.period / HOLD_FILTER
+    p.fall = p.room * j.clock.period / HOLD_FILTER
     p.derivative = j.feedback = 0.0
 
 
@@ -227,17 +168,17 @@ def weigh(j: Joint) -> cython.void:
     """
     raw = j.torque - j.motion
     before = j.weighed_torque
-    if j.wire > 0.0:
-        if j.missed > 0.0:
+    if j.wire.max_age > 0.0:
+        if j.wire.silence > 0.0:
             return
         j.weighed_torque = j.torque
         raw += 0.5 * (before - j.torque)
     else:
         j.weighed_torque = j.torque
-    if j.readings < 2 or j.period >= LOAD_FILTER or not is_number(j.load):
+    if j.readings < 2 or j.clock.period >= LOAD_FILTER or not is_number(j.load):
         j.load = raw
     else:
-        j.load += j.period / LOAD_FILTER * (raw - j.load)
+        j.load += j.clock.period / LOAD_FILTER * (raw - j.load)
 
 
 @cython.cfunc
@@ -255,30 +196,16 @@ def observe_external(j: Joint, motion: cython.double) -> cython.double:
         motion: M Δq̇/T + c + g of the arm, N·m.
     """
     torque = motion - j.torque
-    j.unobserved += j.elapsed
-    if j.missed > 0.0:  # no reading since
-        return j.external
-    if not j.has_torque_sensor:
-        torque += friction(j, j.sampled)
-    j.external += min(j.external_share * j.unobserved / j.period, 1.0) * (torque - j.external)
-    if j.dead_band > 0.0:
-        feel(j, motion)
-    if j.contact_threshold <= 0.0 or fabs(j.external) <= j.contact_threshold:
-        j.contact_lasted = 0.0
-    else:
-        j.contact_lasted += j.unobserved
-    j.contact = j.contact_lasted > 0.0 and j.contact_lasted >= j.contact_time - 1e-6 * j.period
-    j.unobserved = 0.0
-    return j.external
-
-
-@cython.cfunc
-def feel(j: Joint, motion: cython.double) -> cython.void:
-    """What a goal gives way to, and the load: low-passed from their first numbers on."""
-    share = min(j.felt_share * j.unobserved / j.period, 1.0) if j.feels else 1.0
-    j.felt += share * (j.external - j.felt)
-    j.borne += share * (fabs(motion) - j.borne)
-    j.feels = True
+    j.external.interval += j.clock.elapsed
+    if j.wire.silence > 0.0:  # no reading since
+        return j.external.torque
+    if not j.motor.has_torque_sensor:
+        torque += j.motor.friction(j.sampled)
+    interval = j.external.interval
+    j.external.observe(torque, j.clock.period)
+    if j.admittance.dead_band > 0.0:
+        j.admittance.feel(j.external.torque, motion, interval, j.clock.period)
+    return j.external.torque
 
 
 @cython.cfunc
@@ -290,16 +217,16 @@ def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
         braking: Whether one of the settling joints still brakes.
         rested: Whether all of them have been at rest for REST_TIME.
     """
-    if j.active and not j.awaited:
+    if j.reference.active and not j.awaited:
         return  # it still brakes
     if braking and not j.awaited:
         j.wait_cycles += 1
-        if j.wait_cycles * j.period < MAX_WAIT_TIME:
+        if j.wait_cycles * j.clock.period < MAX_WAIT_TIME:
             return
     j.settle_cycles += 1
-    elapsed = j.settle_cycles * j.period
+    elapsed = j.settle_cycles * j.clock.period
     if j.awaited:
-        rested = j.rest_cycles * j.period >= REST_TIME
+        rested = j.rest_cycles * j.clock.period >= REST_TIME
     if (
         (rested and elapsed >= REST_TIME)
         or elapsed >= MAX_SETTLING_TIME

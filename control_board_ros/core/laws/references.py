@@ -141,7 +141,8 @@ class References:
         further out (P9); one that is not calibrated has no limits.
         """
         for j in joints:
-            self._joints[j].lower, self._joints[j].upper = -math.inf, math.inf
+            reference = self._joints[j].reference
+            reference.lower, reference.upper = -math.inf, math.inf
         self.hold(joints, self.places(joints))
         if bounded:
             self.bound(joints)
@@ -154,8 +155,9 @@ class References:
         """Bound position references by the limits, from their present values (P9)."""
         for j in joints:
             joint = self._joints[j]
-            joint.lower = min(joint.limit_lower, joint.reference)
-            joint.upper = max(joint.limit_upper, joint.reference)
+            reference, limits = joint.reference, joint.limits
+            reference.lower = min(limits.lower, reference.position)
+            reference.upper = max(limits.upper, reference.position)
 
     def hold(self, joints: Sequence[int], positions: Sequence[float]) -> None:
         """Stop at positions, or where joints in motion come to rest (P3, M9)."""
@@ -164,7 +166,8 @@ class References:
         for j, position in zip(joints, positions, strict=True):
             joint = self._joints[j]
             joint.hold(position)
-            state.position_reference[j], state.velocity_reference[j] = joint.reference, 0.0
+            state.position_reference[j] = joint.reference.position
+            state.velocity_reference[j] = 0.0
             state.done[j] = True
 
     def move(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
@@ -183,7 +186,7 @@ class References:
         repeated: NDArray[np.bool_] = (self._moves[:, joints] == (targets, speeds)).all(axis=0)
         for k in np.flatnonzero(repeated).tolist():
             joint = self._joints[int(joints[k])]
-            repeated[k] = joint.moving or joint.reference == targets[k]
+            repeated[k] = joint.trajectory.moving or joint.reference.position == targets[k]
         return repeated
 
     def plan_moves(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
@@ -235,9 +238,9 @@ class References:
         ):
             self._joints[j].move(target, time, brake)
         plans = [
-            (joint.move_time, joint.brake_time) if joint.brake_even else plan
-            for joint, plan in zip(
-                (self._joints[j] for j in moves.joints), moves.plans, strict=True
+            (trajectory.time, trajectory.brake_time) if trajectory.brakes_evenly else plan
+            for trajectory, plan in zip(
+                (self._joints[j].trajectory for j in moves.joints), moves.plans, strict=True
             )
         ]
         return moves._replace(plans=plans)
@@ -248,7 +251,7 @@ class References:
         state.position_reference[joints] = positions
         state.done[joints] = True
         for j in joints.tolist():
-            self._joints[j].entry_speed = self.speed[j]
+            self._joints[j].reference.entry_speed = self.speed[j]
         if velocities is None:
             for j, position in zip(joints.tolist(), positions.tolist(), strict=True):
                 self._joints[j].step_to(position)
@@ -267,7 +270,7 @@ class References:
                 continue
             which = np.array(numbers)
             targets = np.array([self._joints[j].give_back() for j in numbers])
-            fastest = np.array([self._joints[j].max_velocity for j in numbers])
+            fastest = np.array([self._joints[j].limits.velocity for j in numbers])
             self._start(which, targets, self.plan_moves(which, targets, fastest))
             self._state.done[which] = True
 
@@ -276,7 +279,7 @@ class References:
         for j, velocity, acceleration in zip(
             joints.tolist(), velocities.tolist(), accelerations.tolist(), strict=True
         ):
-            self._joints[j].ramp(velocity, acceleration)
+            self._joints[j].ramp_to(velocity, acceleration)
 
     def set_velocity(self, joints: Indices, velocities: Array, _: Array | None = None) -> None:
         """Set the velocity references without a ramp (Y1), rad/s; shapes (k,)."""
@@ -285,7 +288,7 @@ class References:
 
     def is_ramping(self, j: int) -> bool:
         """Whether a joint has a velocity reference other than zero."""
-        return bool(self._joints[j].ramp_target != 0.0)
+        return bool(self._joints[j].ramp.target != 0.0)
 
     def halt(self, joints: Indices) -> None:
         """Stop the velocity references at the acceleration limits (P12)."""
@@ -311,10 +314,10 @@ class References:
         """Time until the moves end, shape (k,), s; 0 where there is none."""
         left = []
         for joint in (self._joints[j] for j in joints.tolist()):
-            whole = max(joint.move_time, joint.brake_time)
-            left.append(
-                max(0.0, whole - joint.move_cycles * joint.period) if joint.moving else 0.0
-            )
+            trajectory = joint.trajectory
+            whole = max(trajectory.time, trajectory.brake_time)
+            past = trajectory.cycles * joint.clock.period
+            left.append(max(0.0, whole - past) if trajectory.moving else 0.0)
         return np.array(left)
 
 
@@ -330,11 +333,11 @@ def planned(
         value: of the plan: the mean speed, rad/s, or the time, s.
     """
     return plan(
-        target - joint.reference,
+        target - joint.reference.position,
         value,
-        joint.moved_velocity,
-        joint.steady * joint.max_velocity,  # a drive behind a wire needs room (B7)
-        joint.max_acceleration,
-        acceleration=joint.moved_acceleration,
-        max_jerk=joint.max_jerk,
+        joint.trajectory.velocity,
+        joint.wire.speed_share * joint.limits.velocity,  # a drive behind a wire needs room (B7)
+        joint.limits.acceleration,
+        acceleration=joint.trajectory.acceleration,
+        max_jerk=joint.limits.jerk,
     )

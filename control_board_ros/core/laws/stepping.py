@@ -115,19 +115,21 @@ class Steps:
         resting: cython.bint = True
         for k in range(self.count):
             joint = self.joints[k]
-            self.start[k], self.way[k], self.speed[k] = joint.followed, 0.0, 0.0
-            self.fastest[k], self.hardest[k] = joint.max_velocity, joint.max_acceleration
-            volts: cython.double = joint.torque_per_ampere / joint.ohms
-            self.limit[k] = SHARE * joint.max_torque
-            self.stall[k] = SHARE * volts * joint.max_output / joint.percent_per_volt
-            self.fading[k] = SHARE * volts * joint.emf
+            self.start[k], self.way[k], self.speed[k] = joint.track.position, 0.0, 0.0
+            limits, motor = joint.limits, joint.motor
+            self.fastest[k], self.hardest[k] = limits.velocity, limits.acceleration
+            volts: cython.double = motor.torque_per_ampere / motor.ohms
+            self.limit[k] = SHARE * limits.torque
+            self.stall[k] = SHARE * volts * limits.output / motor.percent_per_volt
+            self.fading[k] = SHARE * volts * motor.emf
         for k in numbers:
             joint = self.joints[k]
-            self.way[k], self.speed[k] = joint.reference - joint.followed, joint.followed_velocity
+            self.way[k] = joint.reference.position - joint.track.position
+            self.speed[k] = joint.track.velocity
             resting = resting and fabs(self.speed[k]) <= REST_SPEED_SHARE * self.fastest[k]
             ahead = self.way[k] > 0.0
-            self.dry[k] = joint.coulomb if ahead else joint.coulomb_negative
-            self.wet[k] = joint.viscous if ahead else joint.viscous_negative
+            self.dry[k] = joint.motor.coulomb if ahead else joint.motor.coulomb_negative
+            self.wet[k] = joint.motor.viscous if ahead else joint.motor.viscous_negative
         return resting
 
     @cython.cfunc
@@ -298,7 +300,7 @@ class Steps:
         """Give the joints their accelerations: ṡ at equal times, scaled to end at the target."""
         k: cython.Py_ssize_t
         i = 0
-        period: cython.double = self.joints[0].period
+        period: cython.double = self.joints[0].clock.period
         span: cython.double = period * max(ceil(self.time / (MAX_STEPS * period)), 1.0)
         before = 0.0  # time at place i
         lasts = self.interval(0)

@@ -181,7 +181,7 @@ class Stops:
                     plan[step] = self.best[step * self.count + k]
                 joint.brake_by(plan, self.best_steps, self.step)
         for joint in self.joints:
-            joint.stop_due = False
+            joint.stop.due = False
 
     @cython.cfunc
     def take_joints(self) -> cython.double:
@@ -191,16 +191,17 @@ class Stops:
         for due in (True, False):
             for i in range(self.count):
                 joint = self.joints[i]
-                if bool(joint.stop_due and joint.stopping) is not bool(due):
+                if bool(joint.stop.due and joint.stop.active) is not bool(due):
                     continue
                 self.numbers[k] = i
-                self.place[k], self.speed[k] = joint.followed, joint.followed_velocity
-                self.hardest[k], self.limit[k] = joint.max_acceleration, SHARE * joint.max_torque
-                self.fastest[k] = joint.max_velocity
-                ahead = joint.followed_velocity >= 0.0
-                self.dry[k] = joint.coulomb if ahead else joint.coulomb_negative
-                self.wet[k] = joint.viscous if ahead else joint.viscous_negative
-                if not joint.active:
+                self.place[k], self.speed[k] = joint.track.position, joint.track.velocity
+                limits, motor = joint.limits, joint.motor
+                self.hardest[k], self.limit[k] = limits.acceleration, SHARE * limits.torque
+                self.fastest[k] = limits.velocity
+                ahead = joint.track.velocity >= 0.0
+                self.dry[k] = motor.coulomb if ahead else motor.coulomb_negative
+                self.wet[k] = motor.viscous if ahead else motor.viscous_negative
+                if not joint.reference.active:
                     self.place[k], self.speed[k] = joint.position, 0.0
                 if due:
                     longest = max(longest, fabs(self.speed[k]) / self.hardest[k])
@@ -216,10 +217,10 @@ class Stops:
         for k in range(self.stopping):
             joint = self.joints[self.numbers[k]]
             self.smooth[k] = 0.0
-            if joint.max_jerk > 0.0:
+            if joint.limits.jerk > 0.0:
                 self.smooth[k] = smooth_time(
-                    fabs(self.speed[k]), fabs(joint.moved_acceleration), self.hardest[k],
-                    joint.max_jerk,
+                    fabs(self.speed[k]), fabs(joint.trajectory.acceleration), self.hardest[k],
+                    joint.limits.jerk,
                 )  # fmt: skip
                 longest = max(longest, self.smooth[k])
         for k in range(self.stopping):
@@ -227,9 +228,10 @@ class Stops:
             if self.smooth[k] <= 0.0 or self.speed[k] == 0.0:
                 continue
             self.smooth[k] = min(longest, self.smooth[k] + 2.0 * KEEPING / fabs(self.speed[k]))
-            way = braking(self.speed[k], joint.moved_acceleration, self.smooth[k])
+            way = braking(self.speed[k], joint.trajectory.acceleration, self.smooth[k])
+            reference = joint.reference
             room: cython.double = (
-                joint.upper - self.place[k] if way > 0.0 else self.place[k] - joint.lower
+                reference.upper - self.place[k] if way > 0.0 else self.place[k] - reference.lower
             )
             if fabs(way) > room:
                 self.smooth[k] = 0.0
@@ -243,14 +245,14 @@ class Stops:
                 time: cython.double = min(longest, speed / self.hardest[k] + 2.0 * KEEPING / speed)
                 joint = self.joints[self.numbers[k]]
                 if self.speed[k] > 0.0:
-                    room = joint.upper - self.place[k]
+                    room = joint.reference.upper - self.place[k]
                 else:
-                    room = self.place[k] - joint.lower
+                    room = self.place[k] - joint.reference.lower
                 time = min(time, 2.0 * max(room, 0.0) / speed)
                 self.wanted[k] = min(speed / max(time, 1e-9), self.hardest[k])
         if not modelled or self.arm is None:
             return True
-        self.step = self.joints[0].period
+        self.step = self.joints[0].clock.period
         self.step *= max(ceil(longest / (STEPS * self.step)), 1.0)
         for k in range(self.stopping):
             self.urge[k] = 1.0
@@ -298,9 +300,10 @@ class Stops:
     def lost_torque(self, k: cython.Py_ssize_t) -> cython.double:
         """What turning the torque round costs, spread over the stop: Δτ (L/R)/T, N·m."""
         joint = self.joints[self.numbers[k]]
-        time: cython.double = joint.period * (joint.lead + joint.lag)
+        time: cython.double = joint.clock.period * (joint.motor.lead + joint.motor.lag)
         torque: cython.double = joint.torque if self.speed[k] > 0.0 else -joint.torque
-        change: cython.double = max(min(torque + joint.max_torque, 2.0 * joint.max_torque), 0.0)
+        limit: cython.double = joint.limits.torque
+        change: cython.double = max(min(torque + limit, 2.0 * limit), 0.0)
         if torque - torque != 0.0:  # not measured
             return 0.0
         return change * min(time / (self.steps * self.step), LOST)

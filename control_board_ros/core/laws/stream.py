@@ -649,6 +649,11 @@ class Stream:
         return longest if longest > least else least
 
     @cython.cfunc
+    def end(self) -> cython.void:
+        """Forget the samples: the next one begins another stream."""
+        self.count, self.flows = 0.0, False
+
+    @cython.cfunc
     def velocity(self) -> cython.double:
         """Velocity of the motion at the last sample, rad/s; 0 for a step."""
         if not self.flows:

@@ -276,27 +276,27 @@ class Effort:
     def _note_others(self) -> None:
         """Read positions, running moves, and the torques that the motors have."""
         for body, joint in zip(self._arm.bodies, self._joints, strict=True):
-            volts = joint.max_output / joint.percent_per_volt
-            torque_per_volt = joint.torque_per_ampere / joint.ohms
-            body.limit = SHARE * joint.max_torque
+            motor, move = joint.motor, joint.trajectory
+            volts = joint.limits.output / motor.percent_per_volt
+            torque_per_volt = motor.torque_per_ampere / motor.ohms
+            body.limit = SHARE * joint.limits.torque
             body.stall = SHARE * volts * torque_per_volt
-            body.fading = SHARE * joint.emf * torque_per_volt
-            body.lower, body.upper = joint.lower, joint.upper
-            body.drift = joint.ramp_velocity
-            if joint.moving:
-                body.start, body.start_velocity = joint.move_start, joint.move_velocity
-                body.start_acceleration = joint.move_acceleration
-                body.target = joint.move_target
-                body.time, body.brake = joint.move_time, joint.brake_time
-                body.past = joint.move_cycles * joint.period
+            body.fading = SHARE * motor.emf * torque_per_volt
+            body.lower, body.upper = joint.reference.lower, joint.reference.upper
+            body.drift = joint.ramp.velocity
+            if move.moving:
+                body.start, body.start_velocity = move.start, move.start_velocity
+                body.start_acceleration, body.target = move.start_acceleration, move.target
+                body.time, body.brake = move.time, move.brake_time
+                body.past = move.cycles * joint.clock.period
             else:
-                body.start = body.target = joint.reference
+                body.start = body.target = joint.reference.position
                 body.start_velocity = body.start_acceleration = 0.0
                 body.time = body.brake = body.past = 0.0
 
     def _note_move(self, j: int, target: float, time: float, brake: float) -> None:
         """Add a move that begins now."""
         body, joint = self._arm.bodies[j - self._first], self._joints[j - self._first]
-        body.start, body.start_velocity = joint.reference, joint.moved_velocity
-        body.start_acceleration = joint.moved_acceleration
+        body.start, body.start_velocity = joint.reference.position, joint.trajectory.velocity
+        body.start_acceleration = joint.trajectory.acceleration
         body.target, body.time, body.brake, body.past = target, time, brake, 0.0

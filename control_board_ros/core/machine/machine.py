@@ -159,7 +159,7 @@ class Machine:
     def give_power(self, j: int, waiting: WaitingLaw) -> None:
         """Run the law that waited for a joint's brake, with the references received since."""
         joint = self.controller.joints[j]
-        if not joint.active:
+        if not joint.reference.active:
             bounded = self.state.control_modes[j] not in CALIBRATES
             self.references.reset([j], bounded=bounded)
         commanded = not joint.holding

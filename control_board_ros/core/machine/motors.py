@@ -96,13 +96,15 @@ def add_feedforward(joint: Joint, output: float | None, torque: float | None) ->
 
 def feed_output(joint: Joint, output: float) -> float:
     """Set u_ff within the limit of the output, percent (P11); as bounded."""
-    joint.output_offset = bounded = float(min(max(output, -joint.max_output), joint.max_output))
+    joint.output_offset = bounded = float(
+        min(max(output, -joint.limits.output), joint.limits.output)
+    )
     return bounded
 
 
 def feed_torque(joint: Joint, torque: float) -> float:
     """Set τ_ff within the limit of the torque, N·m (P11); as bounded."""
-    bounded = float(min(max(torque, -joint.max_torque), joint.max_torque))
+    bounded = float(min(max(torque, -joint.limits.torque), joint.limits.torque))
     joint.offer_torque(bounded)
     return bounded
 
@@ -299,7 +301,12 @@ def mix_of(config: BoardConfig, joints: Sequence[Joint]) -> MotorMix | None:
 def constants_of(joints: Sequence[Joint]) -> Array:
     """Torque per ampere, resistance, back-EMF, percent per volt of the motors that laws lead."""
     rows = [
-        (joint.torque_per_ampere, joint.ohms, joint.emf, joint.percent_per_volt)
+        (
+            joint.motor.torque_per_ampere,
+            joint.motor.ohms,
+            joint.motor.emf,
+            joint.motor.percent_per_volt,
+        )
         for joint in joints
     ]
     return np.array(rows).T
@@ -326,8 +333,12 @@ def put_out(pid: Gains) -> float:
 
 #: What each loop follows, measures and puts out.
 LOOPS: dict[Loop, Callable[[Joint], tuple[float, float, float]]] = {
-    Loop.POSITION: lambda j: (j.followed, j.position, put_out(j.position_pid)),
-    Loop.VELOCITY: lambda j: (j.followed_velocity, j.velocity, put_out(j.position_pid)),
+    Loop.POSITION: lambda j: (j.track.position, j.position, put_out(j.position_pid)),
+    Loop.VELOCITY: lambda j: (j.track.velocity, j.velocity, put_out(j.position_pid)),
     Loop.TORQUE: lambda j: (j.torque_reference, j.torque, put_out(j.torque_pid)),
-    Loop.CURRENT: lambda j: (j.current_pid.reference, j.current, j.output if j.in_amps else 0.0),
+    Loop.CURRENT: lambda j: (
+        j.current_pid.reference,
+        j.current,
+        j.output if j.drive.in_amps else 0.0,
+    ),
 }

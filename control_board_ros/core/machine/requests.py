@@ -216,7 +216,10 @@ class Requests:
         machine, state = self._machine, self._machine.state
         laws = [machine.controller.joints[j] for j in stopping]
         places = machine.references.places(stopping)
-        inside = [min(max(q, j.lower), j.upper) for q, j in zip(places, laws, strict=True)]
+        inside = [
+            min(max(q, j.reference.lower), j.reference.upper)
+            for q, j in zip(places, laws, strict=True)
+        ]
         machine.references.hold(stopping, inside)
         machine.timeouts.cancel(stopping)
         state.stops[stopping] += np.uint64(1)
@@ -364,7 +367,7 @@ class Contacts:
         """React to the contacts that have begun in this cycle."""
         machine = self._machine
         before = self._in_contact
-        self._in_contact = [joint.contact for joint in machine.controller.joints]
+        self._in_contact = [joint.external.contact for joint in machine.controller.joints]
         for j, contact in enumerate(self._in_contact):
             joint = machine.config.joints[j]
             reaction = joint.contact.reaction
