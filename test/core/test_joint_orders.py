@@ -63,6 +63,7 @@ def test_to_hold(velocity: float, followed: float) -> None:
     expected = dict.fromkeys(zeros.split(), 0.0) | {
         "trajectory.moving": False,
         "ramp.is_step": False,
+        "stop.ahead": False,
     }
     expected |= dict.fromkeys(
         ("trajectory.position", "reference.position", "track.position"), 1.25

@@ -398,6 +398,7 @@ def test_a_planned_stop_is_followed_as_it_was_predicted() -> None:
     """M9: held back to the limit acceleration, 20, a joint would return to it afterwards."""
     one = led(
         stop__active=True,
+        stop__ahead=False,
         trajectory__position=0.2,
         trajectory__velocity=1.0,
         track__velocity=1.0,

@@ -15,7 +15,7 @@ from control_board_ros.core.laws import stopping as compiled
 from control_board_ros.core.model.arm_model import ArmModel, Link
 
 PLAIN = load_python("control_board_ros.core.laws.stopping")
-KEEPING = 0.03
+KEEPING = 0.029
 #: Two rods of 1 m and 2 kg, one on the other, on horizontal axes; rotors on both.
 ROD = {"slides": False, "mass": 2.0, "moment": (1.0, 0.0, 0.0), "rotor": 0.05}
 LINKS = (
@@ -34,7 +34,7 @@ def joint(velocity: float, acceleration: float = 10.0, **changes: Any) -> Any:
         clock__period=1e-3,
         stop__due=True, stop__active=True, limits__acceleration=acceleration, limits__velocity=5.0,
         limits__jerk=0.0, trajectory__acceleration=0.0,
-        torque=0.0, motor__lead=0.0, motor__lag=0.0,
+        torque=0.0, drive__delay=0.0, motor__lead=0.0, motor__lag=0.0,
         limits__torque=100.0, motor__coulomb=0.0, motor__coulomb_negative=0.0,
         motor__viscous=0.0, motor__viscous_negative=0.0,
         reference__lower=-math.inf, reference__upper=math.inf, rate=None,
@@ -49,7 +49,7 @@ def joint(velocity: float, acceleration: float = 10.0, **changes: Any) -> Any:
     def brake_by(plan: Any, steps: int, step: float) -> None:
         made.plan.accelerations, made.step = np.array(plan)[:steps], step
 
-    made.brake, made.brake_by = brake, brake_by
+    made.brake, made.brake_by, made.take_off = brake, brake_by, lambda: None
     return made
 
 
@@ -71,10 +71,27 @@ def test_joints_come_to_rest_together_on_their_path() -> None:
 @pytest.mark.parametrize("velocity", [3.0, -3.0])
 def test_the_path_costs_no_joint_more_than_30_mrad(velocity: float) -> None:
     """P3: a joint that would have to wait long for a slow one stops before it."""
-    slow, quick = joint(1.0, 1.0), joint(velocity, 20.0)
-    planned(slow, quick)
+    late = {"drive.delay": 2e-3, "motor.lag": 0.5}
+    slow, quick, other = joint(1.0, 1.0), joint(velocity, 20.0), joint(velocity, 20.0, **late)
+    planned(slow, quick, other)
     assert slow.rate == 1.0
-    assert 4.5 / quick.rate == pytest.approx(4.5 / 20.0 + KEEPING)
+    assert 4.5 / quick.rate == pytest.approx(4.5 / 20.0 + KEEPING - 3.0 * 1e-3)
+    assert 4.5 / other.rate == pytest.approx(4.5 / 20.0 + KEEPING - 3.0 * 3.5e-3)
+
+
+def test_a_joint_that_is_too_fast_for_its_cycle_brakes_fully() -> None:
+    """P3: its way until the motor brakes is all that keeping the path may cost."""
+    slow, quick = joint(1.0, 1.0), joint(3.0, 20.0, clock__period=0.01)
+    planned(slow, quick)
+    assert quick.rate == pytest.approx(20.0)
+
+
+def test_a_stop_takes_off_before_it_is_planned() -> None:
+    """M9: from where the joint is by then."""
+    slow, one = joint(1.0, 1.0), joint(3.0, 20.0)
+    one.take_off = lambda: setattr(one.track, "velocity", 2.0)
+    planned(slow, one)
+    assert 2.0 / one.rate == pytest.approx(2.0 / 20.0 + KEEPING - 2e-3)
 
 
 @pytest.mark.parametrize("velocity", [2.0, -2.0])
@@ -135,7 +152,7 @@ def test_where_torque_does_not_suffice_no_motor_is_asked_for_more() -> None:
     stops = planned(*joints, model=ARM)
     assert stops.rounds > 1
     places, speeds, torques = run(joints)
-    assert (np.abs(torques) <= 0.985 * np.array([200.0, 14.0])).all()
+    assert (np.abs(torques) <= 1.001 * np.array([200.0, 14.0])).all()
     assert np.abs(speeds[-1]).max() < 1e-9
     assert np.abs(speeds).max() <= 5.0
     assert max(np.abs(one.plan.accelerations).max() for one in joints) <= 2.0 * 20.0
@@ -169,10 +186,10 @@ def test_a_joint_rests_where_it_came_to_rest(
 @pytest.mark.parametrize(
     ("way", "torque", "share"),
     [
-        (1.0, 14.0, 0.971),  # the whole torque is turned round: Δτ (L/R)/T is 2 × 2 ms / 0.44 s
-        (-1.0, -14.0, 0.971),
-        (1.0, -14.0, 0.98),  # it brakes already
-        (1.0, math.nan, 0.98),  # not measured
+        (1.0, 14.0, 0.991),  # the whole torque is turned round: Δτ (L/R)/T is 2 × 2 ms / 0.44 s
+        (-1.0, -14.0, 0.991),
+        (1.0, -14.0, 1.0),  # it brakes already
+        (1.0, math.nan, 1.0),  # not measured
     ],
 )
 def test_a_stop_leaves_the_torque_that_its_motor_takes_to_turn_round(

@@ -48,11 +48,11 @@ REACHED_BY = {
 #: limits would take up to 3.2 times the torque; the time to rest over that of the fastest stop on
 #: the straight line; and the furthest way back, mrad.
 STOPS = {
-    "panda": (210.0, 1.5, 160.0),
-    "franka": (210.0, 1.5, 130.0),
+    "panda": (200.0, 1.5, 130.0),
+    "franka": (200.0, 1.5, 150.0),
     "kuka": (120.0, 1.5, 1.0),
-    "scara": (250.0, 1.5, 5.0),
-    "snake": (30.0, 1.5, 30.0),
+    "scara": (240.0, 1.5, 1.0),
+    "snake": (30.0, 1.5, 27.0),
 }
 DRIVES: dict[str, dict[str, Any]] = {
     "pwm": {},
@@ -117,18 +117,24 @@ def test_a_stop_at_full_speed_is_the_best_that_is_known(robot: str) -> None:
     rig.close()
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-def test_a_stop_at_full_speed_at_250_hz(drive: str) -> None:
+@pytest.mark.parametrize(
+    ("robot", "drive", "furthest", "back"),
+    [*(("iiwa", drive, 30.0, 1.0) for drive in DRIVES), ("scara", "pwm", 250.0, 4.0)],
+)
+def test_a_stop_at_full_speed_at_250_hz(
+    robot: str, drive: str, furthest: float, back: float
+) -> None:
     """M9, P14: no joint at its speed limit swings, so that its stop begins from what it is.
 
-    By current, joints swung from one torque limit to the other, 580 mrad beyond.
+    By current, joints swung from one torque limit to the other, 580 mrad beyond. A reference that
+    braked before the motor could pulled the scara back by 18 mrad.
     """
     parameters = {"control_rate": 250.0} | DRIVES[drive]
-    rig = Rig.load(replace(ROBOTS["iiwa"], parameters=parameters))
-    home = next(iter(poses(ROBOTS["iiwa"], rig.home, rig.windows).items()))
+    rig = Rig.load(replace(ROBOTS[robot], parameters=parameters))
+    home = next(iter(poses(ROBOTS[robot], rig.home, rig.windows).items()))
     findings = list(measure(rig, dict([home]), ["halt"]))
     assert rig.failures == []
-    for key, most in {"torq": 30.0, "comp": 30.0, "back": 3.0}.items():
+    for key, most in {"torq": furthest, "comp": furthest, "back": back}.items():
         worst_one = max(found.value for found in findings if found.quantity == key)
         assert worst_one <= most, f"{key}: {worst_one:.3g}"
     rig.close()

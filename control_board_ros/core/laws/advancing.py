@@ -48,6 +48,9 @@ def advance(j: Joint) -> cython.void:
         j.reference.position = j.track.position
     if j.trajectory.moving:
         advance_move(j.trajectory, j.clock, j.limits)
+    elif j.stop.active and j.stop.ahead:
+        advance_stop_ahead(j)
+        return
     elif j.stop.active:
         advance_stop(j)
     velocity = j.trajectory.velocity
@@ -147,15 +150,64 @@ def advance_stop(j: Joint) -> cython.void:
         )
     else:
         j.stop.active = j.trajectory.velocity != 0.0 or j.plan.steps > 0
+    if not j.stop.active:
+        renew_stop(j, over)
+
+
+@cython.cfunc
+def advance_stop_ahead(j: Joint) -> cython.void:
+    """Brake by the board's torque, with the acceleration of the next cycle fed forward (M9, P3).
+
+    The reference is where that of the last one has brought the joint by now, x += v Δt + ½ a Δt²,
+    v += a Δt. A joint that comes to rest beyond it stays there.
+    """
+    elapsed = 0.0 if j.clock.gap else j.clock.elapsed
+    before = j.track.velocity
+    velocity = before + j.track.acceleration * elapsed
+    if j.plan.steps > 0 and j.plan.place() >= j.plan.steps:
+        j.plan.steps = 0
+    if before * velocity < 0.0 and j.plan.steps == 0:
+        velocity = 0.0
+    place = j.track.position + 0.5 * (before + velocity) * elapsed
+    limited: cython.bint = place > j.reference.upper or place < j.reference.lower
+    if limited:  # too fast to stop before it
+        place = clamp(place, j.reference.lower, j.reference.upper)
+        velocity, j.plan.steps = 0.0, 0
+    j.track.position, j.trajectory.position = place, place - j.ramp.way
+    j.track.velocity = j.trajectory.velocity = velocity
+    j.stop.active = velocity != 0.0 or j.plan.steps > 0
+    if not j.stop.active and not limited:
+        renew_stop(j, j.velocity)
+    if not j.stop.active and (j.position - place) * before > 0.0:
+        place = clamp(j.position, j.reference.lower, j.reference.upper)
+        j.track.position, j.trajectory.position = place, place - j.ramp.way
+    j.reference.position, j.reference.velocity = j.track.position, j.track.velocity
+    if j.plan.steps > 0:
+        j.track.acceleration = j.plan.accelerations[j.plan.place()]
+        j.plan.time += j.clock.period
+    else:
+        rate = -j.track.velocity / j.clock.period
+        j.track.acceleration = clamp(rate, -j.stop.rate, j.stop.rate)
+    j.stop.ahead = j.stop.active
+    if j.calibrated:
+        j.reference.come_in(j.track.position, j.limits)
+
+
+@cython.cfunc
+def renew_stop(j: Joint, over: cython.double) -> cython.void:
+    """Begin a stop anew whose joint runs past its end, for want of torque.
+
+    One that creeps at one speed does not want it. ``over``: beyond the velocity reference, rad/s.
+    """
     late = max(j.wire.max_age, j.wire.outage)  # set-points, by as much (B7)
     known_to = REST_SPEED * j.limits.velocity + j.limits.acceleration * late
-    if not j.stop.active and fabs(over) > known_to and j.drive.kind != AS_POSITION:
-        ahead = j.position - j.trajectory.position - j.ramp.way
-        # it runs past the end, for want of torque; one that creeps at one speed does not want it
-        slower: cython.bint = fabs(over) <= RENEWAL_SHARE * j.stop.renewal_speed
-        if slower and ahead * over > 0.0 and ahead * j.velocity > 0.0:
-            j.stop.renewal_speed = fabs(over)
-            go_on_stopping(j, j.position)
+    if fabs(over) <= known_to or j.drive.kind == AS_POSITION:
+        return
+    ahead = j.position - j.trajectory.position - j.ramp.way
+    slower: cython.bint = fabs(over) <= RENEWAL_SHARE * j.stop.renewal_speed
+    if slower and ahead * over > 0.0 and ahead * j.velocity > 0.0:
+        j.stop.renewal_speed = fabs(over)
+        go_on_stopping(j, j.position)
 
 
 @cython.cfunc

@@ -15,7 +15,7 @@ from ... import nocython as cython
 from .formulas import INFINITE, clamp, is_number
 from .joint_constants import Limits, Motor
 from .joint_contact import Admittance, ExternalTorque
-from .joint_drive import AS_POSITION, Drive, SetPoint
+from .joint_drive import AS_POSITION, AS_VELOCITY, Drive, SetPoint
 from .joint_reference import Direct, Plan, Ramp, Reference, Stop, Track, Trajectory
 from .joint_timing import Clock, History, Wire
 from .pid import Pid
@@ -164,7 +164,8 @@ class Joint:
         self.trajectory.moving = False
         self.trajectory.position = self.reference.position = self.track.position = position
         self.ramp.clear()
-        self.ramp.is_step = self.direct.stepping = self.stop.smooth = False
+        self.ramp.is_step = self.direct.stepping = False
+        self.stop.smooth = self.stop.ahead = False
         self.stop.active = self.reference.active = moves
         self.stop.due = self.stop.active
         self.stop.renewal_speed = INFINITE
@@ -187,6 +188,23 @@ class Joint:
         spent = 2.0 * self.limits.acceleration * (lag if v > 0.0 else -lag)
         left = sqrt(max(v * v - max(spent, 0.0), 0.0))
         return left if v > 0.0 else -left
+
+    @cython.ccall
+    def take_off(self) -> cython.void:
+        """Begin a stop that is due, in the cycle that brakes first.
+
+        Where the board's torque brakes the joint, from where that is now: a reference that braked
+        since the request would be ahead of what any torque can do.
+        """
+        self.stop.ahead = (
+            self.stop.active
+            and not self.stop.smooth
+            and self.drive.kind < AS_VELOCITY
+            and self.wire.max_age == 0.0
+            and self.limits.jerk == 0.0
+        )
+        if self.stop.ahead:
+            go_on_stopping(self, self.position - self.velocity * self.clock.elapsed)
 
     @cython.ccall
     def brake(self, rate: cython.double) -> cython.void:
@@ -480,7 +498,7 @@ def go_on_stopping(j: Joint, place: cython.double) -> cython.void:
     j.brake(j.limits.acceleration)
     j.track.position, j.trajectory.position = place, place - j.ramp.way
     j.trajectory.velocity = clamp(j.velocity, -j.limits.velocity, j.limits.velocity)
-    j.track.velocity = j.trajectory.velocity
+    j.track.velocity, j.track.acceleration = j.trajectory.velocity, 0.0
 
 
 @cython.cfunc

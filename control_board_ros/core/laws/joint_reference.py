@@ -200,6 +200,8 @@ class Stop:
     due = cython.declare(cython.bint, visibility="public")  # still to be planned
     rate = cython.declare(cython.double, visibility="public")  # deceleration, rad/s²
     smooth = cython.declare(cython.bint, visibility="public")  # within the jerk limit
+    # its reference is where the joint is to be now, and its acceleration that of the next cycle
+    ahead = cython.declare(cython.bint, visibility="public")
     renewal_speed = cython.declare(cython.double, visibility="public")  # where it began anew
 
 

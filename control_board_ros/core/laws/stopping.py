@@ -9,7 +9,7 @@ sooner, so that the path costs it no more than KEEPING beyond its own braking di
 Where a motor lacks the torque for that, the stop is the best of some that are predicted with the
 model of the arm. In each step of a prediction few joints yield, and the others brake fully::
 
-    min Σ w_i (q̈_i + 2 a_i sign q̇_i)²,  |M(q) q̈ + h(q, q̇)| ≤ SHARE τ_max,  |q̈_i| ≤ a_i
+    min Σ w_i (q̈_i + 2 a_i sign q̇_i)²,  |M(q) q̈ + h(q, q̇)| ≤ τ_max,  |q̈_i| ≤ a_i
     w_i = ω_i (|q̇_i|/a_i + EASE) (1 + URGE z_i)²
 
 The aim lies beyond full braking, so that a joint yields only where it relieves the motor by enough
@@ -36,10 +36,9 @@ from typing import Any
 from ... import nocython as cython
 from .formulas import braking, row
 
-#: What keeping the path may cost a joint, beyond its own braking distance, rad or m.
-KEEPING = cython.declare(cython.double, 0.03)
-#: Part of the torque limits that a stop may use; the rest is for its control.
-SHARE = cython.declare(cython.double, 0.98)
+#: What keeping the path may cost a joint, beyond its own braking distance, rad or m; with what
+#: control errs by it is 30 mrad.
+KEEPING = cython.declare(cython.double, 0.029)
 #: Part of a change of torque, at most, that a stop leaves for what the winding loses of it.
 LOST = cython.declare(cython.double, 0.02)
 #: Steps of a prediction until the slowest joint would rest, and the most.
@@ -126,6 +125,7 @@ class Stops:
     hardest: cython.double[::1]  # a_i
     fastest: cython.double[::1]  # speed limit
     wanted: cython.double[::1]  # deceleration
+    kept: cython.double[::1]  # what keeping the path may cost, less the way until a motor brakes
     smooth: cython.double[::1]  # time of a stop within the jerk limit, s; 0: none
     limit = dry = wet = cython.declare(cython.double[::1])
     urge: cython.double[::1]  # ω
@@ -146,7 +146,7 @@ class Stops:
         self.rounds, self.furthest, self.back = 0, 0.0, 0.0
         self.plans = [row(MAX_STEPS) for _ in joints]
         self.place, self.speed, self.hardest, self.wanted = row(n), row(n), row(n), row(n)
-        self.fastest, self.smooth = row(n), row(n)
+        self.fastest, self.smooth, self.kept = row(n), row(n), row(n)
         self.limit, self.dry, self.wet, self.urge = row(n), row(n), row(n), row(n)
         self.ease, self.q, self.v, self.max_way = row(n), row(n), row(n), row(n)
         self.relief, self.bottom, self.top = row(n), row(n), row(n)
@@ -163,6 +163,9 @@ class Stops:
         Args:
             modelled: Whether the dynamics of the arm are known.
         """
+        for joint in self.joints:
+            if joint.stop.due:
+                joint.take_off()
         longest = self.take_joints()
         self.rounds = 0
         self.smoothen()
@@ -196,8 +199,10 @@ class Stops:
                 self.numbers[k] = i
                 self.place[k], self.speed[k] = joint.track.position, joint.track.velocity
                 limits, motor = joint.limits, joint.motor
-                self.hardest[k], self.limit[k] = limits.acceleration, SHARE * limits.torque
+                self.hardest[k], self.limit[k] = limits.acceleration, limits.torque
                 self.fastest[k] = limits.velocity
+                delay = joint.clock.period * (1.0 + motor.lag) + joint.drive.delay
+                self.kept[k] = max(KEEPING - fabs(self.speed[k]) * delay, 0.0)
                 ahead = joint.track.velocity >= 0.0
                 self.dry[k] = motor.coulomb if ahead else motor.coulomb_negative
                 self.wet[k] = motor.viscous if ahead else motor.viscous_negative
@@ -227,7 +232,9 @@ class Stops:
             joint = self.joints[self.numbers[k]]
             if self.smooth[k] <= 0.0 or self.speed[k] == 0.0:
                 continue
-            self.smooth[k] = min(longest, self.smooth[k] + 2.0 * KEEPING / fabs(self.speed[k]))
+            self.smooth[k] = min(
+                longest, self.smooth[k] + 2.0 * self.kept[k] / fabs(self.speed[k])
+            )
             way = braking(self.speed[k], joint.trajectory.acceleration, self.smooth[k])
             reference = joint.reference
             room: cython.double = (
@@ -242,7 +249,9 @@ class Stops:
         for k in range(self.stopping):
             speed, self.wanted[k] = fabs(self.speed[k]), self.hardest[k]
             if speed > 0.0:
-                time: cython.double = min(longest, speed / self.hardest[k] + 2.0 * KEEPING / speed)
+                time: cython.double = min(
+                    longest, speed / self.hardest[k] + 2.0 * self.kept[k] / speed
+                )
                 joint = self.joints[self.numbers[k]]
                 if self.speed[k] > 0.0:
                     room = joint.reference.upper - self.place[k]
