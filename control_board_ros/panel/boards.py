@@ -334,8 +334,7 @@ def in_words(names: Sequence[str], values: Sequence[float]) -> str:
         return "all joints"
     shown = clean_names(names)
     pairs = [f"{name} {value:.4g}" for name, value in zip(shown, values, strict=False)]
-    pairs = pairs or list(shown)  # of a trajectory
-    return ", ".join(pairs[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    return first_of(pairs or list(shown), 3)  # only the names of a trajectory
 
 
 def moved_by_axes(

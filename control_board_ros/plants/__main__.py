@@ -18,13 +18,13 @@ from ..core.terms.joint_kind import JointKind
 from ..settings.loading import Settings, load
 from ..settings.params_file import SettingsError
 from ..text import unknown_word
-from .apart import ApartError, PlantApart
+from .apart import PlantApart
 from .drives.axes import Axis
 from .drives.bring_up import Motion, Trial, corrections, write
 from .drives.plant import DrivesPlant
 from .drives.set_id import UnheardError
 from .entry_points import DRIVERS, make, pairs
-from .errors import PlantSettingsError
+from .errors import ApartError, PlantSettingsError
 from .guarded import patience
 from .interface import DrivePlant
 from .judges import judgement

@@ -15,15 +15,11 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ..core.terms.measurement import SetPoints
-from .errors import PlantSettingsError
+from .errors import ApartError, PlantSettingsError
 from .interface import Description, Readings, Setup
 
 #: Time for its process to let go of the hardware, s.
 LEAVING = 1.0
-
-
-class ApartError(RuntimeError):
-    """What a plant raised in its process; a subclass of it has the name of the plant's class."""
 
 
 class PlantApart:
@@ -115,14 +111,14 @@ class PlantApart:
         """The return value of the plant.
 
         Raises:
-            ApartError: the plant raised; of the same name and text.
+            ApartError: the plant raised.
         """
         try:
-            kind, answer = self._connection.recv()
+            error, answer = self._connection.recv()
         except (EOFError, OSError):
             raise self._gone() from None
-        if kind:
-            raise type(kind, (ApartError,), {})(answer)
+        if error:
+            raise ApartError(error)
         return answer
 
     def _gone(self) -> ConnectionError:

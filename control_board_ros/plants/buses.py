@@ -27,6 +27,7 @@ import numpy as np
 
 from ..core.terms.drives import DriveReport
 from ..core.terms.measurement import Array, SetPoints
+from .errors import in_words
 from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings, Setup
 
 #: Share of the period for which an exchange waits for all buses.
@@ -142,7 +143,7 @@ class Bus:
 
     def fail(self, error: BaseException) -> None:
         """Report an error, and connect again."""
-        self.error = f"{type(error).__name__}: {error}"
+        self.error = in_words(error)
         self._pending = self.do(self._again)
 
     def _exchange(self, wanted: SetPoints, resets: Sequence[int]) -> Readings:

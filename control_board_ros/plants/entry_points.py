@@ -9,7 +9,7 @@ from importlib.metadata import entry_points
 
 from ..extensions import offered
 from ..text import unknown_word
-from .errors import PlantSettingsError
+from .errors import PlantSettingsError, in_words
 from .interface import DrivePlant, RobotPlant
 
 GROUP = "control_board_ros.plants"
@@ -49,8 +49,7 @@ def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPla
         return maker(tuple(joints), options)
     except Exception as error:  # noqa: BLE001 - third-party code
         raise PlantSettingsError(
-            f"plant: {name!r} cannot be made ({type(error).__name__}: {error}); "
-            "check joints and plant_arguments"
+            f"plant: {name!r} cannot be made ({in_words(error)}); check joints and plant_arguments"
         ) from None
 
 

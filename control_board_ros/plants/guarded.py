@@ -44,7 +44,7 @@ from ..core.terms.measurement import (
     Row,
     SetPoints,
 )
-from ..text import clean
+from .errors import in_words
 from .exchange import Exchange, Sample
 from .interface import Clock, DriveLimits, DrivePlant, JointDescription, RobotPlant
 from .offers import bounded, corrected_turns, different_gain, limit_differences
@@ -283,7 +283,7 @@ class GuardedPlant:
                 self._compare()
                 self._talk()
             except Exception as error:  # noqa: BLE001 - third-party code; reported as a fault
-                self._error = f"{type(error).__name__}: {' '.join(clean(error, 200).split())}"
+                self._error = in_words(error)
                 self._answered.set()
                 with contextlib.suppress(Exception):  # the error before it is reported
                     self._exchange.let_go()

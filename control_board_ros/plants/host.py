@@ -17,6 +17,7 @@ import numpy as np
 from ..core.terms.measurement import SetPoints
 from ..startup import resume_collection
 from .entry_points import make
+from .errors import in_words
 from .interface import Description, DrivePlant, Readings, Setup
 from .outputs import as_drives
 
@@ -76,7 +77,7 @@ class Watchdog:
         self._plant.close()
 
 
-#: Class and text of an error; or no class, and the return value of the method.
+#: An error in words, or none, and the return value of the method.
 Answer = tuple[str, Any]
 
 
@@ -89,7 +90,7 @@ def main(descriptor: int) -> None:
     try:
         plant = Watchdog(as_drives(make(name, joints, arguments)))
     except Exception as error:  # noqa: BLE001 - third-party code; reported to the board
-        connection.send((type(error).__name__, str(error)))
+        connection.send((in_words(error), None))
         return
     resume_collection()
     connection.send(("", None))
@@ -121,4 +122,4 @@ def answer(plant: Watchdog, name: str, arguments: tuple[Any, ...]) -> Answer:
     try:
         return "", getattr(plant, name)(*arguments)
     except Exception as error:  # noqa: BLE001 - third-party code; reported to the board
-        return type(error).__name__, str(error)
+        return in_words(error), None

@@ -306,7 +306,9 @@ def test_faults_and_clear(cbctl: Any, ask: Any) -> None:
     assert ask("inject", "0", "encoder", "--persistent")["success"] is True
     until(lambda: list(ask("faults")) == [FIRST])
     assert ask("faults")[FIRST]["active"] is True
-    assert "encoder" in cbctl("faults").out
+    told = cbctl("faults")
+    assert "encoder" in told.out
+    assert told.err == "next: cbctl recover\n"
     stuck = cbctl("clear")
     assert stuck.code == 1
     assert "the cause persists" in stuck.out
@@ -316,6 +318,9 @@ def test_faults_and_clear(cbctl: Any, ask: Any) -> None:
     assert cleared.json["joints"][FIRST]["cleared"] is True
     assert "encoder" in cleared.json["joints"][FIRST]["fault"]
     assert ask("modes", "0")[FIRST]["control_mode"] == "idl"
+    told = cbctl("faults", "--all")
+    assert "cleared" in told.out
+    assert told.err == ""
     assert "cleared: cbctl faults --all" in cbctl("faults").out
     assert ask("faults", "--all")[FIRST]["active"] is False
 

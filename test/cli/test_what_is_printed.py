@@ -14,7 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from control_board_ros.cli.text import output
+from control_board_ros.cli.text.advice import in_groups
 from control_board_ros.cli.verbs.recording import write_pictures
+from control_board_ros.core.terms.reply import Answer, JointAnswer, Reason, decided, refused
 from control_board_ros.recording import RecordingError, page, png
 
 ORDERS = "\x1b]0;mine\x07\x1b[31mred\x9b2J\u202eover\x7f\r"
@@ -77,3 +79,37 @@ def test_pictures_of_a_recording_stay_in_their_folder(
     assert len(set(paths)) == len(names)
     assert sorted(folder.iterdir()) == sorted(paths)
     assert [path.name for path in tmp_path.iterdir()] == ["pictures"]
+
+
+@pytest.mark.parametrize(
+    ("texts", "shown_text"),
+    [
+        ({"a1": "a1 stays: hot"}, "a1 stays: hot"),
+        ({"a1": "a1 stays: hot", "a2": ""}, "a1 stays: hot"),
+        ({"a1": "a1 stays: hot", "a2": "a2 is stuck"}, "a1 stays: hot; a2 is stuck"),
+        (
+            {"a1": "a1 is stuck", "a2": "a2 stays: hot", "a3": "a3 stays: hot"},
+            "a2 stays: hot; likewise a3; a1 is stuck",
+        ),
+        (
+            {f"a{k}": f"a{k} stays: hot" for k in range(1, 7)},
+            "a1 stays: hot; likewise a2, a3, a4 and 2 more",
+        ),
+        (
+            {f"a{k}": f"a{k} reads {k // 2}" for k in range(2, 10)},
+            "a2 reads 1; likewise a3; a4 reads 2; likewise a5; a6 reads 3; likewise a7"
+            " (and 1 more)",
+        ),
+    ],
+)
+def test_a_cause_of_several_joints_is_said_once(texts: dict[str, str], shown_text: str) -> None:
+    answers = [
+        JointAnswer(Answer.REFUSED, text, Reason.CAUSE_PERSISTS) if text else JointAnswer()
+        for text in texts.values()
+    ]
+    assert in_groups(decided(tuple(texts), answers)) == shown_text
+
+
+def test_a_request_that_is_wrong_as_a_whole_is_said_once() -> None:
+    assert in_groups(refused("joint 'x' unknown", ("a", "b"))) == "joint 'x' unknown"
+    assert in_groups(refused("no board")) == "no board"

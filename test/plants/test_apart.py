@@ -20,7 +20,7 @@ from waiting import until
 from control_board_ros.core.terms.measurement import Actuation
 from control_board_ros.plants import Readings, SetPoints, Setup
 from control_board_ros.plants.apart import PlantApart
-from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.errors import ApartError, PlantSettingsError, in_words
 from control_board_ros.plants.host import Watchdog
 from control_board_ros.plants.outputs import as_drives
 from control_board_ros.testing import board_process
@@ -124,10 +124,24 @@ def test_signals_that_end_a_board_do_not_end_it(apart: PlantApart) -> None:
     assert isinstance(apart.exchange(output(0.0, 0.0)), Readings)
 
 
-def test_exceptions_of_the_plant_are_reported_verbatim(apart: PlantApart) -> None:
-    with pytest.raises(RuntimeError, match="index out of range") as caught:
+def test_exceptions_of_the_plant_are_reported_with_their_class(apart: PlantApart) -> None:
+    with pytest.raises(ApartError, match=r"^IndexError: .* index out of range$"):
         apart.clear_fault(7)
-    assert type(caught.value).__name__ == "IndexError"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError("bus can0: it is down; sudo ip link set can0 up"),) * 2,
+        (PlantSettingsError("elbow.ratio=-1: a number above 0"),) * 2,
+        (ApartError("IndexError: 7"),) * 2,
+        (ValueError("two\nlines"), "ValueError: two lines"),
+        (KeyError("elbow"), "KeyError: 'elbow'"),
+        (OSError(), "OSError: "),
+    ],
+)
+def test_a_text_for_people_stands_without_its_class(error: Exception, words: object) -> None:
+    assert in_words(error) == str(words)
 
 
 def test_impossible_configurations_are_one_line(offered: Path) -> None:

@@ -176,7 +176,7 @@ def test_a_bus_that_raises_takes_no_other_down(three) -> None:
     until(buses, lambda found: not any(found.faults))
     servos[0].trouble = OSError("bus off")
     found = until(buses, lambda found: any(found.faults))
-    assert found.faults == ["OSError: bus off"] * 2 + [None] * 4
+    assert found.faults == ["bus off"] * 2 + [None] * 4
     before = len(servos[1].asked)
     for _ in range(50):
         assert buses.exchange(at(*[0.5] * 6)).faults[2:] == [None] * 4
@@ -196,7 +196,7 @@ def test_a_bus_that_cannot_be_opened_leaves_the_others(three) -> None:
     servos[1].connect = lambda _: (_ for _ in ()).throw(OSError("no such bus"))
     buses.connect(setup)
     found = buses.exchange(at(*[0.5] * 6))
-    assert found.faults == [None] * 2 + ["OSError: no such bus"] + [None] * 3
+    assert found.faults == [None] * 2 + ["no such bus"] + [None] * 3
     assert np.isnan(found.position).tolist() == [False] * 2 + [True] + [False] * 3
     servos[1].connect = connect
     until(buses, lambda found: not any(found.faults))
@@ -325,7 +325,7 @@ def test_a_socket_that_raises_takes_no_other_down(polled, part: str) -> None:
     servos, buses = polled
     servos[0].fails = part
     found = buses.exchange(at(*[0.5] * 6))
-    assert found.faults[:3] == [f"OSError: {part}"] * 2 + [None]
+    assert found.faults[:3] == [part] * 2 + [None]
     servos[0].fails = ""
     until(buses, lambda found: not any(found.faults))
     assert servos[0].went >= 0

@@ -6,8 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from control_board_ros.text import first_of
+
 if TYPE_CHECKING:
     from control_board_ros.core.terms.reply import Reply
+
+#: Reasons, and names of joints with the same one, that are shown.
+SHOWN = 3
 
 #: Step and line by code of a reply.
 STEPS = {
@@ -57,3 +62,20 @@ def advice(
             joints = "all" if len(names) == len(everyone) else " ".join(names)
             texts.append(f"{what}: {line(words.format(joints=joints, mode=mode))}")
     return ", then ".join(texts)
+
+
+def in_groups(reply: Reply) -> str:
+    """The message of a reply; a reason that several joints have is said once, of the first."""
+    reasons: dict[str, dict[str, str]] = {}
+    for name, each in zip(reply.joints, reply.each(), strict=True):
+        if each.text:
+            reasons.setdefault(each.text.replace(name, "", 1), {})[name] = each.text
+    if all(len(set(texts.values())) == 1 for texts in reasons.values()):
+        return reply.message
+    groups = sorted(reasons.values(), key=len, reverse=True)
+    shown = []
+    for texts in groups[:SHOWN]:
+        first, *others = texts
+        shown.append(texts[first] + f"; likewise {first_of(others, SHOWN)}" * bool(others))
+    rest = len(groups) - SHOWN
+    return "; ".join(shown) + (f" (and {rest} more)" if rest > 0 else "")

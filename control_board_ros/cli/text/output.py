@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from control_board_ros.core.terms.joint_kind import ENDLESS
 from control_board_ros.text import clean_lines, json_line
 
-from .advice import advice
+from .advice import advice, in_groups
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
@@ -179,7 +179,7 @@ def conclude(
     next_step = ""
     if any(reply.codes):
         next_step = advice(reply, session.names, session.line, session.manager, mode)
-    message = "; ".join(filter(None, (reply.message, next_step)))
+    message = "; ".join(filter(None, (in_groups(reply), next_step)))
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
         answer(session, {"success": bool(reply), "message": message, "joints": joints} | more)

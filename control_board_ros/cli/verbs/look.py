@@ -23,7 +23,7 @@ from ..board.reading import (
 from ..board.session import Session
 from ..line.arguments import JOINTS, argument, several, with_arguments
 from ..line.words import Refused
-from ..text.output import console, mode_text, show
+from ..text.output import console, mode_text, note, show
 from ..text.plotting import Trace, chart, signal_of
 from ..text.tables import grid
 
@@ -200,6 +200,8 @@ def faults(session: Session, joints: list[str], every: bool, frame: str | None) 
     rows = {n: r for n, r in records.items() if r["active"] or (every and r["code"] >= 0)}
     cleared = sum(1 for r in records.values() if r["code"] >= 0 and not r["active"])
     show(session, rows, lambda: faults_table(rows, list(records), cleared))
+    if any(row["active"] for row in rows.values()):
+        note(session, f"next: {session.line('recover')}")
 
 
 def faults_table(rows: Rows, names: Sequence[str], cleared: int) -> Any:

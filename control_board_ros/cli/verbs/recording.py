@@ -21,8 +21,8 @@ from ..text.output import DONE, REFUSED, complain, note, show
 #: s between updates of the progress, and between checks of the boards.
 LOOK, LOOK_AT_BOARDS = 0.25, 2.0
 SILENT = (
-    "no messages from {board}, although it is there: is its process stopped, or the machine or "
-    "the network overloaded? It is looked for again, and the gap is noted in the recording"
+    "no messages from {board}: was its process killed or stopped, or is the machine or the "
+    "network overloaded? It is looked for again, and the gap is noted in the recording"
 )
 
 

@@ -16,7 +16,7 @@ from ..board.status import warn_without_power
 from ..line.arguments import JOINTS, ahead, argument, several, with_arguments
 from ..line.offers import one_of
 from ..line.words import Refused
-from ..text.advice import advice
+from ..text.advice import advice, in_groups
 from ..text.output import DONE, REFUSED, conclude, note, show
 from ..text.tables import grid
 
@@ -138,7 +138,7 @@ def clear(session: Session, joints: list[str]) -> int:
     warn_without_power(session, {name: "idl" for name, row in rows.items() if row["cleared"]})
     if reply.message:
         next_step = advice(reply, session.names, session.line, session.manager)
-        note(session, "; ".join(filter(None, (reply.message, next_step))))
+        note(session, "; ".join(filter(None, (in_groups(reply), next_step))))
     return DONE if reply else REFUSED
 
 
