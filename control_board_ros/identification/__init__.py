@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of a robot's joints: friction, rotor inertia, motor constants, delay, payload.
 
-``motions`` plans motions, ``bench`` plays them on a simulation (``cbctl identify`` on a board),
+``motions`` plans motions, ``cbctl identify`` plays them on a board,
 ``samples`` filters the recorded signals, ``rigid`` computes the torques of the arm's masses,
 ``fit`` solves for the unknowns, ``troubles`` detects joints that cannot be identified, ``outcome``
 selects the values to write, ``files`` writes them.

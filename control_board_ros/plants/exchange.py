@@ -127,9 +127,8 @@ class Exchange:
             raise NonsenseError(f"a reading is {type(readings).__name__}; Readings is required")
         values = np.zeros((ROWS, len(self.numbers)))
         values[Row.POSITION] = position = self._row("position", readings.position)
-        age = (
-            np.zeros_like(position) if readings.ages is None else self._row("ages", readings.ages)
-        )
+        zeros = np.zeros_like(position)
+        age = self._row_or("ages", readings, zeros.copy())
         age[np.isnan(position) & (age == 0.0)] = self._elapsed  # not read yet
         between = self._elapsed + self._age - age  # the last two readings of each joint
         if readings.velocity is not None:
@@ -143,28 +142,16 @@ class Exchange:
         values[Row.VELOCITY] = self._rate = velocity
         values[Row.ENCODER_AGE] = self._age = age
         self._before = position
-        if readings.torque is not None:
-            values[Row.TORQUE] = self._row("torque", readings.torque)
-        applied = (
-            wanted.pwm if readings.applied is None else self._row("applied", readings.applied)
-        )
+        values[Row.TORQUE] = self._row_or("torque", readings, zeros)
+        applied = self._row_or("applied", readings, wanted.pwm)
         if readings.current is not None:
             values[Row.CURRENT] = self._row("current", readings.current)
         else:
             values[Row.CURRENT] = self._settled(applied, velocity, values[Row.TORQUE], wanted)
-        temperature = readings.temperature
-        values[Row.TEMPERATURE] = (
-            self._ambient if temperature is None else self._row("temperature", temperature)
-        )
+        values[Row.TEMPERATURE] = self._row_or("temperature", readings, self._ambient)
         late = values[Row.ENCODER_AGE] > 0.0
-        dropped = (
-            np.zeros_like(age)
-            if readings.dropped is None
-            else self._row("dropped", readings.dropped)
-        )
-        lost: tuple[int, ...] = ()
-        if readings.lost is not None:
-            lost = tuple(np.flatnonzero(self._row("lost", readings.lost)).tolist())
+        dropped = self._row_or("dropped", readings, zeros)
+        lost = tuple(np.flatnonzero(self._row_or("lost", readings, zeros)).tolist())
         faults, motors = self._faults(readings), self._motors(readings)
         return Sample(
             values, faults, applied, late, dropped, motors, lost, self._reports(readings)
@@ -213,6 +200,11 @@ class Exchange:
             return {}
         texts = [clean(str(readings.faults[number] or "")) for number in self.numbers]
         return {j: text for j, text in enumerate(texts) if text}
+
+    def _row_or(self, name: str, readings: Readings, otherwise: Array) -> Array:
+        """An array of the readings; another where the plant has none."""
+        value = getattr(readings, name)
+        return otherwise if value is None else self._row(name, value)
 
     def _row(self, what: str, value: object) -> Array:
         """An array of the plant, in the board's order."""

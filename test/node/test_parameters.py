@@ -12,7 +12,12 @@ from rclpy.parameter import Parameter
 
 from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.node.process.start import settings_from_arguments
-from control_board_ros.node.wiring.parameters import Declaration, Parameters, declare
+from control_board_ros.node.wiring.parameters import (
+    Declaration,
+    Parameters,
+    declare,
+    described_by,
+)
 from control_board_ros.settings.loading import Settings, SettingsError, load
 from control_board_ros.settings.schema import BOARD, JOINT
 from control_board_ros.testing import free_domain, ros_node
@@ -175,11 +180,10 @@ def test_fixed_parameters_are_read_only(node: Any) -> None:
     assert "pwm, current" in node.describe_parameter("output").additional_constraints
 
 
-class Elsewhere:
-    """A node whose rclpy keeps parameters in a place that is not known here."""
-
-    def __init__(self, node: Any) -> None:
-        self.declare_parameters = node.declare_parameters
+def declare_by_rclpy(node: Any, declarations: list[Declaration]) -> None:
+    described = described_by(declarations)
+    triples = [(row.name, row.value, described[row.name]) for row in declarations]
+    node.declare_parameters("", triples, ignore_override=True)
 
 
 def test_they_are_declared_as_rclpy_does_it(node: Any) -> None:
@@ -192,8 +196,8 @@ def test_they_are_declared_as_rclpy_does_it(node: Any) -> None:
         if node.get_parameter(row.name).value != []  # of an empty list rclpy guesses the type
     ]
     found = []
-    for target in (node, Elsewhere(node)):
-        declare(target, declarations)
+    for way in (declare, declare_by_rclpy):
+        way(node, declarations)
         names = [one.name for one in declarations]
         shown = [(node.get_parameter(name), node.describe_parameter(name)) for name in names]
         found.append([(one.type_, one.value, described) for one, described in shown])

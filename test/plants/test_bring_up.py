@@ -17,6 +17,7 @@ import can
 import numpy as np
 import pytest
 from drive_bench import LIBRARIES, PERIOD, TIMEOUT, Bench
+from manual_clock import ManualClock
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.joint_kind import JointKind
@@ -29,7 +30,6 @@ from control_board_ros.plants.drives.bring_up import (
     corrections,
     write,
 )
-from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.remedies import bus_error
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import (

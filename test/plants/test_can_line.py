@@ -10,13 +10,14 @@ from unittest.mock import Mock
 
 import can
 import pytest
+from manual_clock import ManualClock
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives import can_line
 from control_board_ros.plants.drives.can_drives import CanDrives, CanOptions
 from control_board_ros.plants.drives.can_line import BUS_OFF, FLOOD, PATIENCE, CanLine
 from control_board_ros.plants.drives.can_socket import MessageBus
-from control_board_ros.plants.drives.clock import Clock, ManualClock
+from control_board_ros.plants.drives.clock import Clock
 from control_board_ros.plants.drives.driver import Answers, Order
 from control_board_ros.plants.drives.interview import Question
 from control_board_ros.plants.drives.reconcile import ASK

@@ -15,6 +15,7 @@ from typing import Any
 import can
 import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
+from manual_clock import ManualClock
 
 from control_board_ros.plants.drives import can_line, can_socket, fdcanusb
 from control_board_ros.plants.drives.can_frame import EXTENDED, REMOTE, message
@@ -26,7 +27,6 @@ from control_board_ros.plants.drives.can_socket import (
     head,
     received,
 )
-from control_board_ros.plants.drives.clock import ManualClock
 
 #: A read that waits for ever ends here.
 pytestmark = pytest.mark.timeout(60)

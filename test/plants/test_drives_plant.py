@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_bench import Bench
+from manual_clock import ManualClock
 
 from control_board_ros.core.terms.drives import DriveReport, OnSilence, SetPoint
 from control_board_ros.core.terms.measurement import SetPoints, Value
 from control_board_ros.plants.drives.axes import Axis
-from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Answers, Identity, Order, Traits
 from control_board_ros.plants.drives.faults import RESTARTED
 from control_board_ros.plants.drives.interview import PAUSE, Question, Questions

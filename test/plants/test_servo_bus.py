@@ -10,12 +10,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from manual_clock import ManualClock
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives import serial_line
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.can_line import budget
-from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Answers, Order
 from control_board_ros.plants.drives.interview import (
     ATTEMPTS,

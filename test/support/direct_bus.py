@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+from manual_clock import ManualClock
+
 from control_board_ros.plants.drives.can_socket import received
-from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.virtual.can_bus import VirtualCan
 from control_board_ros.plants.virtual.pty_bus import VirtualSerial
 

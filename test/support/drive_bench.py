@@ -12,12 +12,12 @@ from unittest import mock
 
 import numpy as np
 from direct_bus import DirectCan, DirectPort
+from manual_clock import ManualClock
 
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.measurement import SetPoints
 from control_board_ros.plants.drives import can_line, serial_line
 from control_board_ros.plants.drives.axes import Axis
-from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.drives.driver import Identity
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Readings, Setup

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from motion_bench import Bench
 from scara import SCARA
 
 from control_board_ros.core.terms.measurement import Measurement, Motor, Row
-from control_board_ros.identification.bench import Bench
 from control_board_ros.identification.motions import bounds_of, motions_of
 from control_board_ros.identification.outcome import Outcome, identify, little_of
 from control_board_ros.identification.robot import Robot

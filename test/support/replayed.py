@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from manual_clock import ManualClock
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig
@@ -22,7 +23,6 @@ from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.core.terms.measurement import SetPoints
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.identification.samples import Record
-from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.guarded import GuardedPlant
 from control_board_ros.plants.interface import Description, JointDescription, Readings, Setup
 from control_board_ros.plants.offers import within

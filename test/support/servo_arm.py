@@ -12,11 +12,11 @@ from unittest import mock
 
 import numpy as np
 from direct_bus import DirectCan, DirectPort
+from manual_clock import ManualClock
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import Actuation, Measurement, Row, SetPoints
-from control_board_ros.plants.drives.clock import ManualClock
 from control_board_ros.plants.exchange import Exchange
 from control_board_ros.plants.offers import bounded, derived_gains, within
 from control_board_ros.plants.virtual.can_bus import VirtualCan

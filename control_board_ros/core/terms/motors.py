@@ -30,15 +30,19 @@ class Term(IntEnum):
     VELOCITY_THRESHOLD = 6
 
 
-TERMS = {
-    "torque_constants": Term.TORQUE_CONSTANT,
-    "back_emf_constants": Term.BACK_EMF,
-    "viscous_positive": Term.VISCOUS_POSITIVE,
-    "viscous_negative": Term.VISCOUS_NEGATIVE,
-    "coulomb_positive": Term.COULOMB_POSITIVE,
-    "coulomb_negative": Term.COULOMB_NEGATIVE,
-    "velocity_thresholds": Term.VELOCITY_THRESHOLD,
+#: Their names as fields of Motors, and of MotorTorqueParameters.
+_NAMES = {
+    Term.TORQUE_CONSTANT: ("torque_constants", "ktau"),
+    Term.BACK_EMF: ("back_emf_constants", "bemf"),
+    Term.VISCOUS_POSITIVE: ("viscous_positive", "viscous_pos"),
+    Term.VISCOUS_NEGATIVE: ("viscous_negative", "viscous_neg"),
+    Term.COULOMB_POSITIVE: ("coulomb_positive", "coulomb_pos"),
+    Term.COULOMB_NEGATIVE: ("coulomb_negative", "coulomb_neg"),
+    Term.VELOCITY_THRESHOLD: ("velocity_thresholds", "velocity_thres"),
 }
+TERMS = {name: term for term, (name, _) in _NAMES.items()}
+#: Fields of MotorTorqueParameters, and those of Motors that they are.
+YARP_TERMS = {theirs: name for name, theirs in _NAMES.values()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,17 +117,6 @@ class MotorTorqueParameters:
     velocity_thres: Values | None = None
     ktau_scale: float = 0.0
     bemf_scale: float = 0.0
-
-
-#: Fields of MotorTorqueParameters, and those of Motors that they are.
-YARP_TERMS = dict(
-    zip(
-        ("ktau", "bemf", "viscous_pos", "viscous_neg", "coulomb_pos", "coulomb_neg",
-         "velocity_thres"),
-        TERMS,
-        strict=True,
-    )
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)

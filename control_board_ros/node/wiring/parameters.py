@@ -186,21 +186,10 @@ def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
 
 
 def declare(node: Node, declarations: Sequence[Declaration]) -> None:
-    """Declare parameters as ``node.declare_parameters`` does, without the events.
-
-    An rclpy that stores them elsewhere declares them itself.
-    """
-    described = described_by(declarations)
-    parameters, descriptors = (
-        getattr(node, name, None) for name in ("_parameters", "_descriptors")
-    )
-    if not isinstance(parameters, dict) or not isinstance(descriptors, dict):
-        triples: list[Any] = [(row.name, row.value, described[row.name]) for row in declarations]
-        node.declare_parameters("", triples, ignore_override=True)
-        return
+    """Declare parameters as ``node.declare_parameters`` does, without the events."""
     for name, value, row, _ in declarations:
-        parameters[name] = RosParameter(name, type_of(row, value), value)
-    descriptors.update(described)
+        node._parameters[name] = RosParameter(name, type_of(row, value), value)
+    node._descriptors.update(described_by(declarations))
 
 
 def described_by(declarations: Sequence[Declaration]) -> dict[str, ParameterDescriptor]:

@@ -15,17 +15,3 @@ class Clock:
     def pass_by(self, seconds: float) -> None:
         """Let time pass, s."""
         time.sleep(max(0.0, seconds))
-
-
-class ManualClock(Clock):
-    """Seconds that pass only when they are told to, for a bus without real time."""
-
-    def __init__(self, start: float = 1e6) -> None:
-        self.time = start
-
-    def now(self) -> float:
-        return self.time
-
-    def pass_by(self, seconds: float) -> None:
-        """Let time pass, s."""
-        self.time += max(0.0, seconds)

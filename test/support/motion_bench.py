@@ -7,16 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.goals.follower import Follower
-from ..core.goals.path import Points
-from ..core.goals.trajectory_goal import GoalError, start_goal
-from ..core.terms.vocabs import ControlMode, InteractionMode
-from ..joint_limits import FIELDS, JointLimits
-from ..simulation import Simulation
-from . import IdentificationError
-from .motions import Bounds, Motion
-from .samples import SIGNALS, Record
-from .shares import LAG
+from control_board_ros.core.goals.follower import Follower
+from control_board_ros.core.goals.path import Points
+from control_board_ros.core.goals.trajectory_goal import GoalError, start_goal
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.identification import IdentificationError
+from control_board_ros.identification.motions import Bounds, Motion
+from control_board_ros.identification.samples import SIGNALS, Record
+from control_board_ros.identification.shares import LAG
+from control_board_ros.joint_limits import FIELDS, JointLimits
+from control_board_ros.simulation import Simulation
 
 #: Cycles between two readings.
 EVERY = 2
