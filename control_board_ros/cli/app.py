@@ -183,11 +183,23 @@ def explain(error: Exception) -> tuple[str, int]:
     raise error
 
 
-def expected_errors() -> tuple[type[Exception], ...]:
-    """The exceptions of the client, once it is loaded."""
-    if "control_board_ros.client" not in sys.modules:
-        return ()
-    from control_board_ros.client import BoardError
-    from control_board_ros.core.selection import RequestError
+#: Errors in one line for people, by the modules that define them.
+EXPECTED = {
+    "client.errors": ("BoardError",),
+    "core.selection": ("RequestError",),
+    "recording.errors": ("RecordingError",),
+    "conformance.rules": ("NotTestable", "OutOfTime"),
+    "identification.motions": ("NoRoomError",),
+    "web_access": ("CannotListen",),
+}
 
-    return BoardError, RequestError
+
+def expected_errors() -> tuple[type[Exception], ...]:
+    """Those whose modules are loaded."""
+    loaded = {f"control_board_ros.{module}": names for module, names in EXPECTED.items()}
+    return tuple(
+        getattr(sys.modules[module], name)
+        for module, names in loaded.items()
+        if module in sys.modules
+        for name in names
+    )

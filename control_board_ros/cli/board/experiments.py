@@ -97,7 +97,6 @@ def measured(
     Raises:
         Refused: the board refuses a mode, or a joint faults.
     """
-    from control_board_ros.recording import RecordingError
     from control_board_ros.recording.reading import read
 
     with tempfile.TemporaryDirectory(prefix="cbctl") as temporary:
@@ -111,10 +110,7 @@ def measured(
             wait(session, "at rest", REST)
             run()
             wait(session, "at rest", REST)
-        try:
-            (recording,) = read(folder)
-        except RecordingError as error:
-            raise Refused(str(error)) from error
+        (recording,) = read(folder)
     for fault in recording.faults:
         if fault.joint == experiment.joint and fault.time >= 0.0:
             raise Refused(f"{fault.joint} went into HW_FAULT: {fault.text}")

@@ -44,20 +44,17 @@ def recorded(session: Session, folder: Path) -> Iterator[Any]:
     """Record into a folder; yields the recorder.
 
     Raises:
-        Refused: the recording fails or ends early.
+        RecordingError: the recording fails.
+        Refused: it ends early.
     """
-    from control_board_ros.recording import RecordingError
     from control_board_ros.recording.bag import Bag
 
+    recorder = start(session, read_boards(session), Bag(folder))
     try:
-        recorder = start(session, read_boards(session), Bag(folder))
-        try:
-            yield recorder
-        finally:
-            with uninterrupted():
-                recorder.close()
-    except RecordingError as error:
-        raise Refused(str(error)) from error
+        yield recorder
+    finally:
+        with uninterrupted():
+            recorder.close()
     if recorder.ended:
         raise Refused(recorder.ended)
 

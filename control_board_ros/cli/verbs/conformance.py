@@ -10,7 +10,7 @@ from control_board_ros.program_options import CONFORMANCE
 
 from ..board.session import Session
 from ..line.arguments import argument, with_arguments
-from ..line.words import Refused, UsageError
+from ..line.words import UsageError
 from ..text.output import DONE, complain, show
 
 
@@ -33,7 +33,6 @@ def conformance(session: Session, **options: Any) -> int:
     were not tested.
     """
     from control_board_ros.conformance.app import selected_rules, try_board
-    from control_board_ros.conformance.rules import NotTestable, OutOfTime
 
     asked = Namespace(**options, json=session.options.json, timeout=session.options.timeout)
     try:
@@ -46,7 +45,4 @@ def conformance(session: Session, **options: Any) -> int:
         return DONE
     if asked.joint is not None:
         (asked.joint,) = session.joints([asked.joint])
-    try:
-        return try_board(session.node, session.client, asked, rules, complain)
-    except (NotTestable, OutOfTime) as error:
-        raise Refused(str(error)) from None
+    return try_board(session.node, session.client, asked, rules, complain)

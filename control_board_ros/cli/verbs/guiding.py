@@ -180,22 +180,18 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
 
     After a confirmation, the joints first move slowly to its start.
     """
-    from control_board_ros.recording import RecordingError
     from control_board_ros.recording.way import way_of
 
     if not 0.0 < speed <= 10.0:
         raise UsageError(f"--speed {speed:g} is not valid; give a factor above 0 and up to 10")
     check_asking(yes)
-    try:
-        board = recording_of(session, Path(recording))
-        names = session.joints(joints) if joints else guided_in(session, board)
-        limits = session.limits(names)
-        known = [limit for limit in limits.values() if limit is not None]
-        if len(known) < len(names):
-            raise Refused("the board does not report the limits of its joints: nothing is moved")
-        way = way_of(board, names, known, speed)
-    except RecordingError as error:
-        raise Refused(str(error)) from error
+    board = recording_of(session, Path(recording))
+    names = session.joints(joints) if joints else guided_in(session, board)
+    limits = session.limits(names)
+    known = [limit for limit in limits.values() if limit is not None]
+    if len(known) < len(names):
+        raise Refused("the board does not report the limits of its joints: nothing is moved")
+    way = way_of(board, names, known, speed)
     starts = dict(zip(names, way.positions[0].tolist(), strict=True))
     if not agreed(session, motion_in_words(session, starts, way.duration), yes):
         return fail("nothing was moved", REFUSED, as_json=session.options.json)

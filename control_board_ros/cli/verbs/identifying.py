@@ -133,9 +133,10 @@ def bounds_now(
     """Bounds of the motion of each joint about its present position.
 
     Raises:
-        Refused: limits are unknown, or leave no room.
+        Refused: limits are unknown.
+        NoRoomError: they leave no room.
     """
-    from control_board_ros.identification.motions import NoRoomError, bounds_of
+    from control_board_ros.identification.motions import bounds_of
 
     limits, state = session.limits(names), session.client.get_state()
     size = None if reach is None else quantity(reach, "position")
@@ -149,10 +150,7 @@ def bounds_now(
         asked = None if size is None else session.value(name, size)
         if asked is not None and not asked > 0.0:
             raise UsageError(f"--range {reach} is not valid; give a size above 0")
-        try:
-            bounds.append(bounds_of(name, kind, joint_limits, place, reach=asked, **shares))
-        except NoRoomError as error:
-            raise Refused(str(error)) from error
+        bounds.append(bounds_of(name, kind, joint_limits, place, reach=asked, **shares))
     return bounds
 
 

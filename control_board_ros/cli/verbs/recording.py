@@ -99,22 +99,19 @@ def record(
     limits = {"split_size": split_size, "split_time": split_time}
     if last is not None and any(limits.values()):
         raise UsageError("--last writes short recordings, which --split-… does not apply to")
+    boards = read_boards(session)
+    if last:
+        sink = black_box(Path(output), last, after, keep, keep_size)
+    else:
+        sink = bag(Path(output), limits)
+    recorder = start(session, boards, sink)
     try:
-        boards = read_boards(session)
-        if last:
-            sink = black_box(Path(output), last, after, keep, keep_size)
-        else:
-            sink = bag(Path(output), limits)
-        recorder = start(session, boards, sink)
-        try:
-            why = watch(session, recorder, sink, time)
-        finally:
-            with uninterrupted():
-                recorder.close()
-        if last:
-            keep_frames(session, written(sink))
-    except RecordingError as error:
-        raise Refused(str(error)) from error
+        why = watch(session, recorder, sink, time)
+    finally:
+        with uninterrupted():
+            recorder.close()
+    if last:
+        keep_frames(session, written(sink))
     tables: list[Path] = []
     if csv:
         try:
@@ -254,20 +251,16 @@ def report(session: Session, recording: str, output: str | None, png: str | None
 
     Works without a board and without ROS.
     """
-    from control_board_ros.recording import RecordingError
     from control_board_ros.recording.page import page, write_page
     from control_board_ros.recording.reading import read
 
     source = Path(recording)
     inside = source if source.is_dir() else source.parent
     path = Path(output) if output else inside / "report.html"
-    try:
-        boards = read(source)
-        missing = note_missing(session, boards)
-        write_page(path, page(recording, boards))
-        pictures = write_pictures(Path(png), boards) if png else []
-    except RecordingError as error:
-        raise Refused(str(error)) from error
+    boards = read(source)
+    missing = note_missing(session, boards)
+    write_page(path, page(recording, boards))
+    pictures = write_pictures(Path(png), boards) if png else []
     result = {"success": True, "report": str(path), "pictures": list(map(str, pictures))}
     result |= {"missing": missing}
     lines = [f"report: {path}", *(f"picture: {picture}" for picture in pictures)]

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-
-from control_board_ros.web_access import CannotListen
 
 from ..board.session import Session
 from ..line.arguments import Argument, amount, argument, with_arguments
@@ -82,7 +81,7 @@ def panel(
             put(f"  {address}")
         put("The address grants operation: keep it secret. Ctrl-C ends the panel.")
 
-    try:
+    with contextlib.suppress(KeyboardInterrupt):
         run(
             session.node,
             host,
@@ -94,10 +93,6 @@ def panel(
             announce=announce,
             report=lambda text: note(session, f"panel: {text}"),
         )
-    except CannotListen as error:
-        raise Refused(str(error)) from None
-    except KeyboardInterrupt:
-        pass
     return DONE
 
 
@@ -160,8 +155,6 @@ def foxglove(
             put(f"  {live.app}")
             put(f"Layout: {layout()}. Ctrl-C ends it.")
         live.run(ended)
-    except CannotListen as error:
-        raise Refused(str(error)) from None
     except KeyboardInterrupt:
         pass
     finally:
