@@ -41,6 +41,6 @@ def test_a_silent_board_is_reported_once(
     recorder = Recorder([], ["/a"], ["/a"], ["/a", "/b"], ["/b"], ["/a", "/b"])
     assert recording.watch(session, recorder, SimpleNamespace(size=0), 60.0) == "the script"
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("no mess")]
-    assert [line.split(",")[0] for line in lines] == [
+    assert [line.split(":")[0] for line in lines] == [
         f"no messages from {board}" for board in ("/a", "/b", "/a")
     ]
