@@ -414,8 +414,9 @@ def test_a_loop_that_cannot_be_stopped_leaves_no_power(
 ) -> None:
     """The end of the node: the loop hangs, the plant is let go."""
     loop, plant = running
-    gate = threading.Event()
-    loop.hooks.append(lambda *_: gate.wait() and None)
+    gate, hangs = threading.Event(), threading.Event()
+    loop.hooks.append(lambda *_: hangs.set() or (gate.wait() and None))
+    assert hangs.wait(timeout=30.0)  # else it may end before it comes to the hook
     try:
         assert not loop.stop(timeout=0.02)
         assert plant.on == [False, False]
