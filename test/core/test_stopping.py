@@ -49,7 +49,7 @@ def joint(velocity: float, acceleration: float = 10.0, **changes: Any) -> Any:
     def brake_by(plan: Any, steps: int, step: float) -> None:
         made.plan.accelerations, made.step = np.array(plan)[:steps], step
 
-    made.brake, made.brake_by, made.take_off = brake, brake_by, lambda: None
+    made.brake_since, made.brake_by, made.take_off = brake, brake_by, lambda: None
     return made
 
 
@@ -75,13 +75,13 @@ def test_the_path_costs_no_joint_more_than_30_mrad(velocity: float) -> None:
     slow, quick, other = joint(1.0, 1.0), joint(velocity, 20.0), joint(velocity, 20.0, **late)
     planned(slow, quick, other)
     assert slow.rate == 1.0
-    assert 4.5 / quick.rate == pytest.approx(4.5 / 20.0 + KEEPING - 3.0 * 1e-3)
-    assert 4.5 / other.rate == pytest.approx(4.5 / 20.0 + KEEPING - 3.0 * 3.5e-3)
+    assert 4.5 / quick.rate == pytest.approx(4.5 / 20.0 + KEEPING)
+    assert 4.5 / other.rate == pytest.approx(4.5 / 20.0 + KEEPING - 3.0 * 2.5e-3)
 
 
-def test_a_joint_that_is_too_fast_for_its_cycle_brakes_fully() -> None:
+def test_a_joint_that_is_too_fast_for_its_drive_brakes_fully() -> None:
     """P3: its way until the motor brakes is all that keeping the path may cost."""
-    slow, quick = joint(1.0, 1.0), joint(3.0, 20.0, clock__period=0.01)
+    slow, quick = joint(1.0, 1.0), joint(3.0, 20.0, drive__delay=0.01)
     planned(slow, quick)
     assert quick.rate == pytest.approx(20.0)
 
@@ -91,7 +91,7 @@ def test_a_stop_takes_off_before_it_is_planned() -> None:
     slow, one = joint(1.0, 1.0), joint(3.0, 20.0)
     one.take_off = lambda: setattr(one.track, "velocity", 2.0)
     planned(slow, one)
-    assert 2.0 / one.rate == pytest.approx(2.0 / 20.0 + KEEPING - 2e-3)
+    assert 2.0 / one.rate == pytest.approx(2.0 / 20.0 + KEEPING)
 
 
 @pytest.mark.parametrize("velocity", [2.0, -2.0])

@@ -207,6 +207,17 @@ class Joint:
             go_on_stopping(self, self.position - self.velocity * self.clock.elapsed)
 
     @cython.ccall
+    def brake_since(self, rate: cython.double) -> cython.void:
+        """Stop with a deceleration, rad/s², by a reference that brakes since the last cycle.
+
+        The feedback makes up for the cycle in which the joint did not: there is the torque for it.
+        """
+        self.brake(rate)
+        if self.stop.ahead:
+            rate = min(rate, fabs(self.track.velocity) / self.clock.elapsed)
+            self.track.acceleration = -rate if self.track.velocity > 0.0 else rate
+
+    @cython.ccall
     def brake(self, rate: cython.double) -> cython.void:
         """Stop with a deceleration, rad/s²."""
         self.stop.rate, self.plan.steps = rate, 0

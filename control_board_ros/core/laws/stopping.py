@@ -177,7 +177,7 @@ class Stops:
             if self.rounds == 0 and self.smooth[k] > 0.0:
                 joint.brake_smoothly(self.smooth[k])
             elif self.rounds == 0:
-                joint.brake(self.wanted[k])
+                joint.brake_since(self.wanted[k])
             else:
                 plan = self.plans[i]
                 for step in range(self.best_steps):
@@ -201,7 +201,7 @@ class Stops:
                 limits, motor = joint.limits, joint.motor
                 self.hardest[k], self.limit[k] = limits.acceleration, limits.torque
                 self.fastest[k] = limits.velocity
-                delay = joint.clock.period * (1.0 + motor.lag) + joint.drive.delay
+                delay = joint.clock.period * motor.lag + joint.drive.delay
                 self.kept[k] = max(KEEPING - fabs(self.speed[k]) * delay, 0.0)
                 ahead = joint.track.velocity >= 0.0
                 self.dry[k] = motor.coulomb if ahead else motor.coulomb_negative
