@@ -36,10 +36,10 @@ def swing(board: ControlBoardClient, joints: list[str], speed: float, seconds: f
         Refused: a joint cannot be set to VELOCITY, or leaves it on the way.
     """
     before = board.get_control_mode(joints)
-    reply = board.set_control_mode(joints, "vel")
-    if not reply:
-        raise Refused(reply.message)
     try:
+        reply = board.set_control_mode(joints, "vel")
+        if not reply:
+            raise Refused(reply.message)
         start = due = time.monotonic()
         while (t := due - start) < seconds:
             velocity = speed * math.sin(2.0 * math.pi * t / PERIOD)
@@ -49,8 +49,7 @@ def swing(board: ControlBoardClient, joints: list[str], speed: float, seconds: f
             due += 1.0 / RATE
             time.sleep(max(due - time.monotonic(), 0.0))
     finally:
-        board.velocity_move(joints, 0.0)
-        board.set_control_mode(joints, before)
+        board.set_control_mode(joints, before)  # it stops them
 
 
 def main(argv: Sequence[str] | None = None) -> int:
