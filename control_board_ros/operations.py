@@ -99,6 +99,19 @@ def changes(
     return operation
 
 
+def sets_modes(
+    method: str,
+    after: Callable[[JointGroup, Reply], list[str]] = lambda _, reply: codes(reply.modes),
+) -> Operation:
+    """Sets modes of joints by a method of the board; ``after``: those of the response."""
+    return changes(
+        lambda board, joints, request: getattr(board, method)(
+            joints, truncated(request.modes, board.count)
+        ),
+        modes=after,
+    )
+
+
 def answer(reply: Reply) -> Fields:
     """The fields of a response that a reply fills."""
     none = [""] * len(reply.answers)
@@ -283,21 +296,11 @@ def reference_fields(reply: Reply) -> Fields:
 #: By the name of the service below the board's, as in interface.py.
 OPERATIONS: dict[str, Operation] = {
     **{service.short: getter(service) for service in SERVICES if service.reads},
-    "set_control_mode": changes(
-        lambda board, joints, request: board.set_control_mode(
-            joints, truncated(request.modes, board.count)
-        ),
-        modes=lambda _, reply: codes(reply.modes),
-    ),
+    "set_control_mode": sets_modes("set_control_mode"),
     "get_control_mode": reads(
         lambda board, joints, _: mode_fields(board.get_control_mode(joints))
     ),
-    "set_interaction_mode": changes(
-        lambda board, joints, request: board.set_interaction_mode(
-            joints, truncated(request.modes, board.count)
-        ),
-        modes=lambda _, reply: codes(reply.modes),
-    ),
+    "set_interaction_mode": sets_modes("set_interaction_mode"),
     "get_interaction_mode": reads(
         lambda board, joints, _: mode_fields(board.get_interaction_mode(joints))
     ),
@@ -317,12 +320,7 @@ OPERATIONS: dict[str, Operation] = {
             joints, optional(request.speeds), optional(request.accelerations)
         )
     ),
-    "set_brake": changes(
-        lambda board, joints, request: board.set_brake(
-            joints, truncated(request.modes, board.count)
-        ),
-        modes=brake_modes_after,
-    ),
+    "set_brake": sets_modes("set_brake", brake_modes_after),
     "get_coupling": coupling_fields,
     "recover": changes(
         lambda board, joints, request: board.recover(joints, partial=request.partial),

@@ -23,7 +23,7 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .errors import BoardError
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .state import seconds
 
 
@@ -60,7 +60,7 @@ class CalibrationFeedback:
 class Goals(Interface):
     """The actions, and the status of calibrations."""
 
-    @operation
+    @request
     async def move(
         self,
         joints: Joints,
@@ -79,23 +79,20 @@ class Goals(Interface):
             speeds: mean speeds, rad/s, likewise; None: the set reference speeds.
             feedback: called in the caller's thread.
         """
-        try:
-            selection = await self._services.select(joints)
-            count = len(selection.names)
-            fields = {
-                "names": list(selection.names),
-                "positions": spread(positions, count, "position references").tolist(),
-                "speeds": [] if speeds is None else spread(speeds, count, "speeds").tolist(),
-            }
-        except RequestError as error:
-            return self._services.refuse(joints, error)
+        selection = await self._services.select(joints)
+        count = len(selection.names)
+        fields = {
+            "names": list(selection.names),
+            "positions": spread(positions, count, "position references").tolist(),
+            "speeds": [] if speeds is None else spread(speeds, count, "speeds").tolist(),
+        }
 
         def read(sent: Any) -> MoveFeedback:
             return MoveFeedback(tuple(sent.names), np.array(sent.positions), sent.remaining_time)
 
         return await self._services.goal(MOVE).run(fields, selection.names, feedback, read)
 
-    @operation
+    @request
     async def follow_trajectory(
         self,
         joints: Joints,
@@ -120,12 +117,8 @@ class Goals(Interface):
             attended: whether the board stops the joints where it does not hear of this program
                 for 2 s, as when it was killed; else the trajectory goes on to its end.
         """
-        try:
-            selection = await self._services.select(joints)
-            points = trajectory(selection.names, times, positions, velocities)
-        except RequestError as error:
-            return self._services.refuse(joints, error)
-
+        selection = await self._services.select(joints)
+        points = trajectory(selection.names, times, positions, velocities)
         goal = self._services.goal(
             FOLLOW_JOINT_TRAJECTORY,
             outcome=lambda result: (result.error_code == 0, result.error_string, ()),
@@ -139,7 +132,7 @@ class Goals(Interface):
             attended=attended,
         )
 
-    @operation
+    @request
     async def calibrate(
         self,
         joints: Joints = None,
@@ -156,11 +149,8 @@ class Goals(Interface):
             wait: false: only start it; get_calibration reports its status.
             feedback: called in the caller's thread.
         """
-        try:
-            selection = await self._services.select(joints)
-        except RequestError as error:
-            return self._services.refuse(joints, error)
-        names, view = selection.names, self._services.calibrations
+        names = (await self._services.select(joints)).names
+        view = self._services.calibrations
         view.started(names)
 
         def read(sent: Any) -> CalibrationFeedback:

@@ -120,18 +120,13 @@ def run(
 
 def run_alone(start: Start, ended: threading.Event, at_once: threading.Event) -> int:
     """From the settings to a running node, and back."""
-    from ..plants.errors import PlantSettingsError
     from ..sim.errors import PlantError, PlantGone
     from .process.start import make_plant
 
     try:
         start, plant = make_plant(start)
-    except PlantSettingsError as error:
-        raise KnownError(2, str(error)) from None
-    except PlantGone as error:
-        raise KnownError(4, str(error)) from None
     except (PlantError, ValueError) as error:
-        raise KnownError(2, str(error)) from None
+        raise KnownError(4 if isinstance(error, PlantGone) else 2, str(error)) from None
     try:
         if refused := take_priority(start.settings.values, getattr(plant, "processes", ())):
             complain(refused)

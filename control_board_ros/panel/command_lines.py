@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from control_board_ros.interface import (
@@ -37,9 +37,6 @@ class CommandLines:
     cbctl: str = ""
     ros2: str = ""
     python: str = ""
-
-    def as_dict(self) -> dict[str, str]:
-        return asdict(self)
 
 
 #: The words of ros2 before a name, by the kind of endpoint.

@@ -7,7 +7,7 @@ import asyncio
 import time
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from control_board_ros.client import BoardError
@@ -69,7 +69,7 @@ class Dispatcher:
         except Exception as error:  # noqa: BLE001  (every request has an answer)
             text = clean(f"the panel has an error: {type(error).__name__}: {error}")
             answer = {"ok": False, "message": text}
-        lines = self._lines(request).as_dict()
+        lines = asdict(self._lines(request))
         browser.send("answer", id=request.id, lines=lines, **answer)
         if KINDS[request.do].commands and not answer.pop("quiet", False):
             self._state.log(

@@ -12,6 +12,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ..client.parameters import CONTROLLERS
 from ..core.terms.reply import Reply
 from ..core.terms.vocabs import HAND_TIMEOUT
 from ..interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
@@ -85,7 +86,6 @@ Feedback = Callable[[Any], None]
 Handler = Callable[[Board, Fields], Awaitable[dict[str, Any]]]
 #: Topics of requests that other programs could send.
 TOPICS = {"position": POSITION_COMMAND, "direct": POSITION_DIRECT_COMMAND}
-CONTROLLERS = ("position", "direct", "torque", "current")
 
 #: Next step by reply code, in the page's terms.
 ADVICE = {

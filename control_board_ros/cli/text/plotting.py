@@ -162,11 +162,9 @@ def line(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
     """The dots from one to another, both included."""
     (x0, y0), (x1, y1) = start, end
     steps = max(abs(x1 - x0), abs(y1 - y0))
-    return (
-        [
-            (x0 + round((x1 - x0) * k / steps), y0 + round((y1 - y0) * k / steps))
-            for k in range(steps + 1)
-        ]
-        if steps
-        else [end]
-    )
+    if not steps:
+        return [end]
+    return [
+        (x0 + round((x1 - x0) * k / steps), y0 + round((y1 - y0) * k / steps))
+        for k in range(steps + 1)
+    ]

@@ -20,6 +20,7 @@ from ...core.goals.path import minimum_jerk
 from ...core.terms.drives import SetPoint
 from ...core.terms.joint_kind import JointKind
 from ...core.terms.measurement import VALUES, SetPoints, Value
+from ...whole_file import write_whole
 from ..errors import PlantSettingsError
 from ..interface import DrivePlant, Readings, Setup
 from ..offers import bounded_limits
@@ -184,7 +185,5 @@ def write(path: Path, options: dict[str, str]) -> bool:
     rest = [word for word in words if word.strip("'\"").partition("=")[0] not in options]
     rest += [f"{key}={value}" for key, value in options.items()]
     content = f"{text[: line.start()]}{line[1]}[{', '.join(rest)}]{text[line.end() :]}"
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(content, encoding="utf-8")
-    beside.replace(path)
+    write_whole(path, content)
     return True
