@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from ..text import clean
 
-#: Maximum characters of the text of a plant's error.
-MAX_LENGTH = 200
+#: Maximum characters of the text of a plant's error; that of wrong settings lists what is known.
+MAX_LENGTH = 2000
 
 
 class PlantSettingsError(ValueError):

@@ -44,6 +44,7 @@ from ..core.terms.measurement import (
     Row,
     SetPoints,
 )
+from ..text import clean
 from .errors import in_words
 from .exchange import Exchange, Sample
 from .interface import Clock, DriveLimits, DrivePlant, JointDescription, RobotPlant
@@ -283,7 +284,7 @@ class GuardedPlant:
                 self._compare()
                 self._talk()
             except Exception as error:  # noqa: BLE001 - third-party code; reported as a fault
-                self._error = in_words(error)
+                self._error = clean(in_words(error), 200)
                 self._answered.set()
                 with contextlib.suppress(Exception):  # the error before it is reported
                     self._exchange.let_go()
