@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -228,24 +228,15 @@ class VirtualCia402:
         if index == o.STATUS:
             on = self.state is State.OPERATION_ENABLED and self.mode in FOLLOWED
             return self.state.word | VOLTAGE | REMOTE_CONTROL | (FOLLOWS if on else 0)
-        own = {o.ERROR_CODE: self._error, o.MODE_DISPLAY: self.mode,
-               o.SUPPLY: round(1e3 * self.supply),
-               ERROR_REGISTER: GENERIC_ERROR if self._error else 0}  # fmt: skip
-        if index in own:
-            return own[index]
-        turns = {
-            o.POSITION: self._position,
-            o.VELOCITY: self._velocity,
-            o.MOTOR_POSITION: self.gear * (self._position + self.yielding * self.torque),
-        }
-        if index in turns:
-            return round(turns[index] * COUNTS / REV)
-        return round(1e3 * self.torque / self.rated) if index == o.TORQUE else None
+        read = MEASURED.get(index)
+        return None if read is None else round(read(self))
 
     def _value(self, index: int, subindex: int = 0) -> int:
+        """What is stored of an object, or its default."""
         entry = self.node.object_dictionary[index]
         item = entry if isinstance(entry, ODVariable) else entry[subindex]
-        return int(item.decode_raw(self.node.get_data(index, subindex)))
+        stored = self.node.data_store.get(index, {}).get(subindex)
+        return int(item.default if stored is None else item.decode_raw(stored))
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
         self._position, self._velocity = position, velocity
@@ -302,6 +293,21 @@ class VirtualCia402:
         self._sum = max(-bound, min(bound, self._sum))
         damped = self.damping * (self._rate - self._velocity)
         return forward + self.stiffness * error + damped + self._sum
+
+
+#: What objects read that are no stored values.
+MEASURED: dict[int, Callable[[VirtualCia402], float]] = {
+    o.ERROR_CODE: lambda drive: drive._error,
+    ERROR_REGISTER: lambda drive: GENERIC_ERROR if drive._error else 0,
+    o.MODE_DISPLAY: lambda drive: drive.mode,
+    o.SUPPLY: lambda drive: 1e3 * drive.supply,
+    o.POSITION: lambda drive: drive._position * COUNTS / REV,
+    o.VELOCITY: lambda drive: drive._velocity * COUNTS / REV,
+    o.MOTOR_POSITION: lambda drive: (
+        drive.gear * (drive._position + drive.yielding * drive.torque) * COUNTS / REV
+    ),
+    o.TORQUE: lambda drive: 1e3 * drive.torque / drive.rated,
+}
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualCia402:

@@ -30,13 +30,21 @@ REBOOT_TIME, TURN = 0.01, 4096
 MODEL = t.MODELS[c.ROWS["Model Number"].value]
 
 
+def _remainder(byte: int) -> int:
+    value = byte << 8
+    for _ in range(8):
+        value = (value << 1 ^ 0x8005 if value & 0x8000 else value << 1) & 0xFFFF
+    return value
+
+
+REMAINDERS = [_remainder(byte) for byte in range(256)]
+
+
 def checksum(data: bytes) -> int:
     """CRC-16, polynomial 0x8005, highest bit first, from 0."""
     value = 0
     for byte in data:
-        value ^= byte << 8
-        for _ in range(8):
-            value = (value << 1 ^ 0x8005 if value & 0x8000 else value << 1) & 0xFFFF
+        value = (value << 8 ^ REMAINDERS[value >> 8 ^ byte]) & 0xFFFF
     return value
 
 

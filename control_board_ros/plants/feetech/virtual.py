@@ -224,7 +224,8 @@ class VirtualFeetech:
             status |= VOLTAGE
             if table.get(m.UNLOADING) & VOLTAGE:
                 table.set(t.TORQUE, 0)
-        table.set(t.STATUS, status)
+        if status != table.get(t.STATUS):
+            table.set(t.STATUS, status)
 
     def _duty(self, seconds: float) -> float | None:
         """What its loop asks for; None: its bridge is open."""
@@ -250,8 +251,9 @@ class VirtualFeetech:
         goal = max(low, min(high, goal)) if low < high else goal
         step = (speed or math.inf) * seconds
         self._profile += max(-step, min(step, goal - self._profile))
-        turns = round((self._raw() - self._offset() - self._count()) / TURN)
-        return (self._profile + TURN * turns + self._offset() - t.CENTRE) * t.COUNT
+        offset = self._offset()
+        turns = (self._raw() - offset) // TURN if offset else 0
+        return (self._profile + TURN * turns + offset - t.CENTRE) * t.COUNT
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualFeetech:

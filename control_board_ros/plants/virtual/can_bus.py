@@ -57,9 +57,13 @@ class VirtualCan:
     def step(self, frames: Iterable[Frame]) -> list[Frame]:
         """Let the world pass up to the present; the frames that arrive for those sent."""
         with self.world.lock:
+            before = self.world.time
             self.world.advance()
             answers = [
-                frame for drive in self.drives for frame in getattr(drive, "unasked", tuple)()
+                frame
+                for drive in self.drives
+                if self.world.time != before
+                for frame in getattr(drive, "unasked", tuple)()
             ]
             answers += [
                 answer
