@@ -520,7 +520,7 @@ def test_motor_encoders_of_cia402_drives_are_read_where_they_are() -> None:
         found, drives = bench.follow(POSITION, position=0.5), bench.plant.driver._drives
         assert [drive.whole for drive in drives] == [3, 7]
         assert math.isnan(found.motor_position[0])
-        raw = bench.drives[1]._value(0x6063)
+        raw = bench.drives[1]._reading(0x6063)
         assert found.motor_position[1] == pytest.approx(raw * REV / 4096, abs=1e-2)
         assert abs(found.motor_position[1]) > 0.4
 
