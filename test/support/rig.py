@@ -238,7 +238,9 @@ def check_stop(board: Board, shown: Snapshot, after: Snapshot) -> None:
 
     It brakes a cycle after the reading at the soonest, and may be faster by then, or slower.
     """
-    speed, limits = float(shown.velocity[0]), board.config.joints[0].limits
+    limits = board.config.joints[0].limits
+    top = limits.velocity  # of references
+    speed = min(max(float(shown.velocity[0]), -top), top)
     way = math.copysign(speed * speed / (2.0 * limits.acceleration), speed)
     cycle = speed * board.period
     rest = float(after.position_reference[0] - shown.position[0])
