@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -43,7 +43,8 @@ COUNT, AMPERE, SPEEDS, SMOOTH, RATE = 2.0 * math.pi / 4096.0, 6.5e-3, 100, 0.4, 
 STEP = 1e-3
 #: N/s, N, m of the hand; s after it lets go, and without a hand.
 RISE, HARDEST, WAY, AFTER, ALONE = 0.5, 10.0, 0.05, 10.0, 60.0
-POSES = (
+Poses = Sequence[tuple[float, ...]]
+POSES: Poses = (
     (0.0, -0.5, 0.5, 0.3, 0.0, 0.3),
     (0.5, 0.0, 0.0, 0.0, 0.0, 0.3),
     (0.0, 0.8, -0.8, 0.5, 0.0, 0.3),
@@ -222,10 +223,10 @@ def known(case: Case = CASES[0], **values: Any) -> BoardConfig:
     return within(settings, "servos", Description(joints=tuple(servos))).board
 
 
-def pushes(case: Case) -> Iterator[tuple[float, float]]:
+def pushes(case: Case, poses: Poses = POSES) -> Iterator[tuple[float, float]]:
     """Of each push: N at which the hand has moved by WAY, and ° a joint moves after letting go."""
     config = known(case)
-    for pose in POSES:
+    for pose in poses:
         for direction in (*np.eye(3), *-np.eye(3)):
             arm = Arm(config, case, pose)
             arm.guide()
@@ -239,10 +240,10 @@ def pushes(case: Case) -> Iterator[tuple[float, float]]:
             yield (force if force < HARDEST else math.inf), moved
 
 
-def drift(case: Case) -> float:
+def drift(case: Case, poses: Poses = POSES) -> float:
     """The most that a servo's goal moves by itself in ALONE s, °."""
     most, config = 0.0, known(case)
-    for pose in POSES:
+    for pose in poses:
         arm = Arm(config, case, pose)
         arm.guide()
         begin = arm.goals

@@ -23,7 +23,8 @@ def trouble(hidden: Hidden) -> str:
 def hidden(**truth: float) -> Hidden:
     """An iiwa whose sixth joint is identified, in MuJoCo."""
     given = {f"{JOINT}.{key.replace('__', '.')}": value for key, value in truth.items()}
-    return Hidden("iiwa", "mujoco", [JOINT], given)
+    rate = {"control_rate": 500.0}
+    return Hidden("iiwa", "mujoco", [JOINT], given | rate, believed=rate)
 
 
 def test_a_joint_that_does_not_move_is_named() -> None:

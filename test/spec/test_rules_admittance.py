@@ -335,10 +335,14 @@ def test_random_modes_and_pushes(config: Any, seed: int) -> None:
 
 @pytest.mark.slow
 def test_a_hand_needs_less_than_5_n_and_the_arm_holds_3_degrees() -> None:
-    """Decision 35: every push of the first case but one along an arm that is stretched."""
-    found = list(servos.pushes(servos.CASES[0]))
+    """Decision 35: every push of the first case but one along an arm that is stretched.
+
+    In the two poses of five where it takes the greatest force.
+    """
+    case, poses = servos.CASES[0], (servos.POSES[0], servos.POSES[2])
+    found = list(servos.pushes(case, poses))
     forces = [force for force, _ in found if np.isfinite(force)]
-    assert (len(forces), len(found)) == (29, 30)
-    assert max(forces) <= 5.0
+    assert (len(forces), len(found)) == (11, 12)
+    assert 4.0 < max(forces) <= 5.0
     assert max(moved for _, moved in found) <= 3.0
-    assert servos.drift(servos.CASES[0]) <= 0.1
+    assert servos.drift(case, poses) <= 0.1
