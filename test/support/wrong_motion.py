@@ -181,6 +181,8 @@ def stop_holds_where_the_move_began(old: Any, self: Any, chosen: Any) -> None:
     for j, start in zip(chosen, began, strict=True):
         if start is not None:
             self._machine.references.hold(np.array([j]), np.array([start]))
+            stop = self._machine.controller.joints[j].stop
+            stop.active = stop.due = False  # which would begin where the joint is
 
 
 @replaces("P5", "core.laws.references:References.ramp")
