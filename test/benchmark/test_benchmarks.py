@@ -42,7 +42,7 @@ FIGURES = {
     "B20": 7,
     "B21": 2,
 }
-LONG = ("B4", "B7", "B10", "B11", "B12", "B14", "B21")
+LONG = ("B3", "B4", "B5", "B7", "B8", "B10", "B11", "B12", "B14", "B21")
 QUICK = [name for name in FIGURES if name not in LONG]
 
 pytestmark = pytest.mark.ros

@@ -14,7 +14,11 @@ from waiting import GUARD, until
 PUSHED = "wrist_roll"
 
 
-@pytest.fixture(scope="module", params=["feetech", "dynamixel"])
+#: All day the make without a watchdog; both are guided alike, by the board's law.
+MAKES = ("feetech", pytest.param("dynamixel", marks=pytest.mark.soak))
+
+
+@pytest.fixture(scope="module", params=MAKES)
 def params(request: pytest.FixtureRequest) -> dict[str, Any]:
     """As docs/howto/guide_and_replay.md has it, for a computer that may stand still."""
     return {

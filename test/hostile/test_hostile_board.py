@@ -8,7 +8,7 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -142,25 +142,23 @@ def panel_server(domain: int, _: Path) -> None:
     assert len(err) < 20_000
 
 
-VERBS = ("faults --json", "mode __proto__ pos", "watch --once")
-#: What listens to boards, each in a process of its own.
-LISTENERS: list[Callable[[int, Path], None]] = [
-    recorder_and_report,
-    conformance,
-    panel_server,
-    *(partial(cbctl, verb) for verb in VERBS),
-]
+#: A verb for each kind of board.
+VERBS = ("faults --json", "mode __proto__ pos", "watch --once", "watch --once", "faults --json")
 OTHER_VERBS = ("modes --json", "faults", "poses", "impedance", "clear", "move constructor=0.1")
 
 
-def test_whatever_listens_ends_well(domain: int, tmp_path: Path) -> None:
-    """All at once: each waits for what never comes."""
-    with ThreadPoolExecutor(len(LISTENERS)) as pool:
-        for done in [pool.submit(listen, domain, tmp_path) for listen in LISTENERS]:
+@pytest.mark.parametrize(
+    ("domain", "verb"), [*zip(KINDS, VERBS, strict=True)], indirect=["domain"]
+)
+def test_whatever_listens_ends_well(domain: int, verb: str, tmp_path: Path) -> None:
+    """All at once, each in a process of its own: each waits for what never comes."""
+    listeners = [recorder_and_report, conformance, panel_server, partial(cbctl, verb)]
+    with ThreadPoolExecutor(len(listeners)) as pool:
+        for done in [pool.submit(listen, domain, tmp_path) for listen in listeners]:
             done.result()
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("verb", OTHER_VERBS)
+@pytest.mark.parametrize("verb", [*dict.fromkeys(VERBS), *OTHER_VERBS])
 def test_cbctl(domain: int, verb: str, tmp_path: Path) -> None:
     cbctl(verb, domain, tmp_path)

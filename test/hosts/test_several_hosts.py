@@ -55,7 +55,14 @@ def hosts(network: Network) -> Iterator[Hosts]:
         yield Hosts(network, operator, monitor)
 
 
-@pytest.fixture(scope="module", params=["multicast", "discovery server"])
+WAYS = ("multicast", "discovery server")
+#: A link that is down outlasts no lease, and no server is asked again: that way by make soak.
+BY_MULTICAST = pytest.mark.parametrize(
+    "found", [WAYS[0], pytest.param(WAYS[1], marks=pytest.mark.soak)], indirect=True
+)
+
+
+@pytest.fixture(scope="module", params=WAYS)
 def found(request: pytest.FixtureRequest) -> Iterator[Hosts]:
     """By either way."""
     server = request.param == "discovery server"
@@ -79,6 +86,7 @@ def test_operator_and_monitor_meet_the_board(found: Hosts) -> None:
     found.monitor.until(lambda seen: abs(seen["position"] - 0.3) < 0.01, "look")
 
 
+@BY_MULTICAST
 def test_the_operators_link_is_down_for_a_while(found: Hosts) -> None:
     """P12: the joint stops by its timeout; a call has an error, for good; the stream goes on."""
     network, operator, monitor = found
@@ -103,6 +111,7 @@ def test_the_operators_link_is_down_for_a_while(found: Hosts) -> None:
     assert operator.ask("mode", "pos")["ok"]
 
 
+@BY_MULTICAST
 def test_the_boards_link_is_down_while_a_move_runs(found: Hosts) -> None:
     """The move ends on the board, and its result arrives or an error; all receive again."""
     network, operator, monitor = found

@@ -62,7 +62,7 @@ def drive_beside_it(page: Any, address: str, client: ControlBoardClient) -> None
     page.goto(address)
     page.get_by_label("More of joint_7").wait_for()
     until(lambda: page.evaluate("panel.model.boards.has('/hostile')"))
-    page.wait_for_timeout(2000)  # it says what it says
+    page.wait_for_timeout(1000)  # it says what it says
     assert page.locator("script:not([src])", has_text="alert").count() == 0
     here = math.degrees(client.get_encoder("lbr_iiwa_joint_7")[0])
     box = page.get_by_label("Position reference of joint_7, typed; Enter sends").first
