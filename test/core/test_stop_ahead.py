@@ -20,16 +20,22 @@ RATE = 20.0
 class Mass:
     """1 kg·m² at a speed, braked by the torque that the joint's law gives, by feed-forward alone.
 
+    ``braked``: its acceleration, and the reference's, in the cycle before the stop.
+
     Attributes: one (the joint), position, velocity (of the mass).
     """
 
-    def __init__(self, speed: float, law: int = Law.POSITION, **constants: Any) -> None:
+    def __init__(
+        self, speed: float, law: int = Law.POSITION, braked: float = 0.0, **constants: Any
+    ) -> None:
         self.one: OneJoint = started(law, **({"clock__period": PERIOD} | constants))
         gains(self.one.joint.position_pid, kp=0.0)
         self.position, self.velocity = 0.1, speed
         self.read()
+        track, reference = self.one.joint.track, self.one.joint.reference
+        track.acceleration, reference.active = braked, True
         self.one.joint.hold(self.position)
-        self.step(torque=0.0)
+        self.step(torque=braked)
 
     def take_off(self) -> None:
         """Its reference is where it is, as that of a plan, and brakes from the next cycle on."""
@@ -78,6 +84,20 @@ def test_where_torque_suffices_a_reference_brakes_since_the_last_cycle(speed: fl
     place, velocity = mass.track()
     assert velocity == pytest.approx(speed - math.copysign(PERIOD * RATE, speed))
     assert place - 0.1 == pytest.approx(0.5 * PERIOD * (speed + velocity))
+
+
+@pytest.mark.parametrize("speed", [1.53, -1.53])
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0, 1.5])
+def test_where_the_joint_braked_already_there_is_less_to_make_up_for(
+    speed: float, share: float
+) -> None:
+    """P3: the last cycle's braking counts once; no more than it is made up for."""
+    rate = math.copysign(RATE, -speed)
+    mass = Mass(speed, braked=share * rate)
+    change = PERIOD * rate * max(share, 1.0)
+    assert mass.track()[1] == pytest.approx(speed + change)
+    if share >= 1.0:
+        assert mass.track()[0] == pytest.approx(mass.position)
 
 
 def test_a_plan_is_followed_as_it_was_predicted() -> None:

@@ -166,9 +166,11 @@ class Joint:
         self.ramp.clear()
         self.ramp.is_step = self.direct.stepping = False
         self.stop.smooth = self.stop.ahead = False
-        self.stop.active = self.reference.active = moves
-        self.stop.due = self.stop.active
-        self.stop.renewal_speed = INFINITE
+        self.stop.renewal_speed, self.stop.braked = INFINITE, 0.0
+        if self.reference.active:
+            acceleration = self.track.acceleration
+            self.stop.braked = -acceleration if self.velocity > 0.0 else acceleration
+        self.stop.active = self.stop.due = self.reference.active = moves
         self.brake(self.limits.acceleration)
         self.trajectory.velocity = 0.0
         if self.stop.active:
@@ -210,10 +212,11 @@ class Joint:
     def brake_since(self, rate: cython.double) -> cython.void:
         """Stop with a deceleration, rad/s², by a reference that brakes since the last cycle.
 
-        The feedback makes up for the cycle in which the joint did not: there is the torque for it.
+        The feedback makes up for what the joint did not brake in it: there is the torque for that.
         """
         self.brake(rate)
         if self.stop.ahead:
+            rate = max(rate - max(self.stop.braked, 0.0), 0.0)
             rate = min(rate, fabs(self.track.velocity) / self.clock.elapsed)
             self.track.acceleration = -rate if self.track.velocity > 0.0 else rate
 
