@@ -59,7 +59,7 @@ def test_to_hold(velocity: float, followed: float) -> None:
         reference__active=not followed,
     )
     one.track.velocity = 8.0
-    braked = math.copysign(one.track.acceleration, -velocity or 1.0) if not followed else 0.0
+    prior = one.track.acceleration if velocity == 0.0 else 0.0  # else inactive, or speeding up
     zeros = "ramp.way ramp.velocity ramp.target track.acceleration direct.velocity"
     expected = dict.fromkeys(zeros.split(), 0.0) | {
         "trajectory.moving": False,
@@ -73,7 +73,7 @@ def test_to_hold(velocity: float, followed: float) -> None:
     expected |= dict.fromkeys(speeds, followed)
     expected |= dict.fromkeys(("stop.active", "stop.due", "reference.active"), followed != 0.0)
     expected |= {"stop.rate": 20.0, "stop.renewal_speed": INFINITE, "plan.steps": 0}
-    expected |= {"stop.braked": braked, "reference.comes_to_rest": True, "direct.age": INFINITE}
+    expected |= {"stop.prior_rate": prior, "reference.comes_to_rest": True, "direct.age": INFINITE}
     assert changes(one, "hold", 1.25) == expected
     assert (one.direct.stream.count, one.direct.stream.flows) == (0.0, False)
 
@@ -81,10 +81,10 @@ def test_to_hold(velocity: float, followed: float) -> None:
 @pytest.mark.parametrize("velocity", [1.0, -1.0])
 @pytest.mark.parametrize("acceleration", [7.0, -7.0])
 def test_to_hold_where_the_reference_braked(velocity: float, acceleration: float) -> None:
-    """How much it braked is known to the stop."""
+    """How much it braked, not how much it sped up, is known to the stop."""
     one = joint(velocity=velocity, reference__active=True, track__acceleration=acceleration)
     one.hold(1.25)
-    assert one.stop.braked == (-acceleration if velocity > 0.0 else acceleration)
+    assert one.stop.prior_rate == (7.0 if acceleration * velocity < 0.0 else 0.0)
 
 
 @pytest.mark.parametrize(("time", "lasts"), [(2.0, 2.0), (0.001, 0.01)])

@@ -20,22 +20,22 @@ RATE = 20.0
 class Mass:
     """1 kg·m² at a speed, braked by the torque that the joint's law gives, by feed-forward alone.
 
-    ``braked``: its acceleration, and the reference's, in the cycle before the stop.
+    ``acceleration``: its own, and the reference's, in the cycle before the stop.
 
     Attributes: one (the joint), position, velocity (of the mass).
     """
 
     def __init__(
-        self, speed: float, law: int = Law.POSITION, braked: float = 0.0, **constants: Any
+        self, speed: float, law: int = Law.POSITION, acceleration: float = 0.0, **constants: Any
     ) -> None:
         self.one: OneJoint = started(law, **({"clock__period": PERIOD} | constants))
         gains(self.one.joint.position_pid, kp=0.0)
         self.position, self.velocity = 0.1, speed
         self.read()
         track, reference = self.one.joint.track, self.one.joint.reference
-        track.acceleration, reference.active = braked, True
+        track.acceleration, reference.active = acceleration, True
         self.one.joint.hold(self.position)
-        self.step(torque=braked)
+        self.step(torque=acceleration)
 
     def take_off(self) -> None:
         """Its reference is where it is, as that of a plan, and brakes from the next cycle on."""
@@ -93,7 +93,7 @@ def test_where_the_joint_braked_already_there_is_less_to_make_up_for(
 ) -> None:
     """P3: the last cycle's braking counts once; no more than it is made up for."""
     rate = math.copysign(RATE, -speed)
-    mass = Mass(speed, braked=share * rate)
+    mass = Mass(speed, acceleration=share * rate)
     change = PERIOD * rate * max(share, 1.0)
     assert mass.track()[1] == pytest.approx(speed + change)
     if share >= 1.0:

@@ -166,10 +166,10 @@ class Joint:
         self.ramp.clear()
         self.ramp.is_step = self.direct.stepping = False
         self.stop.smooth = self.stop.ahead = False
-        self.stop.renewal_speed, self.stop.braked = INFINITE, 0.0
+        self.stop.renewal_speed, self.stop.prior_rate = INFINITE, 0.0
         if self.reference.active:
-            acceleration = self.track.acceleration
-            self.stop.braked = -acceleration if self.velocity > 0.0 else acceleration
+            rate = -self.track.acceleration if self.velocity > 0.0 else self.track.acceleration
+            self.stop.prior_rate = max(rate, 0.0)
         self.stop.active = self.stop.due = self.reference.active = moves
         self.brake(self.limits.acceleration)
         self.trajectory.velocity = 0.0
@@ -216,7 +216,7 @@ class Joint:
         """
         self.brake(rate)
         if self.stop.ahead:
-            rate = max(rate - max(self.stop.braked, 0.0), 0.0)
+            rate = max(rate - self.stop.prior_rate, 0.0)
             rate = min(rate, fabs(self.track.velocity) / self.clock.elapsed)
             self.track.acceleration = -rate if self.track.velocity > 0.0 else rate
 

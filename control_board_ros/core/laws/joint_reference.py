@@ -202,7 +202,8 @@ class Stop:
     smooth = cython.declare(cython.bint, visibility="public")  # within the jerk limit
     # its reference is where the joint is to be now, and its acceleration that of the next cycle
     ahead = cython.declare(cython.bint, visibility="public")
-    braked = cython.declare(cython.double, visibility="public")  # deceleration before it, rad/s²
+    # deceleration of the reference in the cycle before it, rad/s²; 0 where it did not brake
+    prior_rate = cython.declare(cython.double, visibility="public")
     renewal_speed = cython.declare(cython.double, visibility="public")  # where it began anew
 
 
